@@ -2,8 +2,8 @@
 
 ::
 
-    /                          NXroot   @default
-      recording/               NXentry  @default @rate_hz @start_ns @lost @axes
+    /                          NXroot   @default @creator @creator_version
+      recording/               NXentry  @default @description @rate_hz @start_ns @lost @axes
         title, start_time
         gaps                   rows of (index of the first record after it, records lost)
         NAME/data              NXnote, one for each text of the recording
@@ -13,6 +13,9 @@
           t_s, drive_v, position_um, command_um, …
         weights_<axis>/        NXdata   @signal=weights @axes=weights_t_s
           weights_t_s, weights
+
+Each dataset has @units and @description, an enumeration @values, a bit mask @bits; each group of
+data has a @description, so that the file explains itself.
 
 The file is in HDF5's SWMR mode. It can be read while it is written, and up to the last second or so
 after the writer was killed or the disk was full. Viewers then need that mode too, in Python

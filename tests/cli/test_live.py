@@ -209,9 +209,9 @@ def test_identify_says_how_to_keep_the_model(
             "--stage, --socket and --largest-step-pct need --live",
         ),
         (("experiment", "live.yaml", "--live", "--seed", 1), "a running stage has its own seed"),
-        (("identify",), "Missing argument 'DATA.csv'; or --live"),
-        (("identify", "live.yaml", "--live"), "DATA.csv and --live exclude each other"),
-        (("identify", "live.yaml", "--adopt"), "--adopt, --axis, --stage and --socket need --live"),
+        (("identify",), "Missing argument 'DATA'; or --live"),
+        (("identify", "live.yaml", "--live"), "DATA and --live exclude each other"),
+        (("identify", "live.yaml", "--adopt"), "--adopt, --stage and --socket need --live"),
         (("identify", "--live", "--out", "model.txt"), "must end in .yaml"),
     ],
 )

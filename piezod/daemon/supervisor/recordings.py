@@ -5,10 +5,12 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Any
 
 from numpy.typing import NDArray
 
+from piezod.config.model_file import dump_model
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
@@ -17,12 +19,16 @@ from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.stores.recorder import Recorder, RecorderError, RecordSource
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations, record_dtype
 from piezod.telemetry.record import StageEvent
 
 Document = dict[str, Any]
 
 _log = logger("recorder")
+
+_model_text = lru_cache(maxsize=16)(dump_model)
+"""The text of a model file; cached because a header is made twice a second."""
 
 
 class StageRecordings:
@@ -120,6 +126,7 @@ class StageRecordings:
     def _header(self, loop: LoopConnection, title: str) -> TelemetryHeader:
         # Recordings store members of enumerations as numbers; the header has their names.
         places = enumerations().items()
+        models = {f"model_{axis}": _model_text(m) for axis, m in loop.models.items() if m}
         return TelemetryHeader(
             title=title,
             axes=loop.axes,
@@ -127,5 +134,7 @@ class StageRecordings:
             started_at=datetime.now(UTC).isoformat(timespec="milliseconds"),
             start_ns=time.monotonic_ns(),
             names={field: [str(each.value) for each in members] for field, members in places},
-            notes={"configuration": json.dumps(accepted_config.document(loop.config))},
+            notes={"configuration": json.dumps(accepted_config.document(loop.config)), **models},
+            descriptions=descriptions(),
+            bits=mask_bits(),
         )
