@@ -31,7 +31,7 @@ def create_app(
     app = FastAPI(
         title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )
-    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), UrgentNotes(now_s))
+    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), UrgentNotes(now_s), {})
     app.state.reading = asyncio.Semaphore(1)
     app.add_middleware(Gate, rate_limit=RateLimit(now_s))
     add_error_answers(app)

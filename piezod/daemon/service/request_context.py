@@ -33,6 +33,7 @@ class ServiceState(NamedTuple):
         lease: The lease of the stage.
         downloads: Users with a download in progress.
         urgent_notes: Limits the audit entries of urgent requests.
+        recorders: Process that started the newest recording, by the name of the recording.
     """
 
     stage: StageService
@@ -40,6 +41,7 @@ class ServiceState(NamedTuple):
     lease: Lease
     downloads: set[int]
     urgent_notes: UrgentNotes
+    recorders: dict[str, int]
 
 
 class RequestContext(NamedTuple):

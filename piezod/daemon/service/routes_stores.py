@@ -86,11 +86,14 @@ async def recordings(context: ContextOf) -> JsonAnswer:
 @endpoint(router, "start_recording")
 async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswer:
     """Start recording every cycle."""
-    starting = context.perform(
+    started = await context.perform(
         f"recordings start {body.label or ''}".rstrip(),
         lambda: context.stage.start_recording(body.label, context.peer),
     )
-    return JsonAnswer(await starting)
+    recorders = context.state.recorders
+    recorders.clear()  # there is one recording at a time
+    recorders[started["name"]] = context.peer.pid
+    return JsonAnswer(started)
 
 
 @endpoint(router, "stop_recording")

@@ -59,6 +59,7 @@ class FakeStage:
         self.audited: list[AuditEntry] = []
         self.refusal = ""
         self.lost_link = False
+        self.unanswered = self.recordings_stopped = 0
         self.stream_refusal = ""
         self.running: Document | None = None
         self.healthy = True
@@ -68,6 +69,7 @@ class FakeStage:
 
     async def request(self, request: Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
         if self.lost_link:
+            self.unanswered += 1
             raise UnavailableError("there is no loop")
         if self.refusal:
             return Answer(False, self.refusal)
@@ -128,6 +130,7 @@ class FakeStage:
         return {"name": f"20261121T120000Z-{label}"}
 
     async def stop_recording(self, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+        self.recordings_stopped += 1
         return {"name": "20261121T120000Z", "records": 5, "lost": 0}
 
     async def recordings(self) -> tuple[Document | None, list[Document]]:
@@ -174,7 +177,7 @@ class Served:
         self.stage, self.roles = FakeStage(folder), FakeRoles()
         self.now.now_s += 1000.0
         self.app.state.service = ServiceState(
-            self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now)
+            self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now), {}
         )
 
     @contextmanager
