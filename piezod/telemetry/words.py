@@ -63,3 +63,12 @@ class Word(IntEnum):
     """Number of the newest emergency stop. It is a level, so there is always room for it."""
     ESTOP_DONE = 25
     """Number of the newest emergency stop that was answered."""
+    SUCCEEDS = 26
+    """0 in the first loop of a daemon; 1 if the loop replaces another one, 2 if faults had stopped
+    that one. See `telemetry.succession`."""
+    LATCHED_LOW = 27
+    """Latched faults of the loop before, bits 0 to 31."""
+    LATCHED_MIDDLE = 28
+    """Likewise, bits 32 to 63."""
+    LATCHED_HIGH = 29
+    """Likewise, from bit 64."""

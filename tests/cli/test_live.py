@@ -78,10 +78,12 @@ def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def as_new(rig: Daemon) -> None:
-    """Give the stage a new loop process, without faults and with a known hysteresis memory."""
+    """Start the daemon again, without faults and with a known hysteresis memory."""
     eventually(lambda: rig.status().get("state") in {"SAFE", "FAULT"})
-    rig.do("reload")
-    rig.until("SAFE")
+    rig.do("shutdown")
+    rig.exit_code()
+    rig.start()
+    rig.up()
 
 
 def punctual(rig: Daemon, attempt: Callable[[], Outcome]) -> Outcome:

@@ -38,12 +38,13 @@ from piezod.daemon.loop.rate import measure_busy_ns, sustained_rate_hz, usable_s
 from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
-from piezod.daemon.noted_identities import note_identities
+from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
 from piezod.devices.channels import Channels
 from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
+from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -77,7 +78,9 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     channels, clock = make_channels(config), MonotonicClock()
     period_ns = shared.layout.period_ns
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
-    if lock is None or not wait_for_devices(channels, shared, clock):
+    succession = succession_of(shared)
+    known = noted_identities(runtime / IDENTITIES) if succession else {}
+    if lock is None or not wait_for_devices(channels, shared, clock, known):
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
@@ -87,6 +90,8 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     timed = TimedChannels(channels, clock, last_output)
     capabilities = channels.capabilities()
     controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
+    if succession is not None:
+        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)

@@ -1,7 +1,7 @@
 """Saves the learned parameters of a stage, and loads them again."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -90,6 +90,24 @@ class LearnedParameters:
                     raise NotNowError(f"axis {name}: {answer.why}")
         self._sequence = loaded.document.sequence
         return {"sequence": self._sequence, "copy": loaded.copy, "rejected": rejected}
+
+    async def carry(self, old: LoopConnection, new: LoopConnection, axes: Collection[str]) -> None:
+        """Let a loop go on with what the loop before it has learned, saved or not.
+
+        Args:
+            old: The loop before, which has ended.
+            new: The loop.
+            axes: The axes whose parameters it takes over; those without a model have none.
+
+        Raises:
+            NotNowError: If the loop refuses them.
+        """
+        for name, axis in (await asyncio.to_thread(_in_use, old)).items():
+            if name in axes and axis.model is not None:
+                request = AdoptModel(axis=name, model=axis.model, zero_um=axis.zero_um)
+                answer = await self.adopt(new, request)
+                if not answer.accepted:
+                    raise NotNowError(f"axis {name}: {answer.why}")
 
     async def adopt(self, loop: LoopConnection, request: AdoptModel) -> Answer:
         """Let the loop use a model.

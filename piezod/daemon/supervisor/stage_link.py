@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -106,8 +106,7 @@ class StageLink:
 
     def faults(self) -> list[Document]:
         """Return the faults that are present or latched."""
-        record = self.loop.latest()
-        return [] if record is None else stage_documents.faults(*stage_documents.masks(record))
+        return stage_documents.faults_of(self.loop.shared, self.loop.latest())
 
     def fault_ids(self, mask: int) -> Sequence[str]:
         """Return the ids of the faults in a mask of a record."""
@@ -157,6 +156,13 @@ class StageLink:
             _log.error("saved parameters not loaded", why=str(error))
             return
         _log.info("saved parameters loaded", sequence=document["sequence"])
+
+    async def carry_params(self, old: LoopConnection, axes: Collection[str]) -> None:
+        """Let the loop go on with the parameters of these axes of the loop that it replaces."""
+        try:
+            await self.parameters.carry(old, self._running(), axes)
+        except StageError as error:
+            _log.error("learned parameters not taken over", why=str(error))
 
     async def start_recording(self, label: str | None, peer: Peer) -> Document:
         """Start recording every cycle."""

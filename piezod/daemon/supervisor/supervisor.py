@@ -20,11 +20,18 @@ from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
 from piezod.daemon.service.stage_service import Document, NotNowError, Peer, StageError
 from piezod.daemon.supervisor.api_server import ApiServer
+from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.heartbeat import Heartbeat
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.notify import Notifier
-from piezod.daemon.supervisor.reload import AT_REST, changes, exchange, prepare
+from piezod.daemon.supervisor.reload import (
+    AT_REST,
+    changes,
+    exchange,
+    kept_axes,
+    prepare,
+)
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
@@ -82,6 +89,8 @@ class Supervisor:
         )
         self._tasks: set[asyncio.Task[object]] = set()
         self._restored: LoopRun | None = None
+        # The loop before the present one, and its axes whose learned parameters go on.
+        self._before: tuple[LoopConnection, set[str]] | None = None
 
     async def run(self, *, unclean: bool) -> Ending:
         """Run until the end; then the loop process has ended, or no longer gets a beat.
@@ -181,7 +190,12 @@ class Supervisor:
             and run.loop.state in _ACCEPTS_PARAMS
         ):
             self._restored = run
-            self._run_beside(self._link.restore_params())
+            self._run_beside(self._take_over_params())
+
+    async def _take_over_params(self) -> None:
+        await self._link.restore_params()
+        if self._before is not None:
+            await self._link.carry_params(*self._before)
 
     def _run_beside(self, what: Coroutine[object, object, object]) -> None:
         task = asyncio.create_task(what)
@@ -189,7 +203,10 @@ class Supervisor:
         task.add_done_callback(self._tasks.discard)
 
     async def reload(self, peer: Peer) -> Document:
-        """Read the configuration again and exchange the loop, or keep the present one.
+        """Read the configuration again; if it has changed, exchange the loop.
+
+        Latched faults, the identities of the devices and the learned parameters go on, as far as
+        the new configuration is about the same devices and models.
 
         Raises:
             BadValueError: If the configuration is not valid.
@@ -205,6 +222,10 @@ class Supervisor:
             fresh.discard()
             raise
         _log.info("reload", user=peer.user, changes=different)
+        if not different:
+            fresh.discard()
+            return {"changes": []}
+        self._before = run.loop, kept_axes(run.config, different)
         # From here on the end of a loop is not taken for a loss.
         self._exchanging, self._link.available = True, False
         try:
@@ -223,6 +244,9 @@ class Supervisor:
             raise NotNowError("the loop is being exchanged or stopped", "try again later")
         if state not in AT_REST:
             raise NotNowError(f"not in state {state}", "disarm first")
+        if state is State.BLIND and self.loop_run.loop.devices_opened:
+            what = "the amplifier was lost, and its voltage is unknown"
+            raise NotNowError(what, "wait until it answers again, or restart the daemon")
         # The header of a recording has one configuration for all its records.
         if name := self._link.stage_recordings.running_name:
             raise NotNowError(f"recording {name} is running", "stop it first")
