@@ -78,8 +78,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     channels, clock = make_channels(config), MonotonicClock()
     period_ns = shared.layout.period_ns
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
-    succession = succession_of(shared)
-    known = noted_identities(runtime / IDENTITIES) if succession else {}
+    known = noted_identities(runtime / IDENTITIES) if succession_of(shared) else {}
     if lock is None or not wait_for_devices(channels, shared, clock, known):
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
@@ -90,8 +89,6 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     timed = TimedChannels(channels, clock, last_output)
     capabilities = channels.capabilities()
     controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
-    if succession is not None:
-        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)
@@ -144,6 +141,8 @@ def _check_arming(
         controller.forbid_entry(
             f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
         )
+    if succession := succession_of(shared):
+        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # The last run did not end in order: an operator must look at the stage first.
     if words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))

@@ -1,5 +1,6 @@
 """Endpoints of parameters, recordings and the configuration."""
 
+import asyncio
 from typing import Annotated, Final, TypeAlias
 
 from fastapi import APIRouter
@@ -114,5 +115,5 @@ async def recording(name: str, request: HttpRequest, context: ContextOf) -> Reco
         raise NotNowError(f"{name} is still in progress", "stop the recording first")
     if uid in downloads:
         raise TooManyError("this user already downloads a recording", "wait for its end")
-    descriptor = open_recording(context.stage.recordings_folder, name)
+    descriptor = await asyncio.to_thread(open_recording, context.stage.recordings_folder, name)
     return RecordingAnswer(descriptor, name, connection_of(request.scope), downloads, uid)

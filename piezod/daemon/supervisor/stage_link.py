@@ -23,6 +23,7 @@ from piezod.daemon.service.stage_service import (
     UnknownNameError,
 )
 from piezod.daemon.stores.audit import AuditLog
+from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
@@ -61,7 +62,7 @@ class StageLink:
         self.stage_recordings = StageRecordings(
             paths, len(loop.axes), self.open_reader, self._last, self._weights
         )
-        self.stage_audit = AuditLog(paths.audit)
+        self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
 
     @property

@@ -16,7 +16,7 @@ def kinds(served: Served) -> list[str]:
     return [request.kind for request in served.stage.requests]
 
 
-@pytest.mark.fault("C9")
+@pytest.mark.fault("C15")
 def test_lost_connection_stops_the_stage(served: Served) -> None:
     """When the connection closes, the stage is stopped and the lease is released."""
     with served.client("first") as first, served.client("second") as second:
