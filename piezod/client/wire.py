@@ -23,6 +23,7 @@ TIMEOUT_S: Final = (2.0, ANSWER_WITHIN_S, 10.0, 10.0)
 """To connect, read, write, and get a connection of the pool, in s."""
 TELEMETRY: Final = ENDPOINTS["telemetry"].path
 STREAM: Final = ENDPOINTS["stream"].path
+SESSION: Final = ENDPOINTS["session"].path
 NDJSON: Final = {"Content-Type": "application/x-ndjson"}
 WAITING_RATE_HZ: Final = 20.0
 """Rate of telemetry while a method waits for a movement, in Hz."""

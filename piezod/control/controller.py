@@ -108,6 +108,15 @@ class StageController:
         """Take a fault that the loop process detected, for the next cycle."""
         self._stage.report(detection)
 
+    def restore_faults(self, latched: int, *, stopped: bool) -> None:
+        """Take over the latched faults of the loop that this one replaces, before the first cycle.
+
+        Args:
+            latched: The faults, as a bit mask.
+            stopped: Whether faults had stopped the stage.
+        """
+        self._stage.register.restore(latched, stopped=stopped)
+
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.
 

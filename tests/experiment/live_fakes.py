@@ -1,6 +1,7 @@
 """A fake of a running stage, with its states and its own time."""
 
 from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -60,6 +61,19 @@ class FakeStage(StageClient):
         if what in self.refused:
             raise RefusedError(self.refused[what], "a remedy", "state")
         return call.read(self._answer(call.path, call.body or {}))
+
+    @contextmanager
+    def session(self) -> Generator[None, None, None]:
+        """Record begin and end of the session."""
+        self.asked.append("session")
+        self.bodies.append({})
+        if "session" in self.refused:
+            raise RefusedError(self.refused["session"], "a remedy", "lease_held")
+        try:
+            yield
+        finally:
+            self.asked.append("end of the session")
+            self.bodies.append(None)
 
     def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()

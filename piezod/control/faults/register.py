@@ -155,6 +155,16 @@ class FaultRegister:
         stopping = self._select(self.latched, Latch.L1)
         return self._describe_worst(stopping or (self.latched if self.latched == before else 0))
 
+    def restore(self, latched: int, *, stopped: bool) -> None:
+        """Latch the faults of the loop before; if they had stopped the stage, as escalated ones."""
+        self.latched |= latched
+        for index in _positions(latched):
+            rule, self._axes[index] = self._rules[index], -1  # the axes are not known any more
+            if stopped and rule.escalation is not None:
+                worse = rule.escalation
+                rule = rule._replace(reaction=worse.reaction, latch=max(rule.latch, worse.latch))
+            self._rules[index] = rule
+
     def _add(self, detection: Detection, t_ns: int) -> Reaction:
         """Add one detection; return its reaction."""
         index, rule = INDEX[detection.fault], rule_of(detection.fault, detection.case)

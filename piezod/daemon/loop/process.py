@@ -46,12 +46,13 @@ from piezod.daemon.loop.rate import (
 from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
-from piezod.daemon.noted_identities import note_identities
+from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
 from piezod.devices.channels import Channels
 from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
+from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
@@ -87,7 +88,8 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
     channels, clock = make_channels(config), MonotonicClock()
     period_ns = shared.layout.period_ns
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
-    if lock is None or not wait_for_devices(channels, shared, clock):
+    known = noted_identities(runtime / IDENTITIES) if succession_of(shared) else {}
+    if lock is None or not wait_for_devices(channels, shared, clock, known):
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
@@ -157,6 +159,8 @@ def _check_arming(
         controller.forbid_entry(
             f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
         )
+    if succession := succession_of(shared):
+        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # The last run did not end in order: an operator must look at the stage first.
     if words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))

@@ -33,7 +33,7 @@ def create_app(
         title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )
     notes, streams = UrgentNotes(now_s), OpenStreams()
-    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), notes, streams)
+    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), notes, streams, {})
     app.state.reading = asyncio.Semaphore(1)
     app.add_middleware(Gate, rate_limit=RateLimit(now_s))
     add_error_answers(app)

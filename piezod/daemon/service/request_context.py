@@ -38,6 +38,7 @@ class ServiceState(NamedTuple):
         downloads: Users with a download in progress.
         urgent_notes: Limits the audit entries of urgent requests.
         streams: The setpoint streams in progress.
+        recorders: Process that started the newest recording, by the name of the recording.
     """
 
     stage: StageService
@@ -46,6 +47,7 @@ class ServiceState(NamedTuple):
     downloads: set[int]
     urgent_notes: UrgentNotes
     streams: OpenStreams
+    recorders: dict[str, int]
 
 
 class RequestContext(NamedTuple):

@@ -13,6 +13,7 @@ from piezod.config.endpoints import Endpoint, Role
 from piezod.config.fields import ConfigModel
 from piezod.config.requests import TABLE, Request, Reset
 from piezod.daemon.service.answers import JsonAnswer
+from piezod.daemon.service.client_session import SessionAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.refusals import ForbiddenError
@@ -69,6 +70,12 @@ async def stream(request: HttpRequest, context: ContextOf) -> JsonAnswer:
     """Follow the setpoints of the body until it ends."""
     stream = SetpointStream(context, connection_of(request.scope))
     return JsonAnswer(await stream.run(request))
+
+
+@endpoint(router, "session")
+async def session(_body: Nothing, request: HttpRequest, context: ContextOf) -> SessionAnswer:
+    """Take the lease until the connection closes; then stop the stage."""
+    return SessionAnswer(context, connection_of(request.scope))
 
 
 @endpoint(router, "renew_lease")

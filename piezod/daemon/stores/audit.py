@@ -74,7 +74,14 @@ class AuditLog:
         """Number of entries that could not be written."""
 
     def write(
-        self, uid: int, user: str, client: str, what: str, accepted: bool, why: str = ""
+        self,
+        uid: int,
+        user: str,
+        client: str,
+        what: str,
+        accepted: bool,
+        why: str = "",
+        when: datetime | None = None,
     ) -> None:
         """Append an entry; it survives the end of this process, and a power failure after `sync`.
 
@@ -87,10 +94,11 @@ class AuditLog:
             what: The request.
             accepted: Whether it is accepted.
             why: Why not.
+            when: Time of the request; None for the present.
         """
-        when = self._now().isoformat(timespec="milliseconds")
+        at = (when or self._now()).isoformat(timespec="milliseconds")
         user, client, what, why = (text[:_MAX_TEXT] for text in (user, client, what, why))
-        entry = AuditLine(when, uid, user, client, what, accepted, why)
+        entry = AuditLine(at, uid, user, client, what, accepted, why)
         line = (json.dumps(entry._asdict()) + "\n").encode()
         try:
             self._append(line)

@@ -13,7 +13,7 @@ from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
 from piezod.control.guard import read_back_tolerance_v
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
-from piezod.daemon.supervisor.documents import STATES
+from piezod.daemon.supervisor.documents import STATES, masks
 from piezod.daemon.supervisor.health import LoopHealth
 from piezod.daemon.supervisor.requests import LoopRequests
 from piezod.telemetry.events import EventReader
@@ -21,6 +21,7 @@ from piezod.telemetry.learned import LearnedReader
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
+from piezod.telemetry.succession import Succession, succession_of
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 
 
@@ -78,10 +79,13 @@ class LoopConnection:
     def ended_at_safe_voltage(self) -> bool:
         """Return whether a loop that has ended left every axis at its safe voltage.
 
-        A loop that never opened the devices, or never wrote, left them as they were: True.
+        A loop that never opened the devices, or never wrote, left them as they were: True, unless
+        it replaced a loop that faults had stopped.
         """
         ending = self.last(2)  # the last record is of STOPPING, the one before of the state before
-        if not len(ending) or ending[-1]["shadow"]:
+        if not len(ending):
+            return not self.succession().stopped
+        if ending[-1]["shadow"]:
             return True
         # In BLIND the present voltage is unknown: the record has only the last written one.
         blind = any(STATES[record["state"]] is State.BLIND for record in ending)
@@ -92,6 +96,13 @@ class LoopConnection:
             read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes
         ]
         return not blind and bool(np.all(off_v <= allowed_v))
+
+    def succession(self) -> Succession:
+        """Return what a loop takes over that replaces this one; call it while this one runs."""
+        record = self.latest()
+        if record is None:
+            return succession_of(self.shared) or Succession()
+        return Succession(masks(record)[1], self.state is not State.SAFE)
 
     def last(self, count: int) -> NDArray[Any]:
         """Return the newest records, at most `count`, oldest first."""

@@ -50,6 +50,6 @@ class Housekeeping:
         await self._link.stage_recordings.write_flight(self._link.loop, at_once=True)
         await self._link.stage_recordings.close()
         try:
-            self._link.stage_audit.close()
+            await asyncio.to_thread(self._link.stage_audit.close)
         except OSError as error:
             _log.error("audit not closed", why=str(error))

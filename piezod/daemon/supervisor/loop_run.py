@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from select import select
 from typing import Any, Final
@@ -23,6 +24,7 @@ from piezod.daemon.supervisor.notify import without_manager
 from piezod.errors import ConfigError, PiezodError, Problem
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
+from piezod.telemetry.succession import Succession, put_succession
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
@@ -48,7 +50,6 @@ class LoopRun:
     Attributes:
         config_file: Path of the accepted copy.
         config: The accepted configuration, after `accept`.
-        loop: Connection to the loop, after `accept`.
     """
 
     def __init__(
@@ -79,7 +80,6 @@ class LoopRun:
         Raises:
             ConfigError: If the configuration is not valid; the text has every problem.
             PiezodError: If the process ended without an answer.
-            OSError: If the shared memory cannot be made.
         """
         answer = self._read_line(ended)
         if answer is None:
@@ -89,11 +89,21 @@ class LoopRun:
             self.discard()
             raise ConfigError(*(Problem(*problem) for problem in answer["problems"]))
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
+        return True
+
+    @cached_property
+    def loop(self) -> LoopConnection:
+        """Connection to the loop, by a shared memory that is made at the first use.
+
+        Raises:
+            OSError: If the shared memory cannot be made.
+        """
+        # Not in `accept`: it takes the place of the memory of the running loop.
         shared = create(self._paths.loop_map, Layout.of(self.config))
         shared.words[Word.SUPERVISOR_PID] = os.getpid()
-        self.loop = LoopConnection(self.config, shared)
-        self.loop.beat(time.monotonic_ns())
-        return True
+        loop = LoopConnection(self.config, shared)
+        loop.beat(time.monotonic_ns())
+        return loop
 
     def _read_line(self, ended: Callable[[], bool]) -> dict[str, Any] | None:
         output = self._process.stdout
@@ -112,12 +122,15 @@ class LoopRun:
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    def start(self, *, unclean: bool = False) -> None:
+    def start(self, succession: Succession | None = None, *, unclean: bool = False) -> None:
         """Let the process open the devices and run.
 
         Args:
+            succession: What it takes over from the loop that it replaces.
             unclean: Whether the daemon did not end in order last time.
         """
+        if succession is not None:
+            put_succession(self.loop.shared, succession)
         self.loop.shared.words[Word.UNCLEAN] = unclean
         if self._process.stdin is not None:
             # If it has ended already, its exit code is the report.

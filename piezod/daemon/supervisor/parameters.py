@@ -1,7 +1,7 @@
 """Saves the learned parameters of a stage, and loads them again."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
@@ -110,10 +110,15 @@ class LearnedParameters:
         self._sequence = loaded.document.sequence
         return {"sequence": self._sequence, "copy": loaded.copy, "rejected": rejected}
 
-    async def keep(self, loop: LoopConnection) -> None:
-        """Keep the parameters in use for the loop that a reload starts after this one."""
+    async def keep(self, loop: LoopConnection, axes: Collection[str]) -> None:
+        """Keep the parameters in use for the loop that a reload starts after this one.
+
+        Args:
+            loop: The loop.
+            axes: The axes that keep them; those of the others lose their meaning.
+        """
         async with self._one_at_a_time:
-            self._kept = await asyncio.to_thread(_kept, loop)
+            self._kept = await asyncio.to_thread(_kept, loop, axes)
 
     async def restore(self, loop: LoopConnection) -> list[str]:
         """Let a loop that has just started begin with the kept parameters, or else the saved ones.
@@ -207,10 +212,14 @@ def _axis_in_use(loop: LoopConnection, index: int) -> AxisParameters | None:
     )
 
 
-def _kept(loop: LoopConnection) -> _Kept:
+def _kept(loop: LoopConnection, kept: Collection[str]) -> _Kept:
     axes: dict[str, AxisParameters] = {}
     lost: list[str] = []
     for i, name in enumerate(loop.axes):
+        if name not in kept:
+            what = f"axis {name}: zero and weights, because its devices or its compensator changed"
+            lost.append(f"{what}; `piezod zero` again")
+            continue
         try:
             found = _axis_in_use(loop, i)
         except ValidationError as error:

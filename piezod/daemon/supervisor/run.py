@@ -1,8 +1,10 @@
 """Runs a stage, from its configuration file to the end of its daemon."""
 
 import asyncio
+import sys
 from pathlib import Path
 
+from piezod.daemon.background import BackgroundStream
 from piezod.daemon.durations import ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.logging import set_up_logging
@@ -38,7 +40,14 @@ def run_stage(
         DeviceUnavailableError: If a required device was absent.
         OSError: If a file of the stage cannot be made.
     """
-    set_up_logging()
+    with BackgroundStream(sys.stderr) as log:
+        set_up_logging(log)
+        return _run_stage(source, options, paths, lock, signals)
+
+
+def _run_stage(
+    source: Path, options: RunOptions, paths: StagePaths, lock: Lock, signals: Signals
+) -> bool:
     marker = Marker(paths.running)
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
     if not run.accept(lambda: bool(signals.end) and not marker.unclean):

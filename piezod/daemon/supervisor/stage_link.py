@@ -24,6 +24,7 @@ from piezod.daemon.service.stage_service import (
     UnavailableError,
 )
 from piezod.daemon.stores.audit import AuditLog
+from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
@@ -66,7 +67,7 @@ class StageLink:
         self.stage_recordings = StageRecordings(
             paths, len(loop.axes), self.open_reader, self._last, self._weights
         )
-        self.stage_audit = AuditLog(paths.audit)
+        self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
 
     @property
@@ -113,8 +114,7 @@ class StageLink:
 
     def faults(self) -> list[Document]:
         """Return the faults that are present or latched."""
-        record = self.loop.latest()
-        return [] if record is None else stage_documents.faults(*stage_documents.masks(record))
+        return stage_documents.faults_of(self.loop.shared, self.loop.latest())
 
     def fault_ids(self, mask: int) -> Sequence[str]:
         """Return the ids of the faults in a mask of a record."""

@@ -24,7 +24,13 @@ from piezod.daemon.supervisor.heartbeat import Heartbeat
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.notify import Notifier
-from piezod.daemon.supervisor.reload import AT_REST, changes, exchange, prepare
+from piezod.daemon.supervisor.reload import (
+    AT_REST,
+    changes,
+    exchange,
+    kept_axes,
+    prepare,
+)
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
@@ -193,7 +199,10 @@ class Supervisor:
         task.add_done_callback(self._tasks.discard)
 
     async def reload(self, peer: Peer) -> Document:
-        """Read the configuration again and exchange the loop, or keep the present one.
+        """Read the configuration again; if it has changed, exchange the loop.
+
+        Latched faults, the identities of the devices and the learned parameters go on, as far as
+        the new configuration is about the same devices and models.
 
         Returns:
             The changed values (`changes`), and what has been lost of the parameters (`lost`).
@@ -210,19 +219,23 @@ class Supervisor:
             different = await self._reload(peer)
         finally:
             self._reloading = False
-        return {"changes": different, "lost": await self._lost_parameters()}
+        lost = await self._lost_parameters() if different else []
+        return {"changes": different, "lost": lost}
 
     async def _reload(self, peer: Peer) -> list[str]:
         run, strict_rt = self.loop_run, self._options.strict_rt
         fresh = await prepare(run, self._paths, self._source, strict_rt=strict_rt)
         different = changes(run, fresh)
-        await self._link.parameters.keep(run.loop)
         try:
             self._check_exchange()  # again: the state may have changed meanwhile
         except NotNowError:
             fresh.discard()
             raise
         _log.info("reload", user=peer.user, changes=different)
+        if not different:
+            fresh.discard()
+            return []
+        await self._link.parameters.keep(run.loop, kept_axes(run.config, different))
         # From here on the end of a loop is not taken for a loss.
         self._exchanging, self._link.available = True, False
         try:
@@ -249,6 +262,9 @@ class Supervisor:
             raise NotNowError("the loop is being exchanged or stopped", "try again later")
         if state not in AT_REST:
             raise NotNowError(f"not in state {state}", "disarm first")
+        if state is State.BLIND and self.loop_run.loop.devices_opened:
+            what = "the amplifier was lost, and its voltage is unknown"
+            raise NotNowError(what, "wait until it answers again, or restart the daemon")
         # The header of a recording has one configuration for all its records.
         if name := self._link.stage_recordings.running_name:
             raise NotNowError(f"recording {name} is running", "stop it first")

@@ -65,8 +65,10 @@ class AbsentRig(SimulatedRig):
 class Waiting:
     """A loop that waits for its devices in a thread."""
 
-    def __init__(self, rig: AbsentRig, shared: SharedMap) -> None:
-        self._rig, self._shared = rig, shared
+    def __init__(
+        self, rig: AbsentRig, shared: SharedMap, known: dict[str, Identity] | None = None
+    ) -> None:
+        self._rig, self._shared, self._known = rig, shared, known or {}
         self.outcome: bool | Exception | None = None
         self._mailbox = MailboxWriter(shared)
         self._thread = threading.Thread(target=self._run)
@@ -75,7 +77,7 @@ class Waiting:
     def _run(self) -> None:
         channels = Channels({"rig": self._rig}, {"x": ChannelPair("rig", "rig")})
         try:
-            self.outcome = wait_for_devices(channels, self._shared, MonotonicClock())
+            self.outcome = wait_for_devices(channels, self._shared, MonotonicClock(), self._known)
         except RuntimeError as error:
             self.outcome = error
 
@@ -132,6 +134,20 @@ def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> Non
     assert (answer.accepted, answer.why) == (False, ABSENT)
     assert list(State)[blind] is State.BLIND
     assert [event.text for event in events.read()[0]] == [ABSENT, "the devices are open"]
+
+
+def test_another_device_than_the_known_one_is_not_used(shared: SharedMap) -> None:
+    """A device that takes the place of the known one counts as absent, with both identities."""
+    rig, events = AbsentRig(), EventReader(shared)
+    waiting = Waiting(rig, shared, {"rig": Identity("maker", "other", "7", "1")})
+    eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
+
+    answer = waiting.ask(Shutdown())
+
+    assert answer.accepted
+    assert waiting.ended() is False
+    assert not shared.words[Word.DEVICES_OPEN]
+    assert "rig is another device" in events.read()[0][0].text
 
 
 def test_waiting_ends_on_request(shared: SharedMap) -> None:

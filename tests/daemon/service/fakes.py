@@ -61,6 +61,7 @@ class FakeStage:
         self.refusal = ""
         self.state = "SAFE"
         self.lost_link = False
+        self.unanswered = self.recordings_stopped = 0
         self.stream_refusal = ""
         self.running: Document | None = None
         self.healthy = True
@@ -70,6 +71,7 @@ class FakeStage:
 
     async def request(self, request: Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
         if self.lost_link:
+            self.unanswered += 1
             raise UnavailableError("there is no loop")
         if self.refusal:
             return Answer(False, self.refusal)
@@ -130,6 +132,7 @@ class FakeStage:
         return {"name": f"20261121T120000Z-{label}"}
 
     async def stop_recording(self, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+        self.recordings_stopped += 1
         return {"name": "20261121T120000Z", "records": 5, "lost": 0}
 
     async def recordings(self) -> tuple[Document | None, list[Document]]:
@@ -182,6 +185,7 @@ class Served:
             set(),
             UrgentNotes(self.now),
             OpenStreams(),
+            {},
         )
 
     @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import UP_WITHIN_S, Daemon, configuration, is_alive
+from tests.daemon.daemons import UP_WITHIN_S, Daemon, configuration, is_alive, latched
 from tests.daemon.waiting import eventually
 
 
@@ -41,6 +41,38 @@ def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) ->
     assert daemon.loop_pid != first
     assert not is_alive(first)
     assert daemon.do("arm")["accepted"]
+
+
+@pytest.mark.fault("P11")
+def test_reload_keeps_what_is_not_in_the_file(start: StartDaemon, tmp_path: Path) -> None:
+    """Latched faults and the sensor zero outlive a reload, with and without a change."""
+    daemon = start(configuration(tmp_path)).up()
+    daemon.do("zero")
+    zero_um = eventually(lambda: zero_of(daemon))
+    daemon.do("estop")
+    daemon.until("FAULT")
+    first = daemon.loop_pid
+
+    unchanged = daemon.do("reload")
+    same = (daemon.loop_pid, daemon.status()["state"], latched(daemon.status()))
+    configuration(tmp_path, speed_um_per_s="150")
+    changed = daemon.do("reload")
+    daemon.until("FAULT")
+
+    assert unchanged["changes"] == []
+    assert same == (first, "FAULT", ["E1"])
+    assert changed["changes"] == ["axes.x.speed_um_per_s"]
+    assert daemon.loop_pid != first
+    assert latched(daemon.status()) == ["E1"]
+    assert eventually(lambda: zero_of(daemon)) == zero_um
+    eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
+    daemon.until("SAFE")
+
+
+def zero_of(daemon: Daemon) -> float:
+    """Return the sensor zero of axis x, in µm; 0 while it is unknown."""
+    axes = daemon.ask("GET", "params").json().get("axes")
+    return float(axes["x"]["zero_um"]) if axes else 0.0
 
 
 @pytest.mark.fault("P11")

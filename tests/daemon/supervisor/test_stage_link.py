@@ -300,7 +300,7 @@ class Exchange:
         self, bench: Bench, *, model_changed: bool = False, answer: Answer | None = None
     ) -> None:
         old = bench.loop
-        asyncio.run(bench.link.parameters.keep(old))
+        asyncio.run(bench.link.parameters.keep(old, old.axes))
         bench.loop = bench.link.loop = bench.connection()
         if model_changed:
             model = old.file_models["x"]
@@ -338,7 +338,7 @@ def test_zero_of_an_axis_without_a_model_is_reported_lost(bench: Bench) -> None:
     """The answer to the reload says what has to be done again."""
     bench.loop.models["x"] = bench.loop.file_models["x"] = None
     LearnedWriter(bench.loop.shared).publish(0, np.ones(4), 0.0, 0.0, 0.25)
-    asyncio.run(bench.link.parameters.keep(bench.loop))
+    asyncio.run(bench.link.parameters.keep(bench.loop, {"x"}))
 
     lost = bench.do(lambda link: link.restore_params())
 
@@ -418,3 +418,14 @@ def test_configuration_and_reload_are_passed_on(bench: Bench) -> None:
     assert bench.link.config()["rate_hz"] == 20
     assert asyncio.run(bench.link.reload(PEER)) == {"by": "somebody"}
     assert bench.link.realtime()["rate_hz"] == 20
+
+
+def test_parameters_of_exchanged_devices_are_reported_lost(bench: Bench) -> None:
+    """Zero and weights belong to the devices."""
+    _learn(bench, zero_um=0.25)
+    asyncio.run(bench.link.parameters.keep(bench.loop, set()))
+
+    (lost,) = bench.do(lambda link: link.restore_params())
+
+    assert lost.startswith("axis x: zero and weights, because its devices")
+    assert bench.requests == []
