@@ -9,15 +9,7 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import CASES, rule_of
 from piezod.control.faults.detection import Detection, News
-from piezod.control.faults.table import (
-    FAULTS,
-    INDEX,
-    FaultRule,
-    Latch,
-    Reaction,
-    Source,
-    mask,
-)
+from piezod.control.faults.table import FAULTS, INDEX, FaultRule, Latch, Reaction, Source, mask
 
 GOOD_CYCLES: Final = 20
 """A fault is gone after this many cycles in a row without a detection."""

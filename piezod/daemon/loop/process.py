@@ -99,6 +99,9 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
     timed = TimedChannels(channels, clock, last_output)
     capabilities = channels.capabilities()
     controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
+    # Before the first cycle: with a latched fault the self-test leads to FAULT.
+    if succession := succession_of(shared):
+        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)
@@ -112,6 +115,13 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
     loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
+    _run(loop, realtime, clock)
+    # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
+    channels.close()
+
+
+def _run(loop: Loop, realtime: Realtime, clock: MonotonicClock) -> None:
+    """Run the loop to its end; a crash is an event before it is an error."""
     try:
         loop.run()
     except Exception as error:
@@ -120,8 +130,6 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
         raise
     finally:
         realtime.leave()
-    # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
-    channels.close()
 
 
 def _compile(config: DaemonConfig) -> None:
@@ -159,8 +167,6 @@ def _check_arming(
         controller.forbid_entry(
             f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
         )
-    if succession := succession_of(shared):
-        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # The last run did not end in order: an operator must look at the stage first.
     if words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
