@@ -25,7 +25,8 @@ Document = dict[str, Any]
 
 def stage_document(**axis: object) -> Document:
     """Return the configuration of a stage as its daemon reports it, with other keys of axis x."""
-    document = accepted_config.document(load_daemon(CONFIG, registry))
+    config = load_daemon(CONFIG, registry).model_copy(update={"rate_hz": 1000.0})
+    document = accepted_config.document(config)
     document["axes"]["x"] |= axis
     return document
 
