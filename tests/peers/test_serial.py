@@ -26,17 +26,17 @@ def test_pylablib_drives_a_kpz101() -> None:
     assert report["range"] == 150
 
 
-@pytest.mark.parametrize("profile", ["mdt693a", "mdt693b"])
+@pytest.mark.parametrize("profile", ["mdt693a", "mdt693b", "mdt694b"])
 @pytest.mark.confirms(
     "thorlabs_mdt",
-    ("mdt693a", "mdt693b"),
+    ("mdt693a", "mdt693b", "mdt694b"),
     part="commands of the A models: identity, voltage, range",
     by="pylablib MDT69xA",
     kind="client",
 )
 def test_pylablib_drives_an_mdt693(profile: str) -> None:
     """The client sets and reads a voltage, and reads the range of voltages."""
-    with emulated(profile, arguments=("--axes", "3")) as device:
+    with emulated(profile) as device:
         report = run_peer("pylablib_client.py", "mdt693a", device.where[0])
 
     assert report["set"] == pytest.approx([5.0, 12.5], abs=0.5)
