@@ -228,3 +228,20 @@ def test_nv40_has_the_commands_of_its_maker() -> None:
     ):
         assert flag in psj.flags_of(mask, profile.status_bits)
     assert not psj.flags_of(0, profile.status_bits)
+
+
+@pytest.mark.confirms(
+    "psj",
+    "nv40-1",
+    part="commands, bit rate, ends of lines",
+    by="Micro-Manager adapter Piezosystem_NV40_1, by the maker",
+    kind="manual",
+)
+def test_nv40_1_has_the_commands_of_the_micro_manager_adapter() -> None:
+    """A voltage is set by "wr,12.500" and CR, without a reply, and read by "rd"."""
+    profile = PSJ_PROFILES["nv40-1"]
+
+    assert psj.command(profile, profile.set, 0, 12.5) == b"wr,12.500\r"
+    assert psj.command(profile, profile.read, 0) == b"rd\r"
+    assert (profile.acknowledges, profile.frames, profile.baud) == (False, False, 9600)
+    assert psj.line(b"rd,12.5\r\n") == len(b"rd,12.5\r\n")
