@@ -38,6 +38,13 @@ SENT = [
 ]
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    ("KPZ101", "TPZ001"),
+    part="requests and settings, byte by byte",
+    by="thorlabs-apt-protocol",
+    kind="client",
+)
 @pytest.mark.parametrize(("theirs", "ours"), SENT)
 def test_messages_are_those_of_another_reading(theirs: bytes, ours: bytes) -> None:
     """Every request and setting of the drivers equals that of thorlabs-apt-protocol."""
