@@ -49,6 +49,7 @@ class LoopRun:
         config_file: Path of the accepted copy.
         config: The accepted configuration, after `accept`.
         loop: Connection to the loop, after `accept`.
+        started: Whether the process may open the devices.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class LoopRun:
         warm: bool = False,
     ) -> None:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
+        self.started = False
         self._paths, self._source, self._overdue_ns = paths, source, 0
         arguments = [str(paths.runtime), str(source), str(self.config_file)]
         options = {"--strict-rt": strict_rt, "--warm": warm}
@@ -79,7 +81,7 @@ class LoopRun:
         Raises:
             ConfigError: If the configuration is not valid; the text has every problem.
             PiezodError: If the process ended without an answer.
-            OSError: If the shared memory cannot be made.
+            OSError: If the shared memory or the accepted copy cannot be made.
         """
         answer = self._read_line(ended)
         if answer is None:
@@ -88,8 +90,15 @@ class LoopRun:
         if "problems" in answer:
             self.discard()
             raise ConfigError(*(Problem(*problem) for problem in answer["problems"]))
+        if "failed" in answer:
+            self.discard()
+            raise OSError(*answer["failed"])
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
-        shared = create(self._paths.loop_map, Layout.of(self.config))
+        try:
+            shared = create(self._paths.loop_map, Layout.of(self.config))
+        except OSError:
+            self.discard()
+            raise
         shared.words[Word.SUPERVISOR_PID] = os.getpid()
         self.loop = LoopConnection(self.config, shared)
         self.loop.beat(time.monotonic_ns())
@@ -112,12 +121,19 @@ class LoopRun:
         answer: dict[str, Any] = json.loads(line)
         return answer
 
+    @property
+    def idle(self) -> bool:
+        """Whether the loop has not run a cycle, and so has driven nothing."""
+        words = self.loop.shared.words
+        return not words[Word.HEALTHY_CYCLES] and self.loop.latest() is None
+
     def start(self, *, unclean: bool = False) -> None:
         """Let the process open the devices and run.
 
         Args:
             unclean: Whether the daemon did not end in order last time.
         """
+        self.started = True
         self.loop.shared.words[Word.UNCLEAN] = unclean
         if self._process.stdin is not None:
             # If it has ended already, its exit code is the report.
