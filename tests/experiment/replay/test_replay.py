@@ -77,7 +77,7 @@ def test_estimate_for_another_mode_is_what_that_mode_reached(recording: Path, mo
 
 
 def test_worse_model_is_told_apart(recording: Path) -> None:
-    """A model almost without hysteresis is as bad as no compensation, and the right one is better."""
+    """A model almost without hysteresis is as bad as no compensation; the right one is better."""
     shipped = shipped_model()
     line = StageModel(
         shipped.bank,
