@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 from piezod.config import requests
+from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.reference.programs import VoltageProgram, conditioning
@@ -13,7 +14,7 @@ from piezod.control.stage.named import axes_named, axis_names, unknown_axis
 from piezod.control.stage.stage import SENSED, Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
-from piezod.units import s_to_ns
+from piezod.units import NS_PER_S, s_to_ns
 
 ZERO_OVER_S = 0.2
 """A sensor is zeroed to the mean of its samples over this time."""
@@ -140,7 +141,10 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         if why:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
-        why = stage.axes[axes[0]].motion_limits.refusal(waveform.low, waveform.high)
+        limits = stage.axes[axes[0]].motion_limits
+        why = too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
+            waveform.low, waveform.high
+        )
         if why:
             return Answer(False, why)
     why = _start_running(stage, t_ns)
@@ -210,6 +214,8 @@ def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
         if why:
             return Answer(False, why)
         limits = stage.axes[axes[0]].config.limits
+        if why := too_fast(config, NS_PER_S / stage.period_ns):
+            return Answer(False, f"axis {name}: drive_v {why}")
         waveform = build_waveform(config, request.duration_s)
         if waveform.low < limits.drive_min_v or waveform.high > limits.drive_max_v:
             return Answer(
