@@ -117,6 +117,10 @@ class StageController:
         """
         self._stage.register.restore(latched, stopped=stopped)
 
+    def ramp_first(self) -> None:
+        """Ramp down after the self-test: the last daemon did not end in order."""
+        self._stage.ramp_first()
+
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.
 

@@ -68,7 +68,7 @@ class Stage:
         self._sequence = DriveSequence()
         self._reported: list[Detection] = []
         self._events: list[StageEvent] = []
-        self._self_tested, self._no_entry = False, ""
+        self._self_tested, self._ramps_first, self._no_entry = False, False, ""
         self._shutting_down = self._estop_pressed = self._held_by_request = False
 
     # ------------------------------------------------------------------ state
@@ -106,10 +106,23 @@ class Stage:
         self._since_ns = t_ns
 
     def end_self_test(self, t_ns: int) -> None:
-        """Leave BOOT: to SAFE, or to FAULT if a latched fault stops the stage."""
+        """Leave BOOT: to SAFE, to FAULT if a latched fault stops the stage, or to RAMP first."""
         passed = self._self_tested = not self.register.blocking
-        self.go(Event.SELF_TEST_PASSED if passed else Event.SELF_TEST_FAILED, t_ns)
+        if self._ramps_first and self.output.known and not self._at_safe():
+            self.go(Event.FOUND_DRIVEN, t_ns)
+        else:
+            self.go(Event.SELF_TEST_PASSED if passed else Event.SELF_TEST_FAILED, t_ns)
         self._self_tested = True
+
+    def ramp_first(self) -> None:
+        """Ramp down after the self-test if the read-back is not the safe voltage."""
+        self._ramps_first = True
+
+    def _at_safe(self) -> bool:
+        return all(
+            abs(axis.law.in_force_v - axis.config.safe_v) <= axis.law.limits.read_back_tolerance_v
+            for axis in self.axes
+        )
 
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.
