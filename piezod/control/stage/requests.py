@@ -78,7 +78,8 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
     if stage.state is not State.SAFE:
         refusal = stage.go(Event.ARM, t_ns)  # armed already, or refused
         if not refusal and request.shadow != stage.boundary.shadow:
-            refusal = f"the stage is armed {_shadow_text(stage)}: `piezod disarm` first"
+            how = "in shadow" if stage.boundary.shadow else "and not in shadow"
+            refusal = f"the stage is armed {how}: `piezod disarm` first"
         return _answer(refusal)
     stage.register.resume()  # faults that only held the stage, and are gone, end here
     stage.boundary.shadow = request.shadow
@@ -92,10 +93,6 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
         return Answer(False, refusal)
     to_condition = [i for i, axis in enumerate(stage.axes) if axis.config.conditioning.on_arm]
     return _condition_axes(stage, to_condition, t_ns) if to_condition else Answer(True)
-
-
-def _shadow_text(stage: Stage) -> str:
-    return "in shadow" if stage.boundary.shadow else "and not in shadow"
 
 
 # ---------------------------------------------------------------------- movements
