@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config import requests
+from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -29,9 +30,14 @@ LATE = CycleTiming(0, 1, 10_000, 0, 0)
 """The timing of a cycle before which the loop skipped one."""
 
 
-def new_stage() -> RigStage:
-    """Return the shipped stage with a slower loop, in SAFE."""
-    stage = RigStage(shipped_config().model_copy(update={"rate_hz": RATE_HZ}))
+def new_stage(axis: StageAxisConfig | None = None) -> RigStage:
+    """Return the shipped stage with a slower loop, in SAFE.
+
+    Args:
+        axis: Another configuration of its axis.
+    """
+    axes = {"x": axis or shipped_config().axes["x"]}
+    stage = RigStage(shipped_config().model_copy(update={"rate_hz": RATE_HZ, "axes": axes}))
     stage.until(State.SAFE)
     return stage
 

@@ -117,6 +117,14 @@ class StageController:
         """
         self._stage.register.restore(latched, stopped=stopped)
 
+    def stay_in_boot(self, stays: bool) -> None:
+        """Stay in BOOT while cycles are only measured, which run faster than their period."""
+        self._stage.self_test().waits = stays
+
+    def ramp_first(self) -> None:
+        """Ramp down after the self-test: the last daemon did not end in order."""
+        self._stage.self_test().ramps_first = True
+
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.
 

@@ -85,7 +85,7 @@ class BackgroundStream:
     A terminal that was stopped by Ctrl-S, or a pipe that nobody reads, takes nothing.
 
     Args:
-        stream: The stream; it has a file descriptor.
+        stream: The stream.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -123,8 +123,13 @@ class BackgroundStream:
         self._lines.close()
 
     def _write(self, text: str) -> None:
+        try:
+            file = self._stream.fileno()
+        except OSError:  # it is only in memory
+            self._stream.write(text)
+            return
         # Not by the stream: at the end of the process its lock would still be held.
-        rest, file = memoryview(text.encode(errors="replace")), self._stream.fileno()
+        rest = memoryview(text.encode(errors="replace"))
         while rest:
             try:
                 rest = rest[os.write(file, rest) :]

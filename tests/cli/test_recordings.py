@@ -15,6 +15,7 @@ from piezod.records.telemetry_marks import fault_spans, irregularities, states
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from piezod.records.telemetry_table import table_of
 from tests.cli.conftest import Command
+from tests.control.rig_stage import shipped_config
 from tests.recorded import RATE_HZ, new_stage, run_modes, write_recording
 from tests.records.telemetry import header, record_dtype, records
 
@@ -151,3 +152,33 @@ def test_mistakes(
     assert code != 0
     assert message in " ".join(err.split())
     assert sorted(path.name for path in Path().iterdir()) == ["rec.h5", "text.h5"]
+
+
+def test_replay_repeats_and_compares(piezod: Command, recording: Path) -> None:
+    """The same model repeats the drive; another mode gives estimates and, if asked, a figure."""
+    same = piezod("replay", recording)
+    other = piezod("replay", recording, "--mode", "trimmed", "--out", "fig.png")
+    document = json.loads(piezod("replay", recording, "--mode", "trimmed", "--json").out)
+
+    assert (same.code, same.err) == (other.code, other.err) == (0, "")
+    assert "The replay repeats the recording: the drives differ by at most" in same.out
+    assert "The errors of the replay, in mode trimmed, are estimates." in other.out
+    assert Path("fig.png").read_bytes().startswith(b"\x89PNG")
+    assert document["repeats"] is False
+    assert document["stand_in_rms_um"] < 0.1
+    assert [row["replayed"] for row in document["modes"]] == ["trimmed", "trimmed"]
+    assert document["modes"][0]["rms_um"] < 0.1 < document["modes"][0]["recorded_rms_um"]
+
+
+def test_replay_needs_a_model(piezod: Command, recording: Path) -> None:
+    """A recording of a stage without a model, or of an older version, needs --model."""
+    Path("old.h5").write_bytes(recording.read_bytes())
+    with h5py.File("old.h5", "r+") as file:
+        del file["recording/model_x"]
+    model = shipped_config().axes["x"].model
+    refused = piezod("replay", "old.h5")
+    given = piezod("replay", "old.h5", "--model", model)
+
+    assert (refused.code, given.code) == (1, 0)
+    assert "the model of axis x is not in it; give one: --model" in refused.err
+    assert "repeats the recording" in given.out

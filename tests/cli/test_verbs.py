@@ -203,9 +203,8 @@ duration_s: 5
 
 
 def wave_of(daemon: FakeDaemon) -> Any:
-    """Return the body of the last request, a wave."""
-    assert daemon.asked[-1].what == "POST wave"
-    return daemon.asked[-1].body
+    """Return the body of the last wave."""
+    return [asked.body for asked in daemon.asked if asked.what == "POST wave"][-1]
 
 
 def test_wave_of_a_file(piezod: Command, daemon: FakeDaemon, folder: Path) -> None:
@@ -323,3 +322,13 @@ def test_impossible_value(piezod: Command, daemon: FakeDaemon) -> None:
     assert code == 1
     assert "position_um: must be a finite number (got .nan), allowed range" in err
     assert daemon.asked == []
+
+
+def test_fast_wave_is_told(piezod: Command, daemon: FakeDaemon) -> None:
+    """Above a tenth of the rate a warning goes to stderr; the wave runs."""
+    daemon.answers["GET config"] = {"rate_hz": 100}
+    code, out, err = piezod("wave", "--sine", "2", "20", "20", "--duration", "2")
+
+    assert (code, out) == (0, "following for 2 s\n")
+    assert "20 Hz is more than a tenth of the rate, 100 Hz" in " ".join(err.split())
+    assert piezod("wave", "--sine", "2", "20", "10", "--duration", "2").err == ""

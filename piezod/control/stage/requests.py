@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 from piezod.config import requests
+from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.reference.programs import VoltageProgram, conditioning
@@ -13,7 +14,7 @@ from piezod.control.stage.named import axes_named, axis_names, unknown_axis
 from piezod.control.stage.stage import SENSED, Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
-from piezod.units import s_to_ns
+from piezod.units import NS_PER_S, s_to_ns
 
 ZERO_OVER_S = 0.2
 """A sensor is zeroed to the mean of its samples over this time."""
@@ -77,7 +78,8 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
     if stage.state is not State.SAFE:
         refusal = stage.go(Event.ARM, t_ns)  # armed already, or refused
         if not refusal and request.shadow != stage.boundary.shadow:
-            refusal = f"the stage is armed {_shadow_text(stage)}: `piezod disarm` first"
+            how = "in shadow" if stage.boundary.shadow else "and not in shadow"
+            refusal = f"the stage is armed {how}: `piezod disarm` first"
         return _answer(refusal)
     stage.register.resume()  # faults that only held the stage, and are gone, end here
     stage.boundary.shadow = request.shadow
@@ -91,10 +93,6 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
         return Answer(False, refusal)
     to_condition = [i for i, axis in enumerate(stage.axes) if axis.config.conditioning.on_arm]
     return _condition_axes(stage, to_condition, t_ns) if to_condition else Answer(True)
-
-
-def _shadow_text(stage: Stage) -> str:
-    return "in shadow" if stage.boundary.shadow else "and not in shadow"
 
 
 # ---------------------------------------------------------------------- movements
@@ -140,7 +138,10 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         if why:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
-        why = stage.axes[axes[0]].motion_limits.refusal(waveform.low, waveform.high)
+        limits = stage.axes[axes[0]].motion_limits
+        why = too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
+            waveform.low, waveform.high
+        )
         if why:
             return Answer(False, why)
     why = _start_running(stage, t_ns)
@@ -210,6 +211,8 @@ def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
         if why:
             return Answer(False, why)
         limits = stage.axes[axes[0]].config.limits
+        if why := too_fast(config, NS_PER_S / stage.period_ns):
+            return Answer(False, f"axis {name}: drive_v {why}")
         waveform = build_waveform(config, request.duration_s)
         if waveform.low < limits.drive_min_v or waveform.high > limits.drive_max_v:
             return Answer(

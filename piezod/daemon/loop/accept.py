@@ -55,17 +55,19 @@ def accept(
         prepare: Called with an accepted configuration before that is reported; None for nothing.
 
     Returns:
-        The configuration; None if it was refused, or if the process is to end.
-
-    Raises:
-        OSError: If the copy cannot be written.
+        The configuration; None if it was refused, if the copy cannot be written, or if the process
+        is to end.
     """
     try:
         config = load(source, strict_rt=strict_rt)
     except ConfigError as error:
         _report({"problems": error.problems})
         return None
-    accepted_config.keep(config, copy.parent, copy.stem)
+    try:
+        accepted_config.keep(config, copy.parent, copy.stem)
+    except OSError as error:  # the disk is full
+        _report({"failed": [error.errno, error.strerror, error.filename]})
+        return None
     if prepare is not None:
         prepare(config)
     _report({"accepted": accepted_config.document(config)})

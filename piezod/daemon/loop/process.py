@@ -12,7 +12,7 @@ safe voltage: exit code 0. After any other exit code the last voltage is still i
 
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import getpid
 from pathlib import Path
 from typing import Final
@@ -49,6 +49,7 @@ from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
 from piezod.devices.channels import Channels
+from piezod.devices.interface import Identity, is_same
 from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
@@ -88,7 +89,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
     channels, clock = make_channels(config), MonotonicClock()
     period_ns = shared.layout.period_ns
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
-    known = noted_identities(runtime / IDENTITIES) if succession_of(shared) else {}
+    known = noted_identities(runtime / IDENTITIES)
     if lock is None or not wait_for_devices(channels, shared, clock, known):
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
@@ -99,9 +100,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
     timed = TimedChannels(channels, clock, last_output)
     capabilities = channels.capabilities()
     controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
-    # Before the first cycle: with a latched fault the self-test leads to FAULT.
-    if succession := succession_of(shared):
-        controller.restore_faults(succession.latched, stopped=succession.stopped)
+    controller.stay_in_boot(True)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)
@@ -111,6 +110,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
     report = {"steps": [step._asdict() for step in steps]}
     shared.set_report(report | {"devices": [one.document() for one in placements]})
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
+    _take_over(controller, shared, channels, known)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
@@ -167,9 +167,34 @@ def _check_arming(
         controller.forbid_entry(
             f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
         )
+
+
+def _take_over(
+    controller: StageController,
+    shared: SharedMap,
+    channels: Channels,
+    known: Mapping[str, Identity],
+) -> None:
+    """Take over what the loop before, or the last daemon, has left.
+
+    Args:
+        controller: The controller, in BOOT, which it may leave from now on.
+        shared: The memory shared with the supervisor.
+        channels: The devices, open.
+        known: The identities of the devices that the loop before had opened.
+    """
+    if succession := succession_of(shared):
+        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # The last run did not end in order: an operator must look at the stage first.
-    if words[Word.UNCLEAN]:
+    if shared.words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
+        # `piezod safe` has failed if its voltage is still in force, as while a device was absent.
+        # Another device may be where it is for a reason.
+        if channels.identities.keys() == known.keys() and all(
+            is_same(found, known[name]) for name, found in channels.identities.items()
+        ):
+            controller.ramp_first()
+    controller.stay_in_boot(False)
 
 
 def _rate_event(config: DaemonConfig, t_ns: int, busy_ns: int, period_ns: int) -> StageEvent:

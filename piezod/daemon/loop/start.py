@@ -19,6 +19,7 @@ from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
 from piezod.units import s_to_ns
 
@@ -67,7 +68,8 @@ def wait_for_devices(
         channels: The devices.
         shared: The memory shared with the supervisor, writable.
         clock: The clock of the loop.
-        known: Identities that devices must have, by name; any other device counts as absent.
+        known: Identities of the devices of an earlier loop, by name. If that was a loop of the same
+            daemon, another device counts as absent.
 
     Returns:
         True when they are open and active; False if the process should end.
@@ -75,7 +77,7 @@ def wait_for_devices(
     Raises:
         Exception: Any exception of a driver except `DeviceError`.
     """
-    opener = DeviceOpener(channels, clock, known)
+    opener = DeviceOpener(channels, clock, known if succession_of(shared) else {})
     opener.start()
     mailbox = _StartupMailbox(shared)
     while opener.is_alive():

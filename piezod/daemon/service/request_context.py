@@ -1,6 +1,7 @@
 """One request of one client: its user, its access rights, the lease and the audit."""
 
 from collections.abc import Awaitable, Callable
+from contextlib import nullcontext
 from typing import Annotated, Any, Final, NamedTuple, TypeVar
 
 from fastapi import Depends
@@ -15,6 +16,7 @@ from piezod.daemon.service.open_streams import OpenStreams, commanded_axes
 from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import (
     AuditEntry,
+    BadValueError,
     NotNowError,
     Peer,
     StageError,
@@ -88,8 +90,8 @@ class RequestContext(NamedTuple):
             StageError: If it fails.
         """
         try:
-            self.claim()
-            result = await action()
+            with self.state.lease.claimed(self.peer) if self.access.lease else nullcontext():
+                result = await action()
         except StageError as error:
             self.note(what, error.what)
             raise
@@ -105,6 +107,8 @@ class RequestContext(NamedTuple):
 
         async def accepted() -> Answer:
             answer = await self.stage.request(request, self.peer)
+            if answer.out_of_range:
+                raise BadValueError(answer.why, "send a value within the range")
             if not answer.accepted:
                 raise NotNowError(answer.why, self._remedy())
             axes = commanded_axes(request, self.stage.axes)

@@ -43,7 +43,7 @@ class SetpointStream:
             StageError: If the stage does not follow, another request takes over an axis, a line is
                 not valid, or no line arrives for 5 s.
         """
-        self._context.claim()
+        self._context.state.lease.check(self._context.peer)
         self._connection.let_body_last()
         why = ""
         try:

@@ -1,5 +1,6 @@
 """The audit log: who asked for what, and the answer; JSON lines that are only appended."""
 
+import errno
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -162,7 +163,10 @@ class AuditLog:
 
 
 def _open(path: Path) -> int:
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
+    # Checked before: opening a named pipe would wait for a reader.
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "must be a regular file; remove it", str(path))
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     return os.open(path, flags, 0o640)
 
 

@@ -121,7 +121,7 @@ class LoopConnection:
         for name, position_um in setpoints_um.items():
             low_um, high_um = self._range_um[name]
             if not low_um <= position_um <= high_um:
-                what = f"axis {name}: out of range (got {position_um:g} µm)"
+                what = f"axis {name}: out of range (got {position_um:.12g} µm)"
                 raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
         # Only when all are valid: the axes of one setpoint move together.
         now_ns = time.monotonic_ns()

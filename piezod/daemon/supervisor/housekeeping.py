@@ -33,7 +33,8 @@ class Housekeeping:
             _log.warning("events lost", count=lost)
 
     async def run(self) -> None:
-        """Report faults, write flight records and sync the audit log until cancelled."""
+        """Repair old recordings; then write files and report faults until cancelled."""
+        await self._link.stage_recordings.repair()
         while True:
             await asyncio.sleep(PERIOD_S)
             try:

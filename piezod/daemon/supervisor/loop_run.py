@@ -50,6 +50,7 @@ class LoopRun:
     Attributes:
         config_file: Path of the accepted copy.
         config: The accepted configuration, after `accept`.
+        started: Whether the process may open the devices.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class LoopRun:
         warm: bool = False,
     ) -> None:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
+        self.started = False
         self._paths, self._source, self._overdue_ns = paths, source, 0
         arguments = [str(paths.runtime), str(source), str(self.config_file)]
         options = {"--strict-rt": strict_rt, "--warm": warm}
@@ -80,6 +82,7 @@ class LoopRun:
         Raises:
             ConfigError: If the configuration is not valid; the text has every problem.
             PiezodError: If the process ended without an answer.
+            OSError: If the accepted copy cannot be made.
         """
         answer = self._read_line(ended)
         if answer is None:
@@ -88,6 +91,9 @@ class LoopRun:
         if "problems" in answer:
             self.discard()
             raise ConfigError(*(Problem(*problem) for problem in answer["problems"]))
+        if "failed" in answer:
+            self.discard()
+            raise OSError(*answer["failed"])
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
         return True
 
@@ -122,6 +128,12 @@ class LoopRun:
         answer: dict[str, Any] = json.loads(line)
         return answer
 
+    @property
+    def idle(self) -> bool:
+        """Whether the loop has not run a cycle, and so has driven nothing."""
+        words = self.loop.shared.words
+        return not words[Word.HEALTHY_CYCLES] and self.loop.latest() is None
+
     def start(self, succession: Succession | None = None, *, unclean: bool = False) -> None:
         """Let the process open the devices and run.
 
@@ -129,6 +141,7 @@ class LoopRun:
             succession: What it takes over from the loop that it replaces.
             unclean: Whether the daemon did not end in order last time.
         """
+        self.started = True
         if succession is not None:
             put_succession(self.loop.shared, succession)
         self.loop.shared.words[Word.UNCLEAN] = unclean

@@ -98,8 +98,8 @@ class LearnedParameters:
         if loaded.document is None:
             why = "; ".join(f"{each.file}: {each.why}" for each in loaded.rejected)
             details = {"rejected": rejected} if rejected else None
-            remedy = "see `piezod params history`"
-            raise UnknownNameError(why or "nothing is saved", remedy, details)
+            nothing = "nothing is saved" + (f" as {sequence}" if sequence else "")
+            raise UnknownNameError(why or nothing, "see `piezod params history`", details)
         _check_axes(loaded.document.axes, loop)  # all of them, before the first is changed
         for name, axis in loaded.document.axes.items():
             if axis.model is not None:  # an axis without a model has learned nothing

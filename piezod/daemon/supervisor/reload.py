@@ -21,7 +21,7 @@ from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.errors import ConfigError, PiezodError
 
 UP_WITHIN_S: Final = 60.0
-"""How long a loop may take to its first healthy cycle, in s; compiling may take most of it."""
+"""How long a loop may take to its first cycle, in s; compiling may take most of it."""
 AT_REST: Final = (State.SAFE, State.FAULT, State.BLIND)
 """States in which nothing is driven."""
 _LEARNED_WITH: Final = ("sensor", "amplifier", "compensator")
@@ -173,7 +173,7 @@ async def _end(run: LoopRun) -> None:
 
 
 async def _up(run: LoopRun) -> bool:
-    """Wait for the first healthy cycle; the caller's `_watch` updates the health of the loop."""
+    """Wait for the first cycle; the caller's `_watch` updates the health of the loop."""
     loop = asyncio.get_running_loop()
     end_s = loop.time() + UP_WITHIN_S
     while run.exit_code is None and loop.time() < end_s:

@@ -62,8 +62,17 @@ def _run_stage(
             run.discard()
             return safe  # the mark stays: no operator has looked at the stage yet
         lock.take()
-    supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
-    ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
+    try:
+        supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
+        ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
+    except OSError:  # a file of the stage cannot be made
+        if not run.started:  # it may have no shared memory to ask for its cycles
+            run.discard()
+            if not marker.unclean:
+                marker.remove()
+        raise
+    if ending is Ending.LOST:
+        _remove(marker, supervisor.loop_run)
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
         paths.loop_map.unlink(missing_ok=True)
         # Without its device this run cannot have ended what an unclean one left in force.
@@ -72,6 +81,12 @@ def _run_stage(
     if ending is Ending.ABSENT:
         raise DeviceUnavailableError("a device of this stage is absent; the log says which")
     return ending is Ending.IN_ORDER or (ending is Ending.UNSAFE and safe)
+
+
+def _remove(marker: Marker, run: LoopRun) -> None:
+    """Remove the mark of a run that has driven nothing, unless the one before has left it."""
+    if run.idle and not marker.unclean:
+        marker.remove()
 
 
 async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> tuple[Ending, bool]:

@@ -14,7 +14,7 @@ from piezod.experiment.fit.judgement import Judgement, judge
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
-from piezod.experiment.fit.source import prefix_errors, read_source
+from piezod.experiment.fit.source import Source, prefix_errors, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
 from piezod.experiment.fit.warnings import fit_warnings, quality_warnings, saturation_warnings
@@ -86,11 +86,13 @@ def identify_file(
         OSError: If a file cannot be read.
     """
     source = read_source(data, skip_s, axis)
-    recorded, delay_s = source.record, source.delay_s if delay_s is None else delay_s
-    record = thinned(recorded)
-    test_source = read_source(test, skip_s, axis) if test else None
-    test_recorded = test_source.record if test_source else None
-    test_record = thinned(test_recorded) if test_recorded else None
+    if delay_s is None:
+        delay_s = source.delay_s
+    record, notes = thinned(source.record), tuple(_notes("record", source))
+    test_record = None
+    if test:
+        test_source = read_source(test, skip_s, axis)
+        test_record, notes = thinned(test_source.record), (*notes, *_notes("test", test_source))
     with prefix_errors(data):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s)
@@ -109,7 +111,7 @@ def identify_file(
     return FileFit(
         data=data,
         test_data=test,
-        recorded=recorded,
+        recorded=source.record,
         record=record,
         taken=taken,
         other=judge(other, record, test_record) if other else None,
@@ -117,14 +119,7 @@ def identify_file(
         uncertainty=uncertainty_of(fit, taken.validation),
         choice=choice,
         untold=missing_excitation(smoothed_record(record)),
-        warnings=(
-            *source.notes,
-            *(f"Test: {note}" for note in (test_source.notes if test_source else ())),
-            *_length_warnings("record", recorded, record),
-            *_length_warnings("test", test_recorded, test_record),
-            *_warnings(fit, record, test_record),
-            *doubts,
-        ),
+        warnings=(*notes, *_warnings(fit, record, test_record), *doubts),
     )
 
 
@@ -145,9 +140,10 @@ def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
         yield from _range_warnings(fit.model.position_um, test)
 
 
-def _length_warnings(name: str, recorded: Record | None, used: Record | None) -> Iterator[str]:
-    if not (recorded and used):
-        return
+def _notes(name: str, source: Source) -> Iterator[str]:
+    """Yield what to know about a file, and the part of it that is not used."""
+    yield from source.notes if name == "record" else (f"Test: {each}" for each in source.notes)
+    recorded, used = source.record, thinned(source.record)
     left_out_s = float(recorded.t_s[-1] - used.t_s[-1])
     if left_out_s > 2.0 * used.period_s:  # averaging may drop a part of an average
         yield (

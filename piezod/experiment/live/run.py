@@ -22,7 +22,7 @@ from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.slower import slow_enough
 from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.virtual.run import Progress, versions
-from piezod.experiment.warnings import run_warnings
+from piezod.experiment.warnings import rate_warnings, run_warnings
 from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.telemetry_reader import RecordedTelemetry
 
@@ -59,7 +59,7 @@ def run_live(
     check_live(config, setup)
     meter = _ProgressMeter(config, progress)
     recordings: list[Recording] = []
-    warnings = [*not_used(config, setup), *slowed]
+    warnings = [*not_used(config, setup), *slowed, *rate_warnings(config, setup.rate_hz)]
     with (
         TemporaryDirectory(prefix="piezod-") as folder,
         LiveStage(client, setup, meter.advance) as stage,

@@ -36,6 +36,7 @@ from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.succession import Succession, put_succession
 from piezod.telemetry.words import Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
@@ -139,6 +140,7 @@ def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> Non
 def test_another_device_than_the_known_one_is_not_used(shared: SharedMap) -> None:
     """A device that takes the place of the known one counts as absent, with both identities."""
     rig, events = AbsentRig(), EventReader(shared)
+    put_succession(shared, Succession())
     waiting = Waiting(rig, shared, {"rig": Identity("maker", "other", "7", "1")})
     eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
 

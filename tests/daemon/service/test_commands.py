@@ -65,6 +65,18 @@ def test_refusal_has_the_reason_of_the_stage(served: Served, client: httpx.Clien
     assert answer.json()["error"]["what"] == "the stage is SAFE; arm it first"
 
 
+@pytest.mark.fault("C10")
+def test_value_that_the_stage_does_not_allow_is_invalid(
+    served: Served, client: httpx.Client
+) -> None:
+    """A refusal because of a value has the code of a value, not that of the state."""
+    served.stage.refusal = "position out of range (got 26.0000001 µm), allowed range 0 to 26 µm"
+    answer = client.post("goto", json={"position_um": 26.0000001})
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (422, "invalid")
+    assert answer.json()["error"]["what"] == served.stage.refusal
+
+
 @pytest.mark.fault("C13")
 @pytest.mark.parametrize("state", ["BLIND", "FAULT"])
 def test_refusal_of_a_stopped_stage_names_its_faults(

@@ -8,6 +8,7 @@ from datetime import datetime, timedelta
 from math import nan
 from pathlib import Path
 
+import h5py
 import pytest
 
 from piezod.config.faults import Fault
@@ -23,6 +24,7 @@ from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.units import NS_PER_S
 from tests.daemon.bench import PEER, Bench
 from tests.daemon.waiting import eventually
+from tests.records.killed import killed
 
 
 @pytest.fixture
@@ -70,6 +72,24 @@ def test_end_writes_the_flight_record_of_a_fault(bench: Bench, log: io.StringIO)
     assert len(list(bench.paths.flights.glob("*-A1.h5"))) == 1
     assert "flight recorded" in log.getvalue()
     assert not bench.link.stage_recordings.running_name
+
+
+@pytest.mark.fault("P8")
+def test_recordings_of_a_killed_daemon_are_repaired(bench: Bench, log: io.StringIO) -> None:
+    """At the next start recordings and flight records open plainly; a damaged one is named."""
+    killed(bench.paths.recordings / "20260101T120000Z.h5", 50)
+    killed(bench.paths.flights / "20260101T120000Z-A1.h5", 50)
+    damaged = bench.paths.recordings / "20260102T120000Z.h5"
+    damaged.write_bytes(b"text")
+
+    asyncio.run(bench.link.stage_recordings.repair())
+
+    for folder, name in ((bench.paths.recordings, ""), (bench.paths.flights, "-A1")):
+        with h5py.File(folder / f"20260101T120000Z{name}.h5") as root:
+            assert root["recording/cycles/seq"].size == 50
+    assert f"{damaged}: it is not a recording" in log.getvalue()
+    assert log.getvalue().count("recording was not closed: repaired") == 2
+    asyncio.run(Housekeeping(bench.link).close())
 
 
 @pytest.mark.fault("P6")

@@ -371,6 +371,20 @@ def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConf
     bench.link.stage_audit.close()
 
 
+def test_number_that_was_never_saved_is_no_damaged_file(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The client gets the number; nothing is logged, because no file is damaged."""
+    _learn(bench, zero_um=0.0)
+    bench.do(lambda link: link.save_params(PEER))
+
+    with pytest.raises(UnknownNameError, match="nothing is saved as 999") as raised:
+        bench.do(lambda link: link.load_params(999, PEER))
+
+    assert raised.value.details == {}
+    assert "rejected" not in capsys.readouterr().err
+
+
 def test_missing_parameters_are_an_error(bench: Bench) -> None:
     """Nothing can be loaded before the first save, nor saved before the first cycle."""
     with pytest.raises(UnknownNameError, match="nothing is saved"):
