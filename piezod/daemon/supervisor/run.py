@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+from piezod.daemon.descriptors import raise_limit
 from piezod.daemon.durations import ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.logging import set_up_logging
@@ -33,12 +34,14 @@ def run_stage(
 
     Raises:
         ConfigError: If the configuration is not valid; no device was opened.
-        PiezodError: If the loop process ended before it had read the configuration.
+        PiezodError: If the loop process ended before it had read the configuration, or if this
+            process may not open enough files.
         AlreadyRunningError: If another daemon took the lock while `piezod safe` had it.
         DeviceUnavailableError: If a required device was absent.
         OSError: If a file of the stage cannot be made.
     """
     set_up_logging()
+    raise_limit()
     marker = Marker(paths.running)
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
     if not run.accept(lambda: bool(signals.end) and not marker.unclean):
