@@ -94,7 +94,7 @@ class FakeStage:
         }
 
     def health(self) -> tuple[bool, Document]:
-        return self.healthy, {"healthy_cycles": 12}
+        return self.healthy, {"cycle_age_s": 0.01}
 
     def faults(self) -> list[Document]:
         return [{"id": "S5", "name": "stuck", "present": True, "latched": False, "remedy": "look"}]
