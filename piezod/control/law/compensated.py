@@ -153,7 +153,7 @@ def compensated_axis(
         period_ns=period_ns,
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
-        trim=_trim(config, period_ns),
+        trim=_trim(config, model, period_ns),
         proof=_proof(model, period_ns),
         first_mode_hz=config.first_mode.frequency_hz if config.first_mode else None,
     )
@@ -189,14 +189,14 @@ def _proof(model: StageModel, period_ns: int) -> ModelProof:
     )
 
 
-def _trim(config: AxisConfig, period_ns: int) -> Trim:
-    trim = config.trim
-    return Trim(
-        trim.gain_per_s,
-        period_ns / NS_PER_S,
-        trim.authority_pct / 100.0,
-        _cycles(FADE_S, period_ns),
-    )
+def _trim(config: AxisConfig, model: StageModel, period_ns: int) -> Trim:
+    trim, period_s, refusal = config.trim, period_ns / NS_PER_S, ""
+    try:
+        check_trim(config, period_s, model.delay_s)
+    except ModelError as error:
+        refusal = str(error)
+    fade_cycles = _cycles(FADE_S, period_ns)
+    return Trim(trim.gain_per_s, period_s, trim.authority_pct / 100.0, fade_cycles, refusal)
 
 
 def _cycles(duration_s: float, period_ns: int) -> int:
