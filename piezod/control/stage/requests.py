@@ -100,6 +100,9 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
 
 def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
     axes, why = axes_named(stage, request.axis)
+    if not why and request.mode is Mode.TRIMMED:
+        refusals = ((stage.axes[i].name, stage.axes[i].law.trim.refusal) for i in axes)
+        why = "; ".join(f"axis {name}: {refusal}" for name, refusal in refusals if refusal)
     if why:
         return Answer(False, why)
     if stage.state is not State.SAFE:  # in SAFE the mode is set for later
