@@ -119,8 +119,10 @@ class AxisConfig(ConfigModel):
     amplifier: Output = Field(
         description="Amplifier: name of a device, or a channel of it with its calibration."
     )
-    sensor: Input = Field(
-        description="Sensor: name of a device, or a channel of it with its calibration."
+    sensor: Input | None = Field(
+        default=None,
+        description="Sensor: name of a device, or a channel of it with its calibration; default: "
+        "the axis has none, and only the modes uncompensated and feedforward.",
     )
     command_input: Input | None = Field(
         default=None, description="Input that commands the axis in `piezod follow`."
@@ -143,7 +145,8 @@ class AxisConfig(ConfigModel):
     def channels(self) -> Iterator[tuple[str, OutputConfig | InputConfig]]:
         """Yield every channel of the axis, with its key."""
         yield "amplifier", self.amplifier
-        yield "sensor", self.sensor
+        if self.sensor is not None:
+            yield "sensor", self.sensor
         if self.command_input is not None:
             yield "command_input", self.command_input
 
@@ -155,6 +158,8 @@ class AxisConfig(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.model is not None:
             yield from self._broken_model(self.model)
+        if self.sensor is None and "trim" in self.model_fields_set:
+            yield ("trim",), "not used, the axis has no sensor, leave it out"
         if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
             yield ("command_range_um", 1), "must be above the first of the two"
         low_v, high_v = self.amplifier.calibration.physical_range()

@@ -180,9 +180,10 @@ def test_a_channel_that_cannot_be_used_is_refused(old: str, new: str, problem: s
 
 def test_a_calibration_that_is_written_down_is_meant() -> None:
     """A calibration without effect is accepted: 1 V may be 1 µm."""
-    axes = load(("{kind: line, gain: 4}", "{kind: line}")).axes
+    sensor = load(("{kind: line, gain: 4}", "{kind: line}")).axes["y"].sensor
 
-    assert axes["y"].sensor.calibration == LineCalibration()
+    assert sensor is not None
+    assert sensor.calibration == LineCalibration()
 
 
 def test_light_and_command_are_read_from_the_file() -> None:
@@ -193,10 +194,10 @@ def test_light_and_command_are_read_from_the_file() -> None:
         ("    sensor: {device: gauge", "    command_input: gauge\n    sensor: {device: gauge"),
         ("  x:\n", "  out:\n"),
     ).axes
+    sensor = axes["y"].sensor
 
-    assert axes["y"].sensor.light == LightConfig(
-        channel="AIN1", nominal=2.0, least=1.0, divides=False
-    )
+    assert sensor is not None
+    assert sensor.light == LightConfig(channel="AIN1", nominal=2.0, least=1.0, divides=False)
     assert axes["out"].command_input == InputConfig(device="gauge")
 
 

@@ -31,8 +31,11 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         record: The newest record; None before the first.
     """
     axes = {
-        name: _axis(None if record is None else record["axes"][i], config)
-        for i, name in enumerate(config.axes)
+        name: {
+            "has_sensor": axis.sensor is not None,
+            **_axis(None if record is None else record["axes"][i], config),
+        }
+        for i, (name, axis) in enumerate(config.axes.items())
     }
     obtained = _obtained(shared)
     modes = {axis["mode"] for axis in axes.values()}
