@@ -158,8 +158,6 @@ class AxisConfig(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.model is not None:
             yield from self._broken_model(self.model)
-        if self.sensor is None and "trim" in self.model_fields_set:
-            yield ("trim",), "not used, the axis has no sensor, leave it out"
         if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
             yield ("command_range_um", 1), "must be above the first of the two"
         low_v, high_v = self.amplifier.calibration.physical_range()

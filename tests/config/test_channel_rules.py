@@ -208,3 +208,20 @@ def test_two_devices_cannot_have_one_port() -> None:
             ("daq: {driver: daq}", "daq: {driver: daq, options: {port: /dev/a}}"),
             ("gauge: {driver: gauge}", "gauge: {driver: gauge, options: {port: /dev/a}}"),
         )
+
+
+NO_SENSOR = ("    sensor: {device: daq, channel: AIN0, calibration: {kind: line, gain: 4}}\n", "")
+
+
+def test_axis_needs_no_sensor() -> None:
+    """An amplifier alone is enough."""
+    axes = load(NO_SENSOR).axes
+
+    assert axes["y"].sensor is None
+    assert [key for key, _ in axes["y"].channels()] == ["amplifier"]
+
+
+def test_mode_that_needs_a_sensor_is_refused_without_one() -> None:
+    """The message names the axis."""
+    with pytest.raises(ConfigError, match="mode: adaptive needs a sensor on every axis, y has"):
+        load(NO_SENSOR, ("rate_hz: 1000\n", "rate_hz: 1000\nmode: adaptive\n"))
