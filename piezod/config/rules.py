@@ -49,7 +49,7 @@ def _without_sensor(experiment: ExperimentFields) -> Iterator[BrokenRule]:
         if axis.sensor is None:
             yield (
                 ("axes", name, "sensor"),
-                "missing: an experiment measures the errors of each axis",
+                "needs a `sensor`: an experiment measures the errors of each axis",
             )
 
 
