@@ -66,6 +66,7 @@ def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
     assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
 
 
+@pytest.mark.fault("L9")
 def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
     """A failed step explains why arming is refused."""
     steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
