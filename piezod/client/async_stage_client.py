@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
-from piezod.client.arrival import Arrival, arrival, too_late
+from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
@@ -123,8 +123,10 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         Raises:
             NotReachedError: If the movement ends before its target or takes too long; the text
                 has the reason.
+            RefusedError: If the axis has no sensor; then nothing moves.
             ClientError: As in every method.
         """
+        refuse_without_sensor(await self.status(), axis)
         start_s = time.monotonic()
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:

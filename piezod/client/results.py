@@ -75,13 +75,14 @@ class AxisStatus:
     """One axis in the newest cycle.
 
     Attributes:
-        position_um: Measured position, in µm.
+        position_um: Measured position, in µm; None without a sensor.
         command_um: Commanded position, in µm.
         drive_v: Drive voltage, in V.
         target_um: Target of the movement, in µm.
         mode: Mode of the compensator.
         on_target: Whether the position has been within its tolerance for the settling time.
         motion: Number of the movement.
+        has_sensor: Whether a sensor measures the axis.
     """
 
     position_um: float | None
@@ -91,6 +92,7 @@ class AxisStatus:
     mode: str = ""
     on_target: bool = False
     motion: int = 0
+    has_sensor: bool = True
 
     @property
     def error_um(self) -> float | None:

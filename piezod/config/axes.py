@@ -130,8 +130,10 @@ class AxisConfig(ConfigModel):
     amplifier: Output = Field(
         description="Amplifier: name of a device, or a channel of it with its calibration."
     )
-    sensor: Input = Field(
-        description="Sensor: name of a device, or a channel of it with its calibration."
+    sensor: Input | None = Field(
+        default=None,
+        description="Sensor: name of a device, or a channel of it with its calibration; default: "
+        "the axis has none, and only the modes uncompensated and feedforward.",
     )
     command_input: Input | None = Field(
         default=None, description="Input that commands the axis in `piezod follow`."
@@ -154,7 +156,8 @@ class AxisConfig(ConfigModel):
     def channels(self) -> Iterator[tuple[str, OutputConfig | InputConfig]]:
         """Yield every channel of the axis, with its key."""
         yield "amplifier", self.amplifier
-        yield "sensor", self.sensor
+        if self.sensor is not None:
+            yield "sensor", self.sensor
         if self.command_input is not None:
             yield "command_input", self.command_input
 

@@ -18,6 +18,7 @@ from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
 from piezod.control.stage.parts import StageParts, WatchedAxis
 from piezod.control.stage.stage import Stage
+from piezod.control.watch.absent_sensor import AbsentSensor
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.control.watch.amplifier import AmplifierWatch
 from piezod.control.watch.axis import AxisWatch
@@ -159,11 +160,19 @@ def _build_axis(
     adaptation = law.identifier.adaptation
     watches = AxisWatch(
         BusWatch(index),
-        SensorWatch(index, WatchedSensor.of(axis, model), period_ns),
+        _sensor_watch(axis, model, index, period_ns),
         AmplifierWatch(index, law.limits, delay_ns, period_ns, lag_ns),
         AdaptationWatch(index, adaptation, law.proof, model, law_model.position_um, period_ns),
     )
     return WatchedAxis(StageAxis(name, axis, law, period_ns), watches)
+
+
+def _sensor_watch(
+    axis: StageAxisConfig, model: StageModel | None, index: int, period_ns: int
+) -> SensorWatch | AbsentSensor:
+    if axis.sensor is None:
+        return AbsentSensor()
+    return SensorWatch(index, WatchedSensor.of(axis, model), period_ns)
 
 
 def _at_rest(model: StageModel, period_s: float) -> CreepState:

@@ -10,13 +10,14 @@ from math import inf, nan
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
+from piezod.config.modes import SENSED
 from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.guard import Admitted, Guard
 from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.progress import advance, overloaded_axes, react
-from piezod.control.stage.stage import DRIVEN, SENSED, Stage
+from piezod.control.stage.stage import DRIVEN, Stage
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags

@@ -89,6 +89,11 @@ class StageAxis:
         return self.law.compensator.mode
 
     @property
+    def has_sensor(self) -> bool:
+        """Whether a sensor measures the axis."""
+        return self.config.sensor is not None
+
+    @property
     def following(self) -> bool:
         """Whether the axis follows a command."""
         return not self._forced

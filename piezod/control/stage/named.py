@@ -1,5 +1,7 @@
 """Finds the axes that a request names."""
 
+from collections.abc import Sequence
+
 from piezod.control.stage.stage import Stage
 
 
@@ -21,3 +23,12 @@ def unknown_axis(stage: Stage, name: str) -> str:
 def axis_names(stage: Stage) -> str:
     """Return the names of all axes, as a text."""
     return ", ".join(axis.name for axis in stage.axes)
+
+
+def without_sensor(stage: Stage, axes: Sequence[int], what: str) -> str:
+    """Return the refusal of an activity that needs a sensor; empty if all these axes have one."""
+    blind = [stage.axes[i].name for i in axes if not stage.axes[i].has_sensor]
+    if not blind:
+        return ""
+    remedy = "configure one, borrowed if need be, or name another axis"
+    return f"{what} needs a sensor, and axis {', '.join(blind)} has none: {remedy}"

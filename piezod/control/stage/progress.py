@@ -5,11 +5,11 @@ from math import isfinite
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.config.modes import Mode
+from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
 from piezod.control.faults.detection import Detection, News
 from piezod.control.faults.table import Reaction, mask
-from piezod.control.stage.stage import SENSED, Stage
+from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import StageEvent

@@ -5,13 +5,13 @@ from typing import Any, Final
 
 from piezod.config import requests
 from piezod.config.frequencies import too_fast
-from piezod.config.modes import Mode
+from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.answer import Answer
-from piezod.control.stage.named import axes_named, axis_names, unknown_axis
-from piezod.control.stage.stage import SENSED, Stage
+from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
+from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
 from piezod.units import NS_PER_S, s_to_ns
@@ -100,6 +100,8 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
 
 def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
     axes, why = axes_named(stage, request.axis)
+    if not why and request.mode in SENSED:
+        why = without_sensor(stage, axes, f"mode {request.mode}")
     if not why and request.mode is Mode.TRIMMED:
         refusals = ((stage.axes[i].name, stage.axes[i].law.trim.refusal) for i in axes)
         why = "; ".join(f"axis {name}: {refusal}" for name, refusal in refusals if refusal)
@@ -142,13 +144,11 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
         limits = stage.axes[axes[0]].motion_limits
-        why = too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
+        if why := too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
             waveform.low, waveform.high
-        )
-        if why:
+        ):
             return Answer(False, why)
-    why = _start_running(stage, t_ns)
-    if why:
+    if why := _start_running(stage, t_ns):
         return Answer(False, why)
     motions = [
         stage.axes[i].follow(waveform, request.duration_s, t_ns)
@@ -211,6 +211,7 @@ def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
     drives: dict[int, VoltageProgram] = {}
     for name, config in request.drive_v.items():
         axes, why = axes_named(stage, name)
+        why = why or without_sensor(stage, axes, "the identification")
         if why:
             return Answer(False, why)
         limits = stage.axes[axes[0]].config.limits
@@ -241,6 +242,7 @@ def _start_ident(
 
 def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
     axes, why = axes_named(stage, request.axis)
+    why = why or without_sensor(stage, axes, "zeroing")
     if why:
         return Answer(False, why)
     if stage.state not in {State.SAFE, State.READY}:

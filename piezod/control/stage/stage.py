@@ -22,8 +22,6 @@ DRIVEN: Final = frozenset(
     {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
 )
 """States in which voltages are written."""
-SENSED: Final = frozenset({Mode.ADAPTIVE, Mode.TRIMMED})
-"""Modes that need the sensor."""
 _ALARMING: Final = frozenset({State.HOLD, State.BLIND, State.FAULT, State.ESTOP})
 _COMPENSATING: Final = frozenset({State.READY, State.RUN, State.HOLD})
 
@@ -284,10 +282,9 @@ class Stage:
 
     def _facts(self) -> Facts:
         doubt = "" if self.state is not State.SAFE or self.boundary.shadow else self._judge.doubt()
-        valid = [watch.sensor.sample.valid for watch in self.watches]
         return Facts(
             output_known=self.output.known,
-            sensor_valid=self.boundary.active and all(valid),
+            sensor_valid=self.boundary.active and all(watch.sensor.ready for watch in self.watches),
             adapt_allowed=self.register.adapt_allowed,
             model_known=self._memory_known,
             latched=bool(self.register.blocking),

@@ -161,6 +161,11 @@ class SensorWatch:
             found = (*found, Detection(Fault.S13, self._axis, self._still.samples, STILL_SAMPLES))
         return found
 
+    @property
+    def ready(self) -> bool:
+        """Whether modes that need the sensor may be used."""
+        return self.sample.valid
+
     def allowed_um(self, drive_v: float) -> tuple[float, float]:
         """Return the range of positions that the stage can have at a voltage, whatever its past.
 

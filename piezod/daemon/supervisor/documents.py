@@ -32,8 +32,11 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         record: The newest record; None before the first.
     """
     axes = {
-        name: _axis(None if record is None else record["axes"][i], config)
-        for i, name in enumerate(config.axes)
+        name: {
+            "has_sensor": axis.sensor is not None,
+            **_axis(None if record is None else record["axes"][i], config),
+        }
+        for i, (name, axis) in enumerate(config.axes.items())
     }
     if record is not None and STATES[record["state"]] is State.BLIND:
         for axis in axes.values():  # the record has only the last written voltage

@@ -82,9 +82,10 @@ def test_marks_of_tests_name_faults_on_the_page() -> None:
     assert marked_ids() - set(ROWS) == set()
 
 
-def test_each_detected_fault_has_a_test() -> None:
-    """Each fault that a module names is in the mark of a test."""
-    assert detected_ids() - marked_ids() == set()
+def test_each_fault_on_the_page_has_a_test() -> None:
+    """Each id of the page is in the mark of a test, whether a module detects it or prevents it."""
+    assert detected_ids() - set(ROWS) == set()
+    assert set(ROWS) - marked_ids() == set()
 
 
 def test_ids_are_unique_and_fit_the_masks_of_a_record() -> None:

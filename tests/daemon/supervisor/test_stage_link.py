@@ -86,6 +86,7 @@ def test_voltage_is_unknown_in_blind(bench: Bench) -> None:
     assert bench.link.status()["axes"]["x"]["drive_v"] == 79.0
 
 
+@pytest.mark.fault("L9")
 def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
     """A failed step explains why arming is refused."""
     steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
