@@ -11,6 +11,7 @@ from piezod.control.reference.waveforms import Waveform
 from piezod.errors import DataError
 from piezod.experiment.error_rows import errors_pct
 from piezod.experiment.live.setup import LiveAxis
+from piezod.experiment.steps import step_metrics
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
 from piezod.records.telemetry_reader import RecordedTelemetry
@@ -86,7 +87,8 @@ def cut_waveform(
         weights_t_s=weights_t_s,
         metrics=errors_pct(
             run.metrics, *(values[judged:] for values in (command_um, position_um, true_um))
-        ),
+        )
+        | step_metrics(command_um[judged:], position_um[judged:], 1.0 / telemetry.header.rate_hz),
         first_metric_index=judged,
     )
 
