@@ -1,6 +1,6 @@
 """The loop on one screen: wait, run a cycle, publish its record, take a request."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
@@ -82,11 +82,14 @@ class Loop:
         self._supervisor = SupervisorWatch(shared)
         self.counters = ProcessCounters(shared.words)
         self._counted_ns = self._busy_ns = 0
+        # Answers to requests whose consequences the next record will show.
+        self._to_answer: list[tuple[Callable[..., None], int, Answer]] = []
 
     def run(self) -> None:
         """Run until a shutdown was requested and the stage is at its safe voltage."""
         while not self._controller.finished:
             self.cycle()
+        self._send_answers()
 
     def cycle(self) -> None:
         """Run one cycle. Real-time safe."""
@@ -104,6 +107,7 @@ class Loop:
         publisher.record(record, tick, timed, self._now_ns())
         publisher.events(controller.take_events())
         publisher.learned(controller)
+        self._send_answers()
         self._serve_after_write(t_ns, tick.skipped)
         self._busy_ns = self._now_ns() - t_ns
 
@@ -111,16 +115,16 @@ class Loop:
         """Do the work that can wait for the write: requests, supervisor, counters."""
         # The emergency stop has a slot of its own, so that no other request delays it.
         if number := self._mailbox.take_estop():
-            accepted, why, motion = self._controller.execute(_ESTOP, t_ns)
-            self._mailbox.answer_estop(number, accepted=accepted, motion=motion, why=why)
+            answer = self._controller.execute(_ESTOP, t_ns)
+            self._to_answer.append((self._mailbox.answer_estop, number, answer))
         taken = self._mailbox.take(t_ns)  # at most one a cycle: its duration stays bounded
         if taken is not None:
             number, payload = taken
-            accepted, why, motion = self._execute(payload, t_ns)
-            if accepted:
+            answer = self._execute(payload, t_ns)
+            if answer.accepted:
                 # Before the answer: the client may ask next for parameters that this one changed.
                 self.publisher.learned_all(self._controller)
-            self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
+            self._to_answer.append((self._mailbox.answer, number, answer))
         # Without a supervisor, do what it would request: ramp down and end.
         if self._supervisor.lost(t_ns, skipped):
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
@@ -130,6 +134,13 @@ class Loop:
             self._counted_ns = t_ns
             for detection in self.counters.publish():
                 self._controller.report(detection)
+
+    def _send_answers(self) -> None:
+        """Answer the requests of the cycle before: the record of this one shows what they did."""
+        if self._to_answer:
+            for send, number, (accepted, why, motion) in self._to_answer:
+                send(number, accepted=accepted, motion=motion, why=why)
+            self._to_answer.clear()
 
     def _execute(self, payload: bytes, t_ns: int) -> Answer:
         try:

@@ -73,6 +73,29 @@ def test_first_write_is_the_voltage_in_force(slew_v_per_s: float, there_v: float
     assert first_v(stage) == pytest.approx(there_v, abs=0.5)
 
 
+def test_refusal_says_how_the_state_came_about() -> None:
+    """The cause goes on from RAMP to SAFE; a fault and a request are named, each with its time."""
+    stage = running()
+    stage.cycle(PAUSE)
+    stage.until("SAFE")
+    stage.run(3.0)
+    after_fault = stage.ask(rq.Goto(position_um=1.0)).why
+    stopped = running()
+    stopped.do(rq.Stop())
+    stopped.until("SAFE")
+    after_stop = stopped.ask(rq.Resume()).why
+    held = stopped.ask(rq.Hold())
+
+    assert (
+        after_fault == "cannot move in SAFE: `piezod arm` first (in SAFE for 3 s because of L5, L2)"
+    )
+    assert "(in SAFE for 0 s because of `stop`)" in after_stop
+    assert (held.accepted, held.why.partition(" (")[0]) == (
+        False,
+        "cannot hold in SAFE: nothing is driven",
+    )
+
+
 @pytest.mark.fault("P2")
 @pytest.mark.parametrize("left_v", [80.0, 0.0])
 def test_voltage_of_a_killed_daemon_is_ramped_down(left_v: float) -> None:

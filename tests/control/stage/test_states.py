@@ -20,7 +20,6 @@ GOOD = Facts(
 )
 NEVER_REFUSED = {
     Event.DISARM,
-    Event.HOLD,
     Event.STOP,
     Event.ESTOP,
     Event.SHUTDOWN,
@@ -43,7 +42,7 @@ RUN              !        !        RUN   !     .     !     !     !        !     
 RUN_ADAPTIVE     !        !        RUN   !     .     !     !     !        !        !     !
 IDENTIFY         !        !        IDENT !     !     !     !     !        !        !     !
 IDENTIFY_DONE    .        .        .     READY .     .     .     .        .        .     .
-HOLD             .        .        HOLD  HOLD  HOLD  .     .     .        .        .     .
+HOLD             !        !        HOLD  HOLD  HOLD  .     !     !        !        !     !
 RESUME           !        !        !     !     !     RUN   !     !        !        !     !
 STOP             .        .        RAMP  RAMP  RAMP  RAMP  .     .        .        .     .
 ESTOP            ESTOP    ESTOP    ESTOP ESTOP ESTOP ESTOP ESTOP .        ESTOP    .     .

@@ -127,7 +127,7 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     sent = [Goto(position_um=1.0), Goto(position_um=2.0)]
     first, second = (mailbox.post(encode(each), 2 * 10**9) for each in sent)
 
-    rig.run(1)
+    rig.run(2)
     early = mailbox.answer(second)
     rig.run(1)
 
@@ -135,6 +135,31 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     assert rig.controller.requests == sent
     assert mailbox.answer(first) == (True, "", 1)
     assert mailbox.answer(second) == (True, "", 2)
+
+
+def test_answer_comes_with_the_state_that_the_request_causes(rig: Rig) -> None:
+    """Whoever gets an answer finds its consequences in the newest record."""
+    mailbox = MailboxWriter(rig.shared)
+    number, estop = mailbox.post(encode(Goto(position_um=1.0)), 2 * 10**9), mailbox.post_estop()
+    rig.run(1)
+    early = mailbox.answer(number), mailbox.estop_answer(estop)
+    rig.controller.state = State.HOLD  # what the request does
+    rig.run(1)
+
+    assert early == (None, None)
+    assert mailbox.answer(number) is not None
+    assert mailbox.estop_answer(estop) is not None
+    assert list(State)[rig.shared.words[Word.LOOP_STATE]] is State.HOLD
+
+
+def test_last_request_is_answered(rig: Rig) -> None:
+    """A loop that ends because of a request answers it."""
+    mailbox = MailboxWriter(rig.shared)
+    number = mailbox.post(encode(Shutdown()), 2 * 10**9)
+
+    rig.loop.run()
+
+    assert mailbox.answer(number) is not None
 
 
 def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:

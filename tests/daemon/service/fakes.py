@@ -58,6 +58,7 @@ class FakeStage:
         self.setpoints: list[Mapping[str, float]] = []
         self.audited: list[AuditEntry] = []
         self.refusal = ""
+        self.next_states = ["SAFE"]
         self.lost_link = False
         self.unanswered = self.recordings_stopped = 0
         self.stream_refusal = ""
@@ -84,7 +85,7 @@ class FakeStage:
     def status(self) -> Document:
         axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
         return {
-            "state": "SAFE",
+            "state": self.next_states.pop(0) if len(self.next_states) > 1 else self.next_states[0],
             "mode": "adaptive",
             "faults": [],
             "skipped_cycles": 0,
