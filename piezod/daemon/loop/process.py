@@ -1,4 +1,4 @@
-"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY [--strict-rt]`.
+"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY LOCK [--strict-rt]`.
 
 The supervisor starts it. It accepts the configuration and writes the copy (`loop.accept`). Then
 the supervisor makes the shared memory and lets it go on. It owns the devices and nothing else: no
@@ -39,7 +39,7 @@ from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
-from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
+from piezod.daemon.paths import IDENTITIES
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.telemetry import requests_codec
@@ -52,13 +52,14 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
 
 
-def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
+def main(runtime: Path, source: Path, copy: Path, lock_file: Path, *, strict_rt: bool) -> None:
     """Run the loop of a stage until a shutdown has ended.
 
     Args:
         runtime: Folder of the runtime files.
         source: The configuration file.
         copy: Path of the accepted copy.
+        lock_file: The lock of the devices.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
 
     Raises:
@@ -76,9 +77,8 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     # Compile now: compiling during a cycle would take seconds.
     requests_codec.warm_up()
     warm_up(config)
-    channels, clock = make_channels(config), MonotonicClock()
-    period_ns = shared.layout.period_ns
-    lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
+    channels, clock, period_ns = make_channels(config), MonotonicClock(), shared.layout.period_ns
+    lock = wait_for_lock(lock_file, shared, clock, loop_gone_within_s(config))
     known = noted_identities(runtime / IDENTITIES)
     if lock is None or not wait_for_devices(channels, shared, clock, known):
         return  # only the end of the process releases the lock
@@ -173,5 +173,5 @@ def _take_over(
 
 
 if __name__ == "__main__":
-    paths = [Path(each) for each in sys.argv[1:4]]
-    main(paths[0], paths[1], paths[2], strict_rt="--strict-rt" in sys.argv[4:])
+    paths = [Path(each) for each in sys.argv[1:5]]
+    main(paths[0], paths[1], paths[2], paths[3], strict_rt="--strict-rt" in sys.argv[5:])

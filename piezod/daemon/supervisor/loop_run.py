@@ -56,9 +56,9 @@ class LoopRun:
     ) -> None:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
         self._paths, self._source, self._overdue_ns = paths, source, 0
-        arguments = [str(paths.runtime), str(source), str(self.config_file)]
+        places = (paths.runtime, source, self.config_file, paths.loop_lock)
         strict = ["--strict-rt"] if strict_rt else []
-        self._process = _start("piezod.daemon.loop.process", *arguments, *strict, piped=True)
+        self._process = _start("piezod.daemon.loop.process", *map(str, places), *strict, piped=True)
 
     def accept(self, ended: Callable[[], bool] = bool) -> bool:
         """Wait until the process has accepted the configuration.
