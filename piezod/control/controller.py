@@ -18,6 +18,7 @@ from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.requests import execute
 from piezod.control.stage.stage import Stage
+from piezod.control.stage.states import Event
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.hysteresis.memory import FloatArray
 from piezod.telemetry.record import CycleRecord, StageEvent
@@ -108,18 +109,25 @@ class StageController:
         """Take a fault that the loop process detected, for the next cycle."""
         self._stage.report(detection)
 
-    def restore_faults(self, latched: int, *, stopped: bool) -> None:
-        """Take over the latched faults of the loop that this one replaces, before the first cycle.
+    def restore_faults(self, latched: int, t_ns: int, *, stopped: bool) -> None:
+        """Take over the latched faults of the loop that this one replaces.
 
         Args:
             latched: The faults, as a bit mask.
+            t_ns: Instant of the next cycle, or earlier, in ns.
             stopped: Whether faults had stopped the stage.
         """
         self._stage.register.restore(latched, stopped=stopped)
+        if self._stage.register.blocking:
+            self._stage.go(Event.SELF_TEST_FAILED, t_ns)
 
-    def ramp_first(self) -> None:
-        """Ramp down after the self-test: the last daemon did not end in order."""
-        self._stage.ramp_first()
+    def ramp_first(self, t_ns: int) -> None:
+        """Ramp down before all else: the last daemon did not end in order.
+
+        Args:
+            t_ns: Instant of the next cycle, or earlier, in ns.
+        """
+        self._stage.ramp_first(t_ns)
 
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.

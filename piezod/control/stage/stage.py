@@ -111,21 +111,27 @@ class Stage:
     def end_self_test(self, t_ns: int) -> None:
         """Leave BOOT: to SAFE, to FAULT if a latched fault stops the stage, or to RAMP first."""
         passed = self._self_tested = not self.register.blocking
-        if self._ramps_first and self.output.known and not self._at_safe():
-            self.go(Event.FOUND_DRIVEN, t_ns)
-        else:
+        if not self._ramp_found(t_ns):
             self.go(Event.SELF_TEST_PASSED if passed else Event.SELF_TEST_FAILED, t_ns)
         self._self_tested = True
 
-    def ramp_first(self) -> None:
-        """Ramp down after the self-test if the read-back is not the safe voltage."""
+    def ramp_first(self, t_ns: int) -> None:
+        """Ramp down as soon as the read-back is known, if it is not the safe voltage."""
         self._ramps_first = True
+        if self.state is State.SAFE:
+            self._ramp_found(t_ns)
 
-    def _at_safe(self) -> bool:
-        return all(
+    def _ramp_found(self, t_ns: int) -> bool:
+        """Ramp a voltage down that an earlier daemon has left; return whether there is one."""
+        at_safe = all(
             abs(axis.law.in_force_v - axis.config.safe_v) <= axis.law.limits.read_back_tolerance_v
             for axis in self.axes
         )
+        if not self._ramps_first or not self.output.known or at_safe:
+            return False
+        self._ramps_first = False
+        self.go(Event.FOUND_DRIVEN, t_ns)
+        return True
 
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.
@@ -296,5 +302,5 @@ class Stage:
             no_entry=self._no_entry or self.register.no_entry,
             was_running=self._state_before is State.RUN,
             self_tested=self._self_tested,
-            was_driven=self._driven_when_lost,
+            was_driven=self._driven_when_lost or self._ramps_first,
         )

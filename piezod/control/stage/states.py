@@ -13,7 +13,7 @@ class Event(Enum):
     SELF_TEST_PASSED = auto()
     SELF_TEST_FAILED = auto()
     FOUND_DRIVEN = auto()
-    """The self-test has found a voltage of a daemon that did not end in order."""
+    """Found the voltage of a daemon that did not end in order."""
     ARM = auto()
     DISARM = auto()
     RUN = auto()
@@ -99,7 +99,7 @@ _LIVE: Final = (_BOOT, _SAFE, *_ARMED_OR_HELD, _RAMP)
 _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
     Event.SELF_TEST_PASSED: {_BOOT: _SAFE},
     Event.SELF_TEST_FAILED: {_BOOT: _FAULT},
-    Event.FOUND_DRIVEN: {_BOOT: _RAMP},
+    Event.FOUND_DRIVEN: dict.fromkeys((_BOOT, _SAFE), _RAMP),
     Event.DISARM: dict.fromkeys(_ARMED_OR_HELD, _RAMP),
     Event.IDENTIFY_DONE: {_IDENT: _READY},
     Event.STOP: dict.fromkeys(_ARMED_OR_HELD, _RAMP),

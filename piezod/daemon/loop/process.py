@@ -99,7 +99,7 @@ def main(runtime: Path, source: Path, copy: Path, lock_file: Path, *, strict_rt:
     report = {"steps": [step._asdict() for step in steps]}
     shared.set_report(report | {"devices": [one.document() for one in placements]})
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
-    _take_over(controller, shared, channels, known)
+    _take_over(controller, shared, channels, known, clock.now_ns())
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
     try:
@@ -150,6 +150,7 @@ def _take_over(
     shared: SharedMap,
     channels: Channels,
     known: Mapping[str, Identity],
+    now_ns: int,
 ) -> None:
     """Take over what the loop before, or the last daemon, has left.
 
@@ -158,9 +159,10 @@ def _take_over(
         shared: The memory shared with the supervisor.
         channels: The devices, open.
         known: The identities of the devices that the loop before had opened.
+        now_ns: The present instant.
     """
     if succession := succession_of(shared):
-        controller.restore_faults(succession.latched, stopped=succession.stopped)
+        controller.restore_faults(succession.latched, now_ns, stopped=succession.stopped)
     # The last run did not end in order: an operator must look at the stage first.
     if shared.words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
@@ -169,7 +171,7 @@ def _take_over(
         if channels.identities.keys() == known.keys() and all(
             is_same(found, known[name]) for name, found in channels.identities.items()
         ):
-            controller.ramp_first()
+            controller.ramp_first(now_ns)
 
 
 if __name__ == "__main__":

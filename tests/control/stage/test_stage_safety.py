@@ -16,6 +16,7 @@ from piezod.config.states import State
 from piezod.config.waveforms import Sine
 from piezod.control import controller as stage_controller
 from piezod.control.faults.register import Detection
+from piezod.control.faults.table import mask
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind
@@ -98,14 +99,17 @@ def test_refusal_says_how_the_state_came_about() -> None:
 
 @pytest.mark.fault("P2")
 @pytest.mark.parametrize("left_v", [80.0, 0.0])
-def test_voltage_of_a_killed_daemon_is_ramped_down(left_v: float) -> None:
+@pytest.mark.parametrize("cycles_before", [0, 5])
+def test_voltage_of_a_killed_daemon_is_ramped_down(left_v: float, cycles_before: int) -> None:
     """The ramp starts at the read-back and ends in FAULT; at the safe voltage there is none."""
     stage = RigStage()
     stage.channels.write([left_v], 0)
     stage.t_ns += 50_000_000  # the output settles before the first cycle
     stage.channels.writes.clear()
+    for _ in range(cycles_before):  # by which the loop process measures their duration
+        stage.cycle()
     stage.controller.report(Detection(Fault.P2))
-    stage.controller.ramp_first()
+    stage.controller.ramp_first(stage.t_ns)
     stage.cycle()
     stage.until("FAULT")
     stage.run(0.1)
@@ -114,6 +118,37 @@ def test_voltage_of_a_killed_daemon_is_ramped_down(left_v: float) -> None:
     assert bool(stage.channels.writes) is (left_v > 0.0)
     assert all(first_v(stage) == pytest.approx(left_v, abs=0.5) for _ in stage.channels.writes[:1])
     assert not stage.ask(rq.Arm()).accepted
+
+
+def test_faults_of_the_loop_before_stop_the_stage() -> None:
+    """A stage that takes over a latched fault is in FAULT at once, and a reset ends it."""
+    stage = RigStage()
+    stage.run(0.1)
+    stage.controller.restore_faults(mask([Fault.E1]), stage.t_ns, stopped=True)
+    state = stage.state
+    refused = stage.ask(rq.Arm())
+    stage.run(1.5)
+    stage.do(rq.Reset(), rq.Arm())
+
+    assert (state, refused.accepted) == ("FAULT", False)
+
+
+@pytest.mark.fault("P2")
+def test_amplifier_that_answers_late_is_ramped_down() -> None:
+    """An amplifier of a daemon that was killed is ramped down as soon as it has a read-back."""
+    stage = FaultyStage()
+    stage.channels.write([80.0], 0)
+    stage.t_ns += 50_000_000
+    stage.cycle()
+    stage.fail(InjectionKind.LOST, 200, flag=DeviceFlag.DISCONNECTED)
+    stage.run(0.1)
+    lost = stage.state
+    stage.controller.report(Detection(Fault.P2))
+    stage.controller.ramp_first(stage.t_ns)
+    stage.until("FAULT", 20.0)
+
+    assert lost == "BLIND"
+    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
 
 
 @pytest.mark.fault("A7")
