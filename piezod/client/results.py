@@ -135,8 +135,14 @@ class Status(Result):
             f"{self.stage or 'stage'}: {self.state}, mode {self.mode}{shadow}; faults: {faults}",
             ("axis", "position/µm", "command/µm", "error/µm", "drive/V", "on target"),
             (
-                (name, axis.position_um, axis.command_um, axis.error_um, axis.drive_v)
-                + ("yes" if axis.on_target else "no",)
+                (
+                    name,
+                    axis.position_um,
+                    axis.command_um,
+                    axis.error_um,
+                    axis.drive_v,
+                    "yes" if axis.on_target else "no",
+                )
                 for name, axis in self.axes.items()
             ),
         )

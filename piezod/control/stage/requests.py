@@ -49,12 +49,12 @@ def _hold(stage: Stage, _: requests.Hold, t_ns: int) -> Answer:
 
 
 def _resume(stage: Stage, _: requests.Resume, t_ns: int) -> Answer:
-    why = stage.refusal(Event.RESUME) or stage.register.resume()
+    why = stage.refusal(Event.RESUME, t_ns) or stage.register.resume()
     return _answer(why or stage.go(Event.RESUME, t_ns))
 
 
 def _reset(stage: Stage, request: requests.Reset, t_ns: int) -> Answer:
-    why = stage.refusal(Event.RESET) or stage.register.reset(request.engineer)
+    why = stage.refusal(Event.RESET, t_ns) or stage.register.reset(request.engineer)
     if why:
         return Answer(False, why)
     if not stage.boundary.active:  # the outputs were cut

@@ -119,7 +119,7 @@ def _recordings(
             true_um=trace[:, TRUE_UM],
             weights=np.array(weights),
             weights_t_s=t_s[:: snapshots.every],
-            metrics=_metrics(config, trace[first:], stage.period_ns / NS_PER_S),
+            metrics=_metrics(config, trace[first:], period_ns / NS_PER_S),
             first_metric_index=first,
         )
         for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
