@@ -1,7 +1,9 @@
 """Chooses a model by cross-validation: candidates are compared on data they were not fitted to.
 
 The choice is the simplest candidate whose mean squared error is within one standard error of the
-best one (Breiman et al. 1984). A difference that chance explains is not worth more parameters.
+best one (Breiman et al. 1984), and whose rms error is at most 5 % larger. A difference that chance
+explains is not worth more parameters. But all candidates are judged on the same blocks, so that
+much of the standard error is that of the blocks, which differ in difficulty.
 """
 
 from collections.abc import Iterator
@@ -22,6 +24,8 @@ from piezod.experiment.fit.settings import FitSettings
 
 ORDERS = (5, 8, 12, 19, 30)
 """Numbers of operators on each side that are tried; the paper has 19."""
+LARGEST_LOSS = 1.05
+"""Largest rms error of the chosen model, as a multiple of that of the best one."""
 _SLOW_PARAMETERS = 3  # creep, offset, stretch
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
@@ -95,11 +99,14 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
         delay_s = estimate.delay_s
-    candidates = _candidates(record, wanted, delay_s, estimate)
-    # One-standard-error rule: among candidates as good as the best, the one with the fewest
-    # parameters.
+    return simplest_as_good(_candidates(record, wanted, delay_s, estimate))
+
+
+def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
+    """Choose, among the candidates that are as good as the best, that with fewest parameters."""
     best = min(candidates, key=lambda each: each.validation.rms_pct)
-    limit_pct = best.validation.rms_with_standard_error_pct
+    validation = best.validation
+    limit_pct = min(validation.rms_with_standard_error_pct, LARGEST_LOSS * validation.rms_pct)
     as_good = [each for each in candidates if each.validation.rms_pct <= limit_pct]
     taken = min(as_good, key=lambda each: (each.n_parameters, each.validation.rms_pct))
     return Choice(candidates, best, taken, limit_pct)
