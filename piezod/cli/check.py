@@ -38,9 +38,13 @@ def check(
                 "kind": checked.kind,
                 "ok": not problems,
                 "problems": [problem._asdict() for problem in problems],
+                "warnings": checked.warnings,
             }
         )
     if checked.error:
         raise checked.error
     if not json:
-        new_console().print(f"{file}: ok, {checked.contents}", soft_wrap=True)
+        console = new_console()
+        console.print(f"{file}: ok, {checked.contents}", soft_wrap=True)
+        for warning in checked.warnings:
+            console.print(f"! {warning}", style="yellow")

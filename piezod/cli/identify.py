@@ -23,13 +23,14 @@ from piezod.cli.identify_options import (
     fit_settings,
     given_delay_s,
 )
+from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
     from piezod.experiment.fit.automatic import Wanted
     from piezod.experiment.fit.file import FileFit
-    from piezod.experiment.fit.fit import FitSettings
+    from piezod.experiment.fit.settings import FitSettings
 
 
 class _FitJob(NamedTuple):
@@ -40,12 +41,14 @@ class _FitJob(NamedTuple):
         skip_s: Excluded start of each record, in s.
         delay_s: The delay, in s; None if it is to be estimated.
         settings: Settings of the fit, or those that are fixed and not chosen.
+        axis: Axis of a recording; None for the only one.
     """
 
     test: Path | None
     skip_s: float
     delay_s: float | None
     settings: "FitSettings | Wanted"
+    axis: str | None = None
 
     def fit(self, file: Path, run_in_s: float) -> "FileFit":
         """Return the fit to a data file of which the first `run_in_s` seconds are excluded."""
@@ -56,6 +59,7 @@ class _FitJob(NamedTuple):
             test=self.test,
             skip_s=max(self.skip_s, run_in_s),
             delay_s=self.delay_s,
+            axis=self.axis,
             settings=self.settings,
         )
 
@@ -80,7 +84,8 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
 ) -> None:
     """Fit the inverse model to recorded data.
 
-    With --live the data are recorded on a running stage, which is driven from rest and disarmed at
+    DATA is a CSV file, or a recording of a stage as `piezod record get` copies it. With --live the
+    data are recorded on a running stage, which is driven from rest and disarmed at
     the end.
 
     Prints the error of the drive voltage that the model predicts from the displacement, in % of the
@@ -88,10 +93,10 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     another record. The delay from drive to displacement is the one with the smallest error, unless
     --delay-s gives it. A record of one frequency determines it only to about one sample.
     """
-    check_usage(data, live=live, only_live=(drive, adopt, axis, stage, socket))
+    check_usage(data, live=live, only_live=(drive, adopt, stage, socket))
     check_out(out)
     settings = fit_settings(method, order, thresholds, creep)
-    job = _FitJob(test, skip_s, given_delay_s(delay_s), settings)
+    job = _FitJob(test, skip_s, given_delay_s(delay_s), settings, None if live else axis)
     if data is not None:
         fitted = job.fit(data, 0.0)
         figure = _write(fitted, out, datetime.now(UTC))
@@ -102,7 +107,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
         return
     from piezod.cli.identify_live import adopt_model, print_adopted, record_and_fit
 
-    with connect(stage, socket) as client:
+    with unwinding(), connect(stage, socket) as client:
         fitted, driven = record_and_fit(job.fit, drive, out, axis, client)
         now = datetime.now(UTC)
         figure = _write(fitted, out, now)

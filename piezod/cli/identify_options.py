@@ -12,7 +12,7 @@ from piezod.experiment.fit.method import Method, Spacing
 
 if TYPE_CHECKING:
     from piezod.experiment.fit.automatic import Wanted
-    from piezod.experiment.fit.fit import FitSettings
+    from piezod.experiment.fit.settings import FitSettings
 
 LONGEST_DELAY_S: Final = 1.0
 """Longest delay that a model file can hold, in s."""
@@ -30,9 +30,9 @@ class MethodChoice(StrEnum):
 DataArgument: TypeAlias = Annotated[
     Path | None,
     typer.Argument(
-        metavar="DATA.csv",
-        help="Record with the columns t_s, drive_v, position_um, evenly spaced in time; none with "
-        "--live.",
+        metavar="DATA",
+        help="CSV file with the columns t_s, drive_v, position_um, evenly spaced in time, or "
+        "recording of a stage (.h5); none with --live.",
         readable=False,
         callback=existing_file,
     ),
@@ -40,7 +40,7 @@ DataArgument: TypeAlias = Annotated[
 TestOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        metavar="OTHER.csv",
+        metavar="OTHER",
         help="Another record of the same stage, to test the model on.",
         readable=False,
         callback=existing_file,
@@ -138,11 +138,11 @@ def check_usage(data: Path | None, *, live: bool, only_live: Iterable[object]) -
         typer.BadParameter: If arguments exclude each other, or one is missing.
     """
     if live and data is not None:
-        raise typer.BadParameter("DATA.csv and --live exclude each other")
+        raise typer.BadParameter("DATA and --live exclude each other")
     if not live and data is None:
-        raise typer.BadParameter("Missing argument 'DATA.csv'; or --live, for a running stage")
+        raise typer.BadParameter("Missing argument 'DATA'; or --live, for a running stage")
     if not live and any(only_live):
-        message = "--drive, --adopt, --axis, --stage and --socket need --live"
+        message = "--drive, --adopt, --stage and --socket need --live"
         raise typer.BadParameter(message)
 
 
@@ -200,7 +200,7 @@ def fit_settings(
         typer.BadParameter: If creep is to be fitted by LMS.
     """
     from piezod.experiment.fit.automatic import Wanted
-    from piezod.experiment.fit.fit import FitSettings
+    from piezod.experiment.fit.settings import FitSettings
 
     if method is MethodChoice.AUTO:
         return Wanted(order=order, spacing=thresholds, creep=creep)

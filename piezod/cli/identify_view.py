@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -13,14 +14,16 @@ from piezod.experiment.fit.automatic import Choice
 from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
-from piezod.experiment.fit.fit import FitSettings
 from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import longest_window
 from piezod.hysteresis.memory import FloatArray
 
 _BARS = "▁▂▃▄▅▆▇█"
+_CURVE_COLUMNS = 61
+"""Columns of the curve; with its ends they fit on a line of 80."""
 
 
 def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path | None) -> None:
@@ -89,18 +92,25 @@ def _print_delay(console: Console, delay_s: float, delay: DelayEstimate | None) 
         return
     first, last = _ms(delay.candidates_s[0]), _ms(delay.candidates_s[-1])
     low, high = delay.criterion_pct.min(), delay.criterion_pct.max()
-    best = int(delay.criterion_pct.argmin())
+    curve_pct = _narrowed(delay.criterion_pct)
+    best = int(curve_pct.argmin())
     console.print(
         f"Delay {_ms(delay_s)} ± {_ms(delay.uncertainty_s)}, from the smallest rms error of the "
         "predicted voltage:\n"
     )
     margin = " " * (len(first) + 3)
-    console.print(f"  {first} {_curve(delay.criterion_pct)} {last}")
+    console.print(f"  {first} {_curve(curve_pct)} {last}")
     console.print(f"{margin}{' ' * best}▲ {low:.3g} %, the worst is {high:.3g} %\n")
 
 
 def _ms(time_s: float) -> str:
     return f"{1e3 * time_s:.3g} ms"
+
+
+def _narrowed(values: FloatArray) -> FloatArray:
+    """Return the smallest values of neighbours, so that they fit on a line of 80 columns."""
+    parts = np.array_split(values, min(values.size, _CURVE_COLUMNS))
+    return np.array([part.min() for part in parts])
 
 
 def _curve(values: FloatArray) -> str:
@@ -161,13 +171,13 @@ def _errors(fitted: FileFit) -> Table:
 
 
 def _judged(fitted: FileFit) -> dict[str, Judgement]:
-    """Return the model, its counterpart with or without creep, and the unsmoothed fit, by name."""
+    """Return the model, its counterpart with or without creep, and the fit to raw data, by name."""
     judged = {}
     for each in (fitted.taken, fitted.other):
         if each:
             judged["with creep" if each.fit.settings.creep else "without creep"] = each
     if fitted.raw:
-        judged["unsmoothed"] = fitted.raw
+        judged["raw"] = fitted.raw
     return judged
 
 

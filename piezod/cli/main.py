@@ -19,12 +19,15 @@ from piezod.cli.drivers import drivers
 from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
+from piezod.cli.export import export
 from piezod.cli.grouped_help import GroupedHelp
 from piezod.cli.identify import identify
 from piezod.cli.init import init
 from piezod.cli.install_service import install_service
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
+from piezod.cli.plot import plot
 from piezod.cli.probe import probe
+from piezod.cli.replay import replay
 from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
 from piezod.errors import PiezodError
@@ -42,6 +45,7 @@ app = typer.Typer(
 )
 OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Experiments and models": (experiment, identify, check),
+    "Recordings": (plot, export, replay),
     "Devices": (drivers, emulate, probe, commission),
     "Daemon of a stage": (init, run_daemon, safe, install_service),
 }

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import error_console
 from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import (
     AxisOption,
@@ -101,6 +102,9 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
             waveforms = {axis or _only_axis(client): command_um}
         duration_s = duration or (loaded.duration_s if loaded else 0.0)
         answer = client.wave(waveforms, duration_s)
+        warnings = _coarse(client, waveforms)
+    for warning in warnings:
+        error_console().print(f"! {warning}", style="yellow")
     print_answer(answer, f"following for {duration_s:g} s", json=json)
 
 
@@ -117,6 +121,19 @@ def _swing(sine: Swing | None, triangle: Swing | None) -> dict[str, str | float]
     low, high, frequency_hz = sine or triangle or (0.0, 0.0, 0.0)
     kind = "sine" if sine else "triangle"
     return {"kind": kind, "low": low, "high": high, "frequency_hz": frequency_hz}
+
+
+def _coarse(client: "StageClient", waveforms: "Waveforms") -> list[str]:
+    """Return the warnings about waveforms, which the stage has accepted."""
+    from pydantic import TypeAdapter
+
+    from piezod.config.combined_waveforms import WaveformConfig
+    from piezod.config.frequencies import coarse
+
+    adapter: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
+    accepted = {axis: adapter.validate_python(each) for axis, each in waveforms.items()}
+    rate_hz = client.config().get("rate_hz")
+    return list(coarse(accepted, rate_hz)) if rate_hz else []
 
 
 def _only_axis(client: "StageClient") -> str:

@@ -33,9 +33,11 @@ class Answer(Result):
 
     Attributes:
         motion: Number of the movement that it started, 0 if it started none.
+        state: State of the stage then, one of `piezod.config.states.State`.
     """
 
     motion: int = 0
+    state: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +147,19 @@ class Faults(Result):
     """
 
     faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reloaded(Result):
+    """A configuration that has been read again and is in force.
+
+    Attributes:
+        changes: Paths of the values that have changed, for example "axes.x.speed_um_per_s".
+        lost: What has been lost of the parameters in use, each with its remedy; usually nothing.
+    """
+
+    changes: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from piezod.config.commands import CommandPerAxis
 from piezod.config.document import KeyPath
 from piezod.config.experiment_fields import CaseConfig, ExperimentFields, IdentificationConfig
 from piezod.config.fields import BrokenRule, Drivers
+from piezod.config.frequencies import too_fast
 from piezod.config.messages import show, suggest
 
 MIN_JUDGED_SAMPLES: Final = 10
@@ -68,6 +69,7 @@ def _identification(experiment: ExperimentFields) -> Iterator[BrokenRule]:
         limits = experiment.axes[name].limits
         allowed = limits.drive_min_v, limits.drive_max_v
         drive = experiment.identification.drive_v
+        yield from _too_fast(("identification", "drive_v"), drive, experiment.rate_hz)
         yield from _outside(("identification", "drive_v"), drive, name, allowed, "V")
     if without_model:
         yield from _too_short(experiment, experiment.identification, without_model)
@@ -113,10 +115,17 @@ def _commands(
     for name, axis in experiment.axes.items():
         if name not in commands:
             yield (*path, "axes"), f"no command for axis {name}"
-        elif axis.command_range_um is not None:
-            # A command for all axes has no `axes` in the file.
-            place = (*path, "axes", name) if isinstance(case.command_um, CommandPerAxis) else path
+            continue
+        # A command for all axes has no `axes` in the file.
+        place = (*path, "axes", name) if isinstance(case.command_um, CommandPerAxis) else path
+        yield from _too_fast(place, commands[name], experiment.rate_hz)
+        if axis.command_range_um is not None:
             yield from _outside(place, commands[name], name, axis.command_range_um, "µm")
+
+
+def _too_fast(path: KeyPath, waveform: WaveformConfig, rate_hz: float) -> Iterator[BrokenRule]:
+    if why := too_fast(waveform, rate_hz):
+        yield path, why
 
 
 def _outside(

@@ -150,7 +150,7 @@ def _build_axis(
         BusWatch(index),
         _sensor_watch(axis, model, index, period_ns),
         AmplifierWatch(index, law.limits, delay_ns, period_ns, lag_ns),
-        AdaptationWatch(index, adaptation, model, law_model.position_um, period_ns),
+        AdaptationWatch(index, adaptation, law.proof, model, law_model.position_um, period_ns),
     )
     return WatchedAxis(StageAxis(name, axis, law, period_ns), watches)
 

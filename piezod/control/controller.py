@@ -108,6 +108,23 @@ class StageController:
         """Take a fault that the loop process detected, for the next cycle."""
         self._stage.report(detection)
 
+    def restore_faults(self, latched: int, *, stopped: bool) -> None:
+        """Take over the latched faults of the loop that this one replaces, before the first cycle.
+
+        Args:
+            latched: The faults, as a bit mask.
+            stopped: Whether faults had stopped the stage.
+        """
+        self._stage.register.restore(latched, stopped=stopped)
+
+    def stay_in_boot(self, stays: bool) -> None:
+        """Stay in BOOT while cycles are only measured, which run faster than their period."""
+        self._stage.self_test().waits = stays
+
+    def ramp_first(self) -> None:
+        """Ramp down after the self-test: the last daemon did not end in order."""
+        self._stage.self_test().ramps_first = True
+
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.
 

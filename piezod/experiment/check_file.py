@@ -14,6 +14,7 @@ from piezod.control.law.gains import check_gains
 from piezod.control.law.model_files import read_model
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
+from piezod.experiment.warnings import rate_warnings
 
 _EXPERIMENT_KEYS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()
 
@@ -33,11 +34,13 @@ class Checked(NamedTuple):
         kind: Kind of the file, None if its content does not show it.
         contents: Summary of its content, for people; empty if something is wrong.
         error: All problems, None for a file that can be used.
+        warnings: Reservations about a file that can be used.
     """
 
     kind: FileKind | None
     contents: str
     error: ConfigError | None
+    warnings: tuple[str, ...] = ()
 
 
 def check_file(path: Path) -> Checked:
@@ -45,10 +48,10 @@ def check_file(path: Path) -> Checked:
     kind = None
     try:
         kind = _kind(path)
-        contents = _DESCRIBE[kind](path)
+        contents, *warnings = _DESCRIBE[kind](path)
     except ConfigError as error:
         return Checked(kind, "", error)
-    return Checked(kind, contents, None)
+    return Checked(kind, contents, None, tuple(warnings))
 
 
 def _kind(path: Path) -> FileKind:
@@ -67,7 +70,8 @@ def _kind(path: Path) -> FileKind:
     return FileKind.EXPERIMENT if keys & _EXPERIMENT_KEYS else FileKind.STAGE
 
 
-def _describe_experiment(path: Path) -> str:
+def _describe_experiment(path: Path) -> tuple[str, ...]:
+    """Return a summary of the contents, and the warnings; so do the functions below."""
     config = load_experiment(path, registry)
     try:
         check_gains(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
@@ -75,23 +79,24 @@ def _describe_experiment(path: Path) -> str:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
     axes = _count(len(config.axes), "axis", "axes")
-    return f"an experiment: {cases} in {modes} on {axes}"
+    contents = f"an experiment: {cases} in {modes} on {axes}"
+    return contents, *rate_warnings(config, config.rate_hz)
 
 
-def _describe_stage(path: Path) -> str:
+def _describe_stage(path: Path) -> tuple[str, ...]:
     config = load_daemon(path, registry)
     try:
         check_stage(config)
     except (DataError, ModelError) as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     axes = _count(len(config.axes), "axis", "axes")
-    return f"a stage: {axes} at {config.rate_hz:g} Hz"
+    return (f"a stage: {axes} at {config.rate_hz:g} Hz",)
 
 
-def _describe_model(path: Path) -> str:
+def _describe_model(path: Path) -> tuple[str, ...]:
     _, file = read_model(path)
     operators = _count(len(file.right_stop_thresholds), "operator")
-    return f"a model: {operators} on each side, by {file.method}"
+    return (f"a model: {operators} on each side, by {file.method}",)
 
 
 _DESCRIBE: Final = {

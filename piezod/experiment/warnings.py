@@ -4,7 +4,21 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from piezod.config.experiment import ExperimentConfig
+from piezod.config.frequencies import coarse
 from piezod.records.recording import Recording
+
+
+def rate_warnings(config: ExperimentConfig, rate_hz: float) -> Iterator[str]:
+    """Yield the warnings about commands that are fast for the loop.
+
+    Args:
+        config: The experiment.
+        rate_hz: Cycles of the loop per second.
+    """
+    for case in config.cases:
+        for warning in coarse(case.commands(config.axes), rate_hz):
+            yield f"{case.name}, {warning}"
 
 
 def run_warnings(recording: Recording, merged_pairs: int) -> Iterator[str]:

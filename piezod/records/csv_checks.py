@@ -35,21 +35,22 @@ def check_finite(path: Path, table: FloatArray, names: Sequence[str]) -> None:
         fail(path, line, what, "allowed is any finite number", remedy)
 
 
-def check_time(path: Path, t_s: FloatArray) -> None:
+def check_time(path: Path, t_s: FloatArray, max_step_periods: float = MAX_STEP_PERIODS) -> None:
     """Raise an error for time that does not rise, or that has gaps.
 
     Args:
         path: Path of the file, for the message.
         t_s: Time in s, shape (n_samples,).
+        max_step_periods: Longest allowed step, in median steps.
 
     Raises:
-        DataError: If a step is zero, negative, or longer than `MAX_STEP_PERIODS` median steps.
+        DataError: If a step is zero, negative, or longer than that.
     """
     steps_s = np.diff(t_s)
     if not steps_s.size:
         return
     # The median, not the mean: one long gap must not raise the limit by which it is found.
-    longest_s = MAX_STEP_PERIODS * float(np.median(steps_s))
+    longest_s = max_step_periods * float(np.median(steps_s))
     backward = np.flatnonzero(steps_s <= 0)
     if backward.size:  # checked first: without rising time a gap has no meaning
         index = int(backward[0]) + 1
@@ -62,7 +63,7 @@ def check_time(path: Path, t_s: FloatArray) -> None:
         index = int(gaps[0]) + 1
         what = f"a gap of {steps_s[index - 1]:.6g} s before t_s {t_s[index]}"
         allowed = (
-            f"allowed are {longest_s:.6g} s, {MAX_STEP_PERIODS} times the median step; "
+            f"allowed are {longest_s:.6g} s, {max_step_periods} times the median step; "
             f"{counted(gaps.size, 'such gap')} in the file"
         )
         fail(path, index + FIRST_DATA_LINE, what, allowed, "cut the record there, or resample it")

@@ -1,5 +1,6 @@
 """CSV input and output: named columns of numbers over time, `t_s, drive_v, position_um, …`."""
 
+import csv
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from piezod.records.atomic import replacing
 from piezod.records.csv_checks import (
     FIRST_DATA_LINE,
+    MAX_STEP_PERIODS,
     check_finite,
     check_time,
     check_varies,
@@ -30,17 +32,19 @@ def read_csv(
     path: Path,
     required: Sequence[str] = ("t_s", "drive_v", "position_um"),
     min_samples: int = MIN_SAMPLES,
+    max_step_periods: float = MAX_STEP_PERIODS,
 ) -> dict[str, FloatArray]:
     """Return recorded columns, after checking that they can be used.
 
     The file is UTF-8 text, comma separated: a header of column names, then one row per sample,
-    evenly spaced in time except for jitter. A byte order mark and all line ends are accepted.
-    Columns that are not required are neither read nor checked.
+    evenly spaced in time except for jitter. A byte order mark, all line ends, and fields in
+    quotation marks are accepted. Columns that are not required are neither read nor checked.
 
     Args:
         path: Path of the file.
         required: Names of the columns to read.
         min_samples: Smallest number of samples.
+        max_step_periods: Longest time step, in median steps; a longer one is a gap.
 
     Returns:
         The required columns by name, each of shape (n_samples,), exactly as written.
@@ -65,7 +69,7 @@ def read_csv(
         )
     columns = dict(zip(required, np.ascontiguousarray(table.T), strict=True))
     if "t_s" in columns:
-        check_time(path, columns["t_s"])
+        check_time(path, columns["t_s"], max_step_periods)
     for name in _MUST_VARY:
         if name in columns:
             check_varies(path, name, columns[name])
@@ -77,19 +81,24 @@ def write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
 
     Args:
         path: Path of the file; it is written completely or not at all.
-        columns: Columns by name, each of shape (n_samples,).
+        columns: Columns by name, each of shape (n_samples,): numbers, or texts without commas.
 
     Raises:
         ValueError: If the columns differ in length.
         OSError: If the file cannot be written.
     """
-    # repr is the shortest text that reads back as the same double.
-    texts = [
-        map(repr, np.asarray(values, dtype=np.float64).tolist()) for values in columns.values()
-    ]
-    rows = map(",".join, zip(*texts, strict=True))
+    rows = map(",".join, zip(*map(_texts, columns.values()), strict=True))
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.writelines(f"{row}\n" for row in chain([",".join(columns)], rows))
+
+
+def _texts(column: npt.ArrayLike) -> list[str]:
+    values = np.asarray(column)
+    if values.dtype.kind == "b":
+        values = values.astype(np.int8)  # 0 and 1, which every program reads as numbers
+    # repr is the shortest text that reads back as the same double.
+    spell = repr if values.dtype.kind == "f" else str
+    return [spell(value) for value in values.tolist()]
 
 
 def _lines(path: Path) -> list[str]:
@@ -103,6 +112,8 @@ def _lines(path: Path) -> list[str]:
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
+    if '"' in text:
+        lines = [",".join(fields) for fields in csv.reader(lines)]
     if not lines:
         remedy = "begin with a line such as t_s,drive_v,position_um"
         fail(path, _HEADER_LINE, "the file is empty", "allowed is a header and samples", remedy)

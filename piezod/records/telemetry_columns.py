@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+import piezod
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.units import NS_PER_S
 
@@ -15,6 +16,30 @@ ENTRY: Final = "recording"
 _UNITS: Final = {"ns": "ns", "um": "um", "v": "V", "s": "s"}
 _SIDE_CHUNK: Final = 64
 """Rows per chunk of data that are rarer than records."""
+_ABOUT: Final = (
+    "Every cycle of the loop of a stage, one row per cycle; all columns of `cycles` and of one "
+    "`axis_…` have the same rows. Each dataset has its `units` and a `description`; the members of "
+    "an enumeration are in its type and in `values`, the bits of a mask in `bits`. NaN is an "
+    "unknown or invalid value. `rate_hz`: cycles per second. `start_ns`: instant of t_s = 0 on the "
+    "clock of all columns in ns, which does not jump; `start_time` is the time of day then. "
+    "`lost`: cycles that ran and are missing in this file, see `gaps`."
+)
+_CYCLES: Final = "The loop: its timing, the state of the stage, the faults."
+_AXIS: Final = (
+    "Displacement, command and drive of axis {axis}. A voltage that is written in one row is in "
+    "force in the next; `in_force_v` belongs to the sample of the same row."
+)
+_WEIGHTS: Final = (
+    "Weights of the inverse model of axis {axis} in use, whenever they changed: first those of the "
+    "left operators, then those of the right ones."
+)
+_OWN: Final = {
+    "t_s": "Instant of the cycle since `start_ns`.",
+    "gaps": "Rows of (index of the first row after the gap, number of missing cycles).",
+    "weights": "One row per instant of weights_t_s.",
+    "weights_t_s": "Instant since `start_ns` from which the weights hold.",
+}
+"""Descriptions of the datasets that are not fields of a record."""
 
 
 class TelemetryColumns:
@@ -33,9 +58,10 @@ class TelemetryColumns:
         self._header, self._chunk = header, chunk
         file.attrs["NX_class"] = "NXroot"
         file.attrs["default"] = ENTRY
+        file.attrs["creator"], file.attrs["creator_version"] = "piezod", piezod.__version__
         self._entry = _lay_out_entry(file, header)
         self._gaps = _growing(self._entry, "gaps", np.dtype("i8"), _SIDE_CHUNK, 2)
-        cycles = self._data_group("cycles", "late_ns")
+        cycles = self._data_group("cycles", _CYCLES, "late_ns")
         self._t_s = _growing(cycles, "t_s", np.dtype("f8"), chunk)
         # Columns by index of their axis and name; the cycle itself has the index -1.
         self._columns = {
@@ -68,34 +94,46 @@ class TelemetryColumns:
         return np.asarray((t_ns - self._header.start_ns) / NS_PER_S)
 
     def _lay_out_axis(self, index: int, axis: str, fields: np.dtype[np.void]) -> None:
-        group = self._data_group(f"axis_{axis}", "position_um")
+        group = self._data_group(f"axis_{axis}", _AXIS.format(axis=axis), "position_um")
         group.attrs["axis"] = axis
         group.attrs["auxiliary_signals"] = ["command_um", "drive_v"]
         group["t_s"] = self._t_s  # a hard link: all axes share the time of the cycles
         for name in _public_names(fields):
             self._columns[index, name] = self._column(group, name, fields[name])
         if width := self._header.weights.get(axis):
-            weights = self._data_group(f"weights_{axis}", "weights", "weights_t_s")
+            about = _WEIGHTS.format(axis=axis)
+            weights = self._data_group(f"weights_{axis}", about, "weights", "weights_t_s")
             self._weights[axis] = (
                 _growing(weights, "weights", np.dtype("f8"), _SIDE_CHUNK, width),
                 _growing(weights, "weights_t_s", np.dtype("f8"), _SIDE_CHUNK),
             )
 
-    def _data_group(self, name: str, signal: str, axes: str = "t_s") -> h5py.Group:
+    def _data_group(self, name: str, about: str, signal: str, axes: str = "t_s") -> h5py.Group:
         group = _group(self._entry, name, "NXdata")
+        group.attrs["description"] = about
         group.attrs["signal"], group.attrs["axes"] = signal, axes
         return group
 
     def _column(self, group: h5py.Group, name: str, dtype: np.dtype[Any]) -> h5py.Dataset:
-        if name in self._header.names:
-            numbers = {text: number for number, text in enumerate(self._header.names[name])}
+        header = self._header
+        names = header.names.get(name, ())
+        if names:
+            numbers = {text: number for number, text in enumerate(names)}
             dtype = h5py.enum_dtype(numbers, basetype=dtype)
-        return _growing(group, name, dtype, self._chunk)
+        column = _growing(group, name, dtype, self._chunk)
+        if name in header.descriptions:
+            column.attrs["description"] = header.descriptions[name]
+        # The names are in the type, too, but many viewers show only the numbers.
+        for attribute, texts in (("values", names), ("bits", header.bits.get(name, ()))):
+            if texts:
+                column.attrs[attribute] = [f"{i} = {text}" for i, text in enumerate(texts)]
+        return column
 
 
 def _lay_out_entry(file: h5py.File, header: TelemetryHeader) -> h5py.Group:
     entry = _group(file, ENTRY, "NXentry")
     entry["title"], entry["start_time"] = header.title, header.started_at
+    entry.attrs["description"] = _ABOUT
     entry.attrs["rate_hz"], entry.attrs["start_ns"] = header.rate_hz, header.start_ns
     entry.attrs["axes"], entry.attrs["lost"] = list(header.axes), np.int64(0)
     entry.attrs["default"] = f"axis_{header.axes[0]}"
@@ -117,6 +155,8 @@ def _growing(
         compression_opts=1,  # the fastest level: the writer must keep up with the loop
         shuffle=True,
     )
+    if name in _OWN:
+        dataset.attrs["description"] = _OWN[name]
     dataset.attrs["units"] = _UNITS.get(name.rsplit("_", 1)[-1], "")
     return dataset
 

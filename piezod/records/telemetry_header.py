@@ -17,6 +17,8 @@ class TelemetryHeader:
         names: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
         notes: Texts of the recording by name, as in `{"configuration": "rate_hz: 1000"}`.
         weights: Number of recorded weights of each axis, 2M; an axis without an entry has none.
+        descriptions: Meaning of each field, for people, as in `{"late_ns": "Wake-up after …"}`.
+        bits: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
     """
 
     title: str
@@ -27,3 +29,5 @@ class TelemetryHeader:
     names: Mapping[str, Sequence[str]] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
     weights: Mapping[str, int] = field(default_factory=dict)
+    descriptions: Mapping[str, str] = field(default_factory=dict)
+    bits: Mapping[str, Sequence[str]] = field(default_factory=dict)

@@ -39,6 +39,19 @@ class RecordedTelemetry:
     axes: dict[str, dict[str, NDArray[Any]]]
     weights: dict[str, dict[str, NDArray[Any]]]
 
+    def chosen_axis(self, axis: str | None) -> str:
+        """Return the name of an axis: the given one, or the only one.
+
+        Raises:
+            DataError: If there is no such axis, or there are several and none is given.
+        """
+        names = ", ".join(self.axes)
+        if axis is None and len(self.axes) > 1:
+            raise DataError(f"the recording has several axes, {names}: name one with --axis")
+        if axis is not None and axis not in self.axes:
+            raise DataError(f"the recording has no axis {axis}; its axes are {names}")
+        return axis or names
+
     def recordings(self) -> tuple[Recording, ...]:
         """Return the axes as recordings of an experiment, without true displacement.
 
@@ -69,6 +82,11 @@ class RecordedTelemetry:
     def _mode(self, numbers: NDArray[Any]) -> str:
         found = np.unique(numbers)
         return self.header.names["mode"][int(found[0])] if found.size == 1 else "mixed"
+
+
+def is_hdf5(path: Path) -> bool:
+    """Return whether a file is in the format of recordings; a missing file is not."""
+    return bool(h5py.is_hdf5(path))
 
 
 def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> RecordedTelemetry:
@@ -126,12 +144,14 @@ def _columns(group: h5py.Group, part: slice) -> dict[str, NDArray[Any]]:
 
 
 def _read_header(entry: h5py.Group) -> TelemetryHeader:
-    enumerations = {
-        name: h5py.check_enum_dtype(dataset.dtype)
-        for group in entry.values()
-        if group.attrs.get("NX_class") == "NXdata"
+    fields = {
+        name: dataset
+        for key, group in entry.items()
+        if key == "cycles" or key.startswith("axis_")
         for name, dataset in group.items()
+        if name != "t_s"
     }
+    enumerations = {name: h5py.check_enum_dtype(each.dtype) for name, each in fields.items()}
     return TelemetryHeader(
         title=str(entry["title"].asstr()[()]),
         axes=tuple(entry.attrs["axes"]),
@@ -152,5 +172,15 @@ def _read_header(entry: h5py.Group) -> TelemetryHeader:
             name: entry[f"weights_{name}/weights"].shape[1]
             for name in entry.attrs["axes"]
             if f"weights_{name}" in entry
+        },
+        descriptions={
+            name: str(each.attrs["description"])
+            for name, each in fields.items()
+            if "description" in each.attrs
+        },
+        bits={
+            name: tuple(text.partition(" = ")[2] for text in each.attrs["bits"])
+            for name, each in fields.items()
+            if "bits" in each.attrs
         },
     )

@@ -81,10 +81,10 @@ class CycleHeader(NamedTuple):
         write_late_ns: Begin of the write after the deadline, in ns; -1 if nothing was written.
         write_ns: Duration of writing, in ns.
         skipped: Periods skipped since the start.
-        present_lo: The first 64 bits of the present faults.
-        present_hi: The other bits.
-        latched_lo: The first 64 bits of the latched faults.
-        latched_hi: The other bits.
+        present_lo: Bit mask of the present faults, the first 64 of them.
+        present_hi: Bit mask of the present faults, the others.
+        latched_lo: Bit mask of the latched faults, the first 64 of them.
+        latched_hi: Bit mask of the latched faults, the others.
         state: State of the stage.
         shadow: Whether everything is computed and nothing written.
         written: Whether the amplifiers took the voltages; True if there was nothing to write.

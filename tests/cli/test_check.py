@@ -23,6 +23,7 @@ def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) ->
         "kind": "experiment",
         "ok": True,
         "problems": [],
+        "warnings": [],
     }
 
 
@@ -55,6 +56,7 @@ def test_problems_for_programs(piezod: Command, experiment_file: Path) -> None:
         "kind": "experiment",
         "ok": False,
         "problems": [problem],
+        "warnings": [],
     }
     assert (code, err) == (78, f"short.yaml:2:7: seed: {what}\n")
 

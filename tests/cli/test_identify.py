@@ -238,7 +238,7 @@ def inverted(lines: Lines) -> Lines:
 @pytest.mark.parametrize(
     ("spoil", "text"),
     [
-        (with_gap, "data.csv:501: a gap of 0.11 s before t_s 5.09; allowed are 0.015 s"),
+        (with_gap, "data.csv:501: a gap of 0.11 s before t_s 5.09; allowed are 0.065 s"),
         (with_nan, "data.csv:701: position_um is nan; allowed is any finite number"),
         (with_text, "data.csv:701: drive_v is 'high'; allowed is a number such as -1.25e-3"),
         (constant, "data.csv:2: position_um is 1.5 in all 2500 samples; allowed is a signal"),

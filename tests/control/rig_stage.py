@@ -31,8 +31,8 @@ Wrap = Callable[[Device], Device]
 
 @cache
 def shipped_config() -> DaemonConfig:
-    """Return the configuration in the repository; it is read once, and immutable."""
-    return load_daemon(CONFIG, registry)
+    """Return the configuration in the repository, at 1 kHz; it is read once, and immutable."""
+    return load_daemon(CONFIG, registry).model_copy(update={"rate_hz": 1000.0})
 
 
 @cache

@@ -46,6 +46,7 @@ class FakeLoop(threading.Thread):
         words[Word.LOOP_ASKABLE] = 1
         while not self._ending.wait(0.001):
             words[Word.HEALTHY_CYCLES] += 1
+            words[Word.LOOP_BEAT_NS] = time.monotonic_ns()
             if number := mailbox.take_estop():
                 self.requests.append(Estop())
                 mailbox.answer_estop(number, **self.answer._asdict())

@@ -1,5 +1,6 @@
 """Tests of the kind of a file, found by its content."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ def check(tmp_path: Path, text: str) -> tuple[FileKind | None, str, list[str]]:
     """Return kind, contents and problems of a text, without the folder."""
     path = tmp_path / "file.yaml"
     path.write_text(text, encoding="utf-8")
-    kind, contents, error = check_file(path)
+    kind, contents, error, _ = check_file(path)
     problems = str(error).replace(str(path), "file.yaml").splitlines() if error else []
     return kind, contents, problems
 
@@ -27,9 +28,9 @@ def test_experiment_is_described(tmp_path: Path, short: str) -> None:
 
 def test_stage_is_described() -> None:
     """The configuration of the repository is a stage with safe gains."""
-    kind, contents, error = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
+    kind, contents, error, _ = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
 
-    assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 1000 Hz", None)
+    assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 200 Hz", None)
 
 
 @pytest.mark.parametrize(
@@ -59,3 +60,24 @@ def test_file_of_neither_kind(tmp_path: Path, text: str) -> None:
 
     assert kind is None
     assert problem.startswith("file.yaml: not a stage, experiment or model; allowed are")
+
+
+def with_frequency(short: str, frequency_hz: float) -> str:
+    """Return the short experiment with another frequency of its command."""
+    head, cases, tail = short.partition("cases:")
+    return head + cases + re.sub(r"frequency_hz: [\d.]+", f"frequency_hz: {frequency_hz}", tail)
+
+
+def test_fast_commands_are_told(tmp_path: Path, short: str) -> None:
+    """A command above half of the rate is a problem, above a tenth a warning, and nothing below."""
+    path = tmp_path / "fast.yaml"
+    found = []
+    for frequency_hz in (90, 200, 600):
+        path.write_text(with_frequency(short, frequency_hz), encoding="utf-8")
+        found.append(check_file(path))
+    slow, fast, impossible = found
+
+    assert (slow.error, slow.warnings) == (None, ())
+    assert fast.error is None
+    assert "200 Hz is more than a tenth of the rate, 1000 Hz" in fast.warnings[0]
+    assert "too fast for the loop (got 600 Hz), allowed: below 500 Hz" in str(impossible.error)

@@ -60,4 +60,6 @@ def header(
         start_ns=START_NS,
         names={"state": ("SAFE", "RUN"), "mode": MODES},
         notes=notes or {},
+        descriptions={"late_ns": "Wake-up after the deadline.", "drive_v": "Written voltage."},
+        bits={"seq": ("S1", "A2")},
     )

@@ -240,6 +240,18 @@ def test_time_standing_still_is_refused(file: Path) -> None:
     assert _refusal(_write(file, rows)).startswith("33: t_s 0.03 repeats 0.03; allowed is time")
 
 
+def test_quoted_fields_are_read(file: Path) -> None:
+    """Fields in quotation marks, as some programs write them, are the numbers inside."""
+    rows = [",".join(f'"{field}"' for field in row.split(",")) for row in _rows()]
+    header = ",".join(f'"{name}"' for name in HEADER.split(","))
+    plain = read_csv(_write(file, _rows()))
+
+    quoted = read_csv(_write(file, rows, header))
+    assert {name: column.tolist() for name, column in quoted.items()} == {
+        name: column.tolist() for name, column in plain.items()
+    }
+
+
 def test_gap_is_refused(file: Path) -> None:
     """A missing row is refused with the line after the gap, its length, and the number of gaps."""
     rows = _rows()

@@ -269,3 +269,27 @@ def test_recording_survives_a_full_disk(file: Path) -> None:
     assert os.strerror(errno.EFBIG) in done.stdout
     assert seqs.size >= 1000
     np.testing.assert_array_equal(seqs, np.arange(seqs.size))
+
+
+def test_file_explains_itself(file: Path) -> None:
+    """With h5py alone each column shows its unit, its meaning, and the names of its numbers."""
+    write(file, (0, 3))
+    with h5py.File(file, "r") as root:
+        entry = root["recording"]
+        cycles, axis = entry["cycles"], entry["axis_x"]
+
+        assert root.attrs["creator"] == "piezod"
+        assert "one row per cycle" in entry.attrs["description"]
+        assert "in force in the next" in axis.attrs["description"]
+        assert cycles["late_ns"].attrs["description"] == "Wake-up after the deadline."
+        assert dict(axis["drive_v"].attrs)["units"] == "V"
+        assert axis["drive_v"].attrs["description"] == "Written voltage."
+        assert list(cycles["state"].attrs["values"]) == ["0 = SAFE", "1 = RUN"]
+        assert list(cycles["seq"].attrs["bits"]) == ["0 = S1", "1 = A2"]
+        assert cycles["t_s"].attrs["description"] == "Instant of the cycle since `start_ns`."
+        undescribed = [
+            group.name
+            for group in entry.values()
+            if group.attrs.get("NX_class") == "NXdata" and not group.attrs["description"]
+        ]
+        assert undescribed == []

@@ -9,15 +9,7 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import CASES, rule_of
 from piezod.control.faults.detection import Detection, News
-from piezod.control.faults.table import (
-    FAULTS,
-    INDEX,
-    FaultRule,
-    Latch,
-    Reaction,
-    Source,
-    mask,
-)
+from piezod.control.faults.table import FAULTS, INDEX, FaultRule, Latch, Reaction, Source, mask
 
 GOOD_CYCLES: Final = 20
 """A fault is gone after this many cycles in a row without a detection."""
@@ -154,6 +146,16 @@ class FaultRegister:
                 self._drop(index)
         stopping = self._select(self.latched, Latch.L1)
         return self._describe_worst(stopping or (self.latched if self.latched == before else 0))
+
+    def restore(self, latched: int, *, stopped: bool) -> None:
+        """Latch the faults of the loop before; if they had stopped the stage, as escalated ones."""
+        self.latched |= latched
+        for index in _positions(latched):
+            rule, self._axes[index] = self._rules[index], -1  # the axes are not known any more
+            if stopped and rule.escalation is not None:
+                worse = rule.escalation
+                rule = rule._replace(reaction=worse.reaction, latch=max(rule.latch, worse.latch))
+            self._rules[index] = rule
 
     def _add(self, detection: Detection, t_ns: int) -> Reaction:
         """Add one detection; return its reaction."""

@@ -12,15 +12,19 @@ from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
 from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
 from piezod.control.law.model import StageModel
+from piezod.control.law.proof import ModelProof
 from piezod.control.law.stability import refuse_unstable
 from piezod.control.law.trim import Trim
+from piezod.errors import ModelError
 from piezod.hysteresis import (
     AdaptiveIdentifier,
     Convergence,
+    LearnedModel,
     LMSIdentifier,
     NLMSIdentifier,
     RLSIdentifier,
     Shadowed,
+    has_even_thresholds,
 )
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns
@@ -34,6 +38,11 @@ CONVERGED_FOR_S = 1.0
 """The differences must stay that small for this long; the paper asks for a single one."""
 SHADOW_WINDOW_S = 1.0
 """The learned model is compared with the last good one after this time of learning."""
+PROOF_WINDOW_S = 1.0
+"""The tracking error with the learned model is judged after this time of following a command."""
+LAG_CYCLES = 3
+"""Delay beyond that of the stage that explains a tracking error, in cycles: hold, mode, rounding of
+corners."""
 SPARE_ENTRIES = 4
 """Entries that the drive history keeps beyond the delay: for both ends, and for late samples."""
 
@@ -59,10 +68,10 @@ class Start(NamedTuple):
 
 
 def check_identifier(config: AxisConfig, bank: FloatArray) -> None:
-    """Refuse a gain with which the identifier could diverge.
+    """Refuse a gain, and thresholds, with which the identifier could diverge.
 
     Raises:
-        ModelError: If the gain is not safe for these thresholds.
+        ModelError: If the gain is not safe for these thresholds, or if the identifier needs others.
     """
     # The identifiers check their gain when they are built.
     _adaptation(config, bank, np.zeros(bank.shape[1]))
@@ -145,6 +154,7 @@ def compensated_axis(
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
         trim=_trim(config, period_ns),
+        proof=_proof(model, period_ns),
         first_mode_hz=config.first_mode.frequency_hz if config.first_mode else None,
     )
 
@@ -159,10 +169,24 @@ def _adaptation(config: AxisConfig, bank: FloatArray, weights: FloatArray) -> Ad
     # RLS has no gain to configure.
     if settings.identifier == "rls":
         return RLSIdentifier(bank, weights, deadband=deadband)
+    if not has_even_thresholds(bank):
+        # With thresholds close to 0, LMS amplifies the noise of the sensor and diverges.
+        raise ModelError(
+            f"identifier {settings.identifier} needs even thresholds, and the model has others: "
+            "use `identifier: rls`, or identify the stage with `--thresholds even`"
+        )
     kind = LMSIdentifier if settings.identifier == "lms" else NLMSIdentifier
     identifier = kind(bank, gain=settings.lms_gain, deadband=deadband)
     identifier.adopt(weights)
     return identifier
+
+
+def _proof(model: StageModel, period_ns: int) -> ModelProof:
+    return ModelProof(
+        LearnedModel(model.weights.copy()),
+        window_cycles=_cycles(PROOF_WINDOW_S, period_ns),
+        lag_cycles=s_to_ns(model.delay_s) // period_ns + LAG_CYCLES,
+    )
 
 
 def _trim(config: AxisConfig, period_ns: int) -> Trim:

@@ -7,7 +7,7 @@ from piezod.config.gate_reasons import GateReason
 from piezod.control.law.creep import AT_REST, CreepState
 from piezod.control.signals import NoiseLevel, SlidingRange, StuckSensor
 from piezod.devices.interface import Sample
-from piezod.hysteresis.adaptation import AdaptiveIdentifier
+from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.lms import Convergence
 from piezod.hysteresis.memory import FloatArray
@@ -25,6 +25,8 @@ spikes, one in two samples, until the noise level has followed."""
 STUCK_SWING: Final = 0.01
 """A sensor is stuck if its samples are equal while the drive moves by more than this share of its
 range."""
+
+_COMPARABLE: Final = frozenset({GateReason.OPEN, GateReason.QUIET, GateReason.REPEATED})
 
 
 class LearningGate:
@@ -50,6 +52,11 @@ class LearningGate:
         it."""
         self.counts = dict.fromkeys(GateReason, 0)
         """Number of cycles with each decision."""
+
+    @property
+    def comparable(self) -> bool:
+        """Whether the last sample shows how well the stage follows: usable, and no limit acts."""
+        return self.reason in _COMPARABLE
 
     @property
     def skipped(self) -> bool:
@@ -188,6 +195,7 @@ class Identifier:
         self._lags, self._quick = creep.lags.copy(), creep.quick
         self.gain_halved = self._skipped_last = False
         """Whether only every second sample is learned from."""
+        self._drive = 0.0
         self.converged = False
         """Whether the weights have converged, over a window that ends with the last sample."""
 
@@ -211,6 +219,10 @@ class Identifier:
         """Number of pairs of extrema that a full memory has removed."""
         return self.adaptation.merged_pairs
 
+    def error_of(self, model: LearnedModel) -> float:
+        """Return the drive of the last sample minus its prediction by another model, normalised."""
+        return self._drive - self.adaptation.predict(model.weights, model.offset, model.scale)
+
     def zero(self) -> None:
         """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
         self._zeroed = float(self._creep.weights @ self._lags)
@@ -232,6 +244,7 @@ class Identifier:
         position = self._position_um.to_unit(sample.position_um)
         # The sample answers the voltage that was in force one delay before it.
         drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
+        self._drive = drive
         learns = self.gate.admits(
             valid=sample.valid,
             age_ns=t_ns - sample.t_ns,

@@ -120,9 +120,10 @@ class MotionLimits(NamedTuple):
         slack_um = 1e-9 * (self.high_um - self.low_um)  # bounds are sums, with rounding errors
         if low_um >= self.low_um - slack_um and high_um <= self.high_um + slack_um:
             return ""
-        got = f"{low_um:g} µm" if low_um == high_um else f"{low_um:g} to {high_um:g} µm"
+        # With all digits: a value that is hardly too large would look like the bound.
+        got = f"{low_um:.12g}" if low_um == high_um else f"{low_um:.12g} to {high_um:.12g}"
         allowed = f"allowed range {self.low_um:g} to {self.high_um:g} µm"
-        return f"position out of range (got {got}), {allowed}"
+        return f"position out of range (got {got} µm), {allowed}"
 
 
 def rest_at(position_um: float) -> Motion:

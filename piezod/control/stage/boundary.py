@@ -11,13 +11,36 @@ from typing import Final, Protocol
 
 from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
-from piezod.devices.interface import Amplifier, Sample, Sensor
+from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 from piezod.units import s_to_ns
 
 
-class StageDevices(Sensor, Amplifier, TellsStatus, Protocol):
-    """All devices of a stage as one; implemented by `devices.channels.Channels`."""
+class StageDevices(TellsStatus, Protocol):
+    """The open devices of a stage as one; implemented by `devices.channels.Channels`.
+
+    The methods are those of `Sensor` and `Amplifier`, with one value per axis.
+    """
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Return one sample of each axis. Real-time safe."""
+        ...
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Return the read-back voltage of each axis, in V. Real-time safe."""
+        ...
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Set the voltage of every axis, in V; return whether that succeeded. Real-time safe."""
+        ...
+
+    def activate(self, now_ns: int) -> None:
+        """Make every device ready for cyclic calls."""
+        ...
+
+    def deactivate(self, now_ns: int) -> None:
+        """Bring the outputs of every device to rest."""
+        ...
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         """Count displacements from these zeros from now on, in µm."""

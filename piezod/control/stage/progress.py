@@ -107,7 +107,7 @@ def advance(
     """
     match stage.state:
         case State.BOOT:
-            _boot(stage, t_ns)
+            _boot(stage, t_ns, read_back_v)
         case State.HOLD:
             _hold(stage, t_ns, read_back_v)
         case State.RUN:
@@ -126,11 +126,12 @@ def advance(
         _zero(stage, t_ns, samples)
 
 
-def _boot(stage: Stage, t_ns: int) -> None:
+def _boot(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End the self-test: configuration and devices were checked before the first cycle."""
     if stage.boundary.reads_back and not stage.output.known:
         stage.go(Event.FAULT_BLIND, t_ns)
     else:
+        stage.track(read_back_v)  # a ramp that follows starts there
         stage.end_self_test(t_ns)
 
 

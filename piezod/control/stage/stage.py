@@ -11,6 +11,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.faults.register import FaultRegister
 from piezod.control.stage.boundary import OutputKnowledge
 from piezod.control.stage.parts import StageParts
+from piezod.control.stage.self_test import SelfTest
 from piezod.control.stage.sequence import DriveSequence, DriveStep
 from piezod.control.stage.states import Event, Facts, HoldCause, step
 from piezod.control.stage.takeover import OutputJudge
@@ -62,14 +63,13 @@ class Stage:
         self.output = OutputKnowledge(on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self._rebuild = parts.rebuild
-        self._since_ns = 0
         self._state_before, self._driven_when_lost = State.BOOT, False
         self._memory_known, self._was_driven = memory_known, False
         self._sequence = DriveSequence()
         self._reported, self._events = list[Detection](), list[StageEvent]()
-        self._self_tested, self._no_entry = False, ""
+        self._self_test, self._no_entry = SelfTest(), ""
         self._shutting_down = self._estop_pressed = False
-        self._hold_cause = HoldCause.FAULT
+        self._hold_cause, self._since_ns = HoldCause.FAULT, 0
         self._judge = OutputJudge(self.axes, self.watches, register, self.zero, self.note)
 
     # ------------------------------------------------------------------ state
@@ -106,18 +106,19 @@ class Stage:
         """Restart the time in HOLD: another program drives the amplifier. Real-time safe."""
         self._since_ns = t_ns
 
+    def self_test(self) -> SelfTest:
+        """Return the self-test, which ends BOOT."""
+        return self._self_test
+
     def end_self_test(self, t_ns: int) -> None:
-        """Leave BOOT: to SAFE, or to FAULT if a latched fault stops the stage."""
-        passed = self._self_tested = not self.register.blocking
-        self.go(Event.SELF_TEST_PASSED if passed else Event.SELF_TEST_FAILED, t_ns)
-        self._self_tested = True
+        """Leave BOOT if the self-test has ended. Real-time safe."""
+        blocked = bool(self.register.blocking)
+        event = self._self_test.end(self.axes, blocked=blocked, output_known=self.output.known)
+        if event is not None:
+            self.go(event, t_ns)
 
     def forbid_entry(self, why: str) -> None:
-        """Refuse to arm from now on.
-
-        Args:
-            why: The reason, for people.
-        """
+        """Refuse to arm from now on, with this reason for people."""
         self._no_entry = why
 
     def hold(self, cause: HoldCause, t_ns: int) -> str:
@@ -246,8 +247,7 @@ class Stage:
     def _enter(self, state: State, before: State, t_ns: int) -> None:
         """Perform the actions of a new state."""
         boundary = self.boundary
-        boundary.open = state in DRIVEN
-        boundary.withheld = False
+        boundary.open, boundary.withheld = state in DRIVEN, False
         self._enter_axes(state, t_ns)
         written = before in DRIVEN and not boundary.shadow
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
@@ -292,6 +292,6 @@ class Stage:
             estop_active=self._estop_pressed,
             no_entry=self._no_entry or self.register.no_entry or doubt,
             was_running=self._state_before is State.RUN,
-            self_tested=self._self_tested,
+            self_tested=self._self_test.ended,
             was_driven=self._driven_when_lost,
         )

@@ -12,6 +12,8 @@ class Event(Enum):
 
     SELF_TEST_PASSED = auto()
     SELF_TEST_FAILED = auto()
+    FOUND_DRIVEN = auto()
+    """The self-test has found a voltage of a daemon that did not end in order."""
     ARM = auto()
     DISARM = auto()
     RUN = auto()
@@ -108,6 +110,7 @@ _LIVE: Final = (_BOOT, _SAFE, *_ARMED_OR_HELD, _RAMP)
 _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
     Event.SELF_TEST_PASSED: {_BOOT: _SAFE},
     Event.SELF_TEST_FAILED: {_BOOT: _FAULT},
+    Event.FOUND_DRIVEN: {_BOOT: _RAMP},
     Event.DISARM: dict.fromkeys(_ARMED_OR_HELD, _RAMP),
     Event.IDENTIFY_DONE: {_IDENT: _READY},
     Event.HOLD: dict.fromkeys(_ARMED, _HOLD),
@@ -139,7 +142,7 @@ _HELP: Final[Mapping[State, str]] = {
     _IDENT: "wait for the end of the waveform, or `piezod stop`",
     _HOLD: "`piezod resume` or `piezod stop` first",
     _RAMP: "wait until the safe voltage is reached",
-    _BLIND: "the amplifier does not answer: check its power and cable",
+    _BLIND: "nothing can be sent to the amplifier: `piezod faults` shows the cause",
     _FAULT: "remove the cause that `piezod faults` shows, then `piezod reset`",
     _ESTOP: "release the emergency stop first, then `piezod reset`",
     _STOPPING: "the daemon is ending: start it again",

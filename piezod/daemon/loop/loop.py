@@ -5,6 +5,7 @@ from typing import Final, Protocol
 
 from piezod.config.faults import Fault
 from piezod.config.requests import Estop, Request, Shutdown
+from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
@@ -18,17 +19,23 @@ from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamReader
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.units import NS_PER_S
 
 SUPERVISOR_LOST_NS: Final = NS_PER_S
 """If the beat of the supervisor stays unchanged for longer, the supervisor is lost."""
 _COUNTERS_PERIOD_NS: Final = NS_PER_S
+_OF_SUPERVISOR: Final = tuple(enumerate(map(Detection, SUPERVISOR_FAULTS)))
 _ESTOP: Final = Estop()  # made once, because validation costs time in the cycle
 
 
 class Controller(LearnedSource, Protocol):
     """Decides in each cycle; `control.controller.StageController` implements it. Real-time safe."""
+
+    @property
+    def state(self) -> State:
+        """The state of the stage."""
+        ...
 
     @property
     def finished(self) -> bool:
@@ -79,7 +86,7 @@ class Loop:
         self._now_ns, self._wait = clock.now_ns, pacer.wait
         self.publisher = Publisher(shared)
         self._mailbox, self._stream = MailboxReader(shared), StreamReader(shared)
-        self._supervisor = SupervisorWatch(shared)
+        self._supervisor, self._words = SupervisorWatch(shared), shared.words
         self.counters = ProcessCounters(shared.words)
         self._counted_ns = self._busy_ns = 0
 
@@ -112,11 +119,14 @@ class Loop:
         # The emergency stop has a slot of its own, so that no other request delays it.
         if number := self._mailbox.take_estop():
             accepted, why, motion = self._controller.execute(_ESTOP, t_ns)
+            self.publisher.state(self._controller.state)
             self._mailbox.answer_estop(number, accepted=accepted, motion=motion, why=why)
         taken = self._mailbox.take(t_ns)  # at most one a cycle: its duration stays bounded
         if taken is not None:
             number, payload = taken
             accepted, why, motion = self._execute(payload, t_ns)
+            # Before the answer, which the service completes with the state.
+            self.publisher.state(self._controller.state)
             if accepted:
                 # Before the answer: the client may ask next for parameters that this one changed.
                 self.publisher.learned_all(self._controller)
@@ -126,6 +136,10 @@ class Loop:
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
             self._controller.report(Detection(Fault.H1, measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
+        if found := self._words[_SUPERVISOR_FAULTS]:
+            for place, detection in _OF_SUPERVISOR:
+                if found >> place & 1:
+                    self._controller.report(detection)
         if t_ns - self._counted_ns >= _COUNTERS_PERIOD_NS:
             self._counted_ns = t_ns
             for detection in self.counters.publish():
@@ -168,3 +182,4 @@ class SupervisorWatch:
 
 
 _SUPERVISOR_BEAT: Final = int(Word.SUPERVISOR_BEAT_NS)
+_SUPERVISOR_FAULTS: Final = int(Word.SUPERVISOR_FAULTS)

@@ -11,6 +11,7 @@ from piezod.daemon.service import routes_commands, routes_look, routes_stores
 from piezod.daemon.service.answers import add_error_answers
 from piezod.daemon.service.gate import Gate
 from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.open_streams import OpenStreams
 from piezod.daemon.service.rate_limit import RateLimit
 from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import Roles
@@ -31,7 +32,8 @@ def create_app(
     app = FastAPI(
         title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )
-    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), UrgentNotes(now_s))
+    notes, streams = UrgentNotes(now_s), OpenStreams()
+    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), notes, streams, {})
     app.state.reading = asyncio.Semaphore(1)
     app.add_middleware(Gate, rate_limit=RateLimit(now_s))
     add_error_answers(app)

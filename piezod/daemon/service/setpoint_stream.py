@@ -7,6 +7,7 @@ from typing import Any, Final
 from starlette.requests import ClientDisconnect, Request
 
 from piezod.config.requests import Stream
+from piezod.daemon.service.open_streams import OpenStream
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.refusals import SilentError, TooLargeError
 from piezod.daemon.service.request_context import RequestContext
@@ -29,7 +30,7 @@ class SetpointStream:
 
     def __init__(self, context: RequestContext, connection: PeerProtocol) -> None:
         self._context, self._connection = context, connection
-        self._axes: frozenset[str] = frozenset()
+        self._stream = OpenStream(())
         self.count = 0
 
     async def run(self, request: Request) -> Document:
@@ -39,10 +40,10 @@ class SetpointStream:
             The number of setpoints.
 
         Raises:
-            StageError: If the stage does not follow, a line is not valid, or no line arrives for
-                5 s.
+            StageError: If the stage does not follow, another request takes over an axis, a line is
+                not valid, or no line arrives for 5 s.
         """
-        self._context.claim()
+        self._context.state.lease.check(self._context.peer)
         self._connection.let_body_last()
         why = ""
         try:
@@ -56,17 +57,19 @@ class SetpointStream:
             self._context.state.lease.shorten(self._context.peer, _GONE_LEASE_S)
             raise
         finally:
+            self._context.state.streams.close(self._stream)
             self._context.note(f"stream ended after {self.count} setpoints", why)
         return {"accepted": True, "setpoints": self.count}
 
     async def _take(self, document: Any) -> None:
         setpoints_um = _setpoints(document)
-        if not self._axes:
+        if not self._stream.axes:
             await self._context.ask(Stream(axes=tuple(setpoints_um)))
-            self._axes = frozenset(setpoints_um)
-        if not setpoints_um.keys() <= self._axes:
+            self._stream = self._context.state.streams.open(setpoints_um)
+        if not setpoints_um.keys() <= self._stream.axes:
             raise BadValueError("a line names an axis that the first line does not name", _REMEDY)
         self._context.claim()
+        self._stream.check()
         self._context.stage.stream_setpoint(setpoints_um)
         self.count += 1
         if self.count % _LINES_AT_ONCE == 0:

@@ -59,7 +59,7 @@ class LoopRequests:
                 return Answer(found.accepted, found.why, found.motion)
             await asyncio.sleep(_POLL_S)  # the loop only writes to memory, and wakes no process
         # A loop that still compiles its kernels takes no request.
-        if not self._words[Word.HEALTHY_CYCLES]:
+        if not self._words[Word.LOOP_BEAT_NS]:
             raise NoAnswerError("the loop is starting", "try again in some seconds")
         what = f"the loop did not take the request within {self._expires_ns / NS_PER_S:g} s"
         raise NoAnswerError(what, "look at the log and at `piezod status`, then try again")

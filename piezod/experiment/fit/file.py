@@ -1,7 +1,6 @@
 """From a recorded file to a model: read, fit, judge on this file and on another one."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,16 +9,16 @@ import numpy as np
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
 from piezod.experiment.fit.excitation import missing_excitation
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.judgement import Judgement, judge
-from piezod.experiment.fit.past import mark_unknown_past
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
+from piezod.experiment.fit.source import Source, prefix_errors, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
-from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
+from piezod.experiment.fit.warnings import fit_warnings, quality_warnings, saturation_warnings
 from piezod.hysteresis import AffineRange
-from piezod.records.csv_file import read_csv
 
 START_S = 2.0
 """Part of a record in which a start away from rest shows most, in s."""
@@ -69,26 +68,32 @@ def identify_file(
     test: Path | None,
     skip_s: float,
     delay_s: float | None,
+    axis: str | None = None,
     settings: FitSettings | Wanted,
 ) -> FileFit:
     """Fit a model to a recorded file.
 
     Args:
-        data: CSV file with the columns t_s, drive_v, position_um.
+        data: CSV file with the columns t_s, drive_v, position_um, or recording of a stage.
         test: Another such file, on which the model is judged, too.
         skip_s: First seconds of each file that do not count.
         delay_s: Delay in s; estimated from the data if None.
+        axis: Axis of a recording; None for the only one.
         settings: Settings of the fit, or the fixed part of an automatic choice.
 
     Raises:
         DataError: If a file cannot be used; the text starts with its name.
         OSError: If a file cannot be read.
     """
-    recorded = read_record(data, skip_s)
-    record = thinned(recorded)
-    test_recorded = read_record(test, skip_s) if test else None
-    test_record = thinned(test_recorded) if test_recorded else None
-    with _prefix_errors(data):
+    source = read_source(data, skip_s, axis)
+    if delay_s is None:
+        delay_s = source.delay_s
+    record, notes = thinned(source.record), tuple(_notes("record", source))
+    test_record = None
+    if test:
+        test_source = read_source(test, skip_s, axis)
+        test_record, notes = thinned(test_source.record), (*notes, *_notes("test", test_source))
+    with prefix_errors(data):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s)
             fit, validation = choice.taken.fit, choice.taken.validation
@@ -101,10 +106,12 @@ def identify_file(
         other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
         raw = _refitted(fit, record, replace(fit.settings, smoothing=False))
     taken = judge(fit, record, test_record, validation)
+    with prefix_errors(data):
+        doubts = tuple(quality_warnings(taken, record, test_record))
     return FileFit(
         data=data,
         test_data=test,
-        recorded=recorded,
+        recorded=source.record,
         record=record,
         taken=taken,
         other=judge(other, record, test_record) if other else None,
@@ -112,25 +119,8 @@ def identify_file(
         uncertainty=uncertainty_of(fit, taken.validation),
         choice=choice,
         untold=missing_excitation(smoothed_record(record)),
-        warnings=(
-            *_length_warnings("record", recorded, record),
-            *_length_warnings("test", test_recorded, test_record),
-            *_warnings(fit, record, test_record),
-        ),
+        warnings=(*notes, *_warnings(fit, record, test_record), *doubts),
     )
-
-
-def read_record(path: Path, skip_s: float) -> Record:
-    """Return the record in a file, without its first seconds.
-
-    Raises:
-        DataError: If the file cannot be used; the text starts with its name.
-        OSError: If the file cannot be read.
-    """
-    columns = read_csv(path)
-    with _prefix_errors(path):
-        record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
-        return mark_unknown_past(record).after(skip_s)
 
 
 def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
@@ -142,15 +132,6 @@ def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
     return replace(again, delay=fit.delay)
 
 
-@contextmanager
-def _prefix_errors(path: Path) -> Iterator[None]:
-    """Put the name of the file before the text of an error."""
-    try:
-        yield
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from error
-
-
 def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
     yield from fit_warnings(fit, record.period_s)
     yield from saturation_warnings(record)
@@ -159,9 +140,10 @@ def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
         yield from _range_warnings(fit.model.position_um, test)
 
 
-def _length_warnings(name: str, recorded: Record | None, used: Record | None) -> Iterator[str]:
-    if not (recorded and used):
-        return
+def _notes(name: str, source: Source) -> Iterator[str]:
+    """Yield what to know about a file, and the part of it that is not used."""
+    yield from source.notes if name == "record" else (f"Test: {each}" for each in source.notes)
+    recorded, used = source.record, thinned(source.record)
     left_out_s = float(recorded.t_s[-1] - used.t_s[-1])
     if left_out_s > 2.0 * used.period_s:  # averaging may drop a part of an average
         yield (

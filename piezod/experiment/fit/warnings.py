@@ -4,13 +4,25 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.fit import Fit
+from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.record import Record
+from piezod.hysteresis.memory import FloatArray
 
 SATURATED = 0.1
 """A healthy sensor may show one value while the drive moves over at most this share of its
 range."""
+LARGE_PCT = 5.0
+"""Rms error of a prediction above which a model is of little use, in % of the voltage's range."""
+RESIDUAL_PCT = 0.3
+"""Rms residual below which nothing is said about its frequency, in % of the voltage's range."""
+LINE_SHARE = 0.5
+"""A residual with this share of its power around one frequency is a vibration, if the drive has
+almost none there."""
+DRIVE_SHARE = 0.01
+"""Largest share of the drive's power around that frequency."""
 
 
 def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
@@ -22,6 +34,86 @@ def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
     """
     if fit.delay is not None:
         yield from _delay_warnings(fit.delay, period_s)
+
+
+def quality_warnings(judged: Judgement, record: Record, test: Record | None) -> Iterator[str]:
+    """Yield the warnings about a model that describes its record badly.
+
+    Args:
+        judged: The model and its errors.
+        record: The record of the fit.
+        test: The record of the test, if there is one.
+
+    Raises:
+        DataError: If a straight line predicts the voltage as well, and both are of no use.
+    """
+    error_pct, line_pct = judged.validation.rms_pct, _straight_line_pct(judged.fit, record)
+    if error_pct >= line_pct:
+        compared = (
+            f"the model predicts held-out voltages to {error_pct:.3g} % rms, a straight line "
+            f"through drive and displacement to {line_pct:.3g} %"
+        )
+        if error_pct > LARGE_PCT:
+            raise DataError(
+                f"{compared}: the displacement does not follow the drive as a stage does; check "
+                "that position_um is the sensor of this drive, and that both columns have the same "
+                "clock"
+            )
+        yield (
+            f"{compared[0].upper()}{compared[1:]}: the record shows no hysteresis. Drive larger "
+            "swings, or do without compensation."
+        )
+    elif error_pct > LARGE_PCT:
+        yield (
+            f"The model predicts held-out voltages to {error_pct:.3g} % rms only: it explains "
+            "little of this record. Check sensor, noise and units, or drive more slowly."
+        )
+    if test is not None and judged.test_offset_removed is not None:
+        test_pct = judged.test_offset_removed.errors["voltage_error_rms_pct"]
+        if test_pct > LARGE_PCT:
+            yield (
+                f"The model predicts the test to {test_pct:.3g} % rms only, its own record to "
+                f"{error_pct:.3g} %: the test seems to be of another stage or another range, or is "
+                "too fast."
+            )
+    yield from _vibration_warnings(judged.fit, record)
+
+
+def _straight_line_pct(fit: Fit, record: Record) -> float:
+    """Return the rms error of a straight line that predicts the voltage, in % of its range."""
+    counted = record.counted(fit.model.delay_s)
+    position_um = record.position_um[counted]
+    drive_v = record.drive_delayed_by(fit.model.delay_s)[counted]
+    line = np.polynomial.Polynomial.fit(position_um, drive_v, 1)
+    error_v = line(position_um) - drive_v
+    return 100.0 * float(np.sqrt(np.mean(error_v**2))) / fit.model.drive_v.width
+
+
+def _vibration_warnings(fit: Fit, record: Record) -> Iterator[str]:
+    # The displacement as recorded: smoothing would remove a fast vibration.
+    residuals_pct = fit.residuals_pct(record)
+    rms_pct = float(np.sqrt(np.mean(residuals_pct**2)))
+    if rms_pct < RESIDUAL_PCT:
+        return
+    power = _power(residuals_pct)
+    strongest = int(np.argmax(power))
+    peak = slice(round(0.9 * strongest), round(1.1 * strongest) + 2)
+    drive = _power(record.drive_v[record.counted(fit.model.delay_s)])
+    share = float(np.sum(power[peak]) / np.sum(power))
+    if share > LINE_SHARE and np.sum(drive[peak]) < DRIVE_SHARE * np.sum(drive):
+        frequency_hz = strongest / (residuals_pct.size * record.period_s)
+        yield (
+            f"{100.0 * share:.2g} % of the residual, {rms_pct:.2g} % rms, vibrates at about "
+            f"{frequency_hz:.4g} Hz, where the drive has almost no power: the stage or its mount "
+            "rings, which is no hysteresis. Drive more smoothly; if it is the first mode, tell "
+            "piezod with `first_mode`."
+        )
+
+
+def _power(values: FloatArray) -> FloatArray:
+    """Return the power spectrum of values over time, without their mean, shape (n // 2 + 1,)."""
+    # The window keeps slow and strong parts from leaking over the spectrum.
+    return np.asarray(np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2)
 
 
 def saturation_warnings(record: Record) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.states import State
 from piezod.errors import DataError
+from piezod.experiment.fit.recorded import check_missing, on_deadlines, told_missing
 from piezod.experiment.live.drive import LiveDrive, designed_drive, from_rest
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.stage import ZERO_S, LiveStage
@@ -18,9 +19,6 @@ from piezod.experiment.virtual.run import Progress
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
 from piezod.records.telemetry_reader import RecordedTelemetry
-
-MAX_MISSING_SHARE: Final = 0.02
-"""Largest share of the samples that may be filled in."""
 
 
 class LiveRecord(NamedTuple):
@@ -117,33 +115,9 @@ def columns_of(
     driven = telemetry.cycles["state"] == telemetry.header.names["state"].index(State.IDENT)
     if np.count_nonzero(driven) < 2:
         raise DataError(f"axis {axis}: the recording does not contain the drive")
-    t_s = telemetry.cycles["t_s"][driven]
-    # The deadlines are evenly spaced; the wake-ups after them are not.
-    due_s = t_s - 1e-9 * telemetry.cycles["late_ns"][driven]
-    # == piezod/experiment/live/plan.py I size = len(json.dumps The size of the request as the
-    # client sends it.
-    places = np.rint((due_s - due_s[0]) * telemetry.header.rate_hz)
-    even_s = np.arange(places[-1] + 1) / telemetry.header.rate_hz
-    position_um = telemetry.axes[axis]["position_um"][driven]
-    valid = np.isfinite(position_um)
-    missing = even_s.size - np.count_nonzero(valid)
-    if missing > MAX_MISSING_SHARE * even_s.size:
-        raise DataError(
-            f"axis {axis}: {missing} of {even_s.size} samples are missing because the loop skipped "
-            f"cycles or the sensor was out of range; allowed are {100 * MAX_MISSING_SHARE:g} %"
-        )
-    since_s = t_s - due_s[0]
-    columns = {
-        "t_s": even_s,
-        "drive_v": np.interp(even_s, since_s, telemetry.axes[axis]["in_force_v"][driven]),
-        "position_um": np.interp(even_s, since_s[valid], position_um[valid]),
-    }
-    if not missing:
-        return columns, ()
-    return columns, (
-        f"{missing} of {even_s.size} samples were missing, skipped by the loop or invalid, and "
-        "were filled in.",
-    )
+    columns, missing = on_deadlines(telemetry, axis, driven)
+    check_missing(f"axis {axis}", missing, columns["t_s"].size)
+    return columns, told_missing(missing, columns["t_s"].size)
 
 
 def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> RecordedTelemetry:

@@ -7,6 +7,7 @@ from typing import Final
 from piezod.client import calls
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
+from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
 from piezod.config.packed_waveforms import WaveformCostError, pack_waveforms
 from piezod.config.requests import TABLE
@@ -80,6 +81,8 @@ def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -
     yield from _too_large(case, config)
     for name, command in case.commands(config.axes).items():
         if name in setup.axes:
+            if why := too_fast(command, setup.rate_hz):
+                yield f"{case.name}, axis {name}: {why}"
             waveform = build_waveform(command, case.duration_s)
             yield from _out_of_range(case.name, name, setup.axes[name], waveform.low, waveform.high)
 

@@ -15,13 +15,14 @@ from piezod.config.modes import Mode
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ClientError, DataError
 from piezod.experiment.fit.account import parameters_of
+from piezod.experiment.live.late import late_note
 from piezod.experiment.live.plan import check_live, not_used
 from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.slower import slow_enough
 from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.virtual.run import Progress, versions
-from piezod.experiment.warnings import run_warnings
+from piezod.experiment.warnings import rate_warnings, run_warnings
 from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.telemetry_reader import RecordedTelemetry
 
@@ -58,7 +59,7 @@ def run_live(
     check_live(config, setup)
     meter = _ProgressMeter(config, progress)
     recordings: list[Recording] = []
-    warnings = [*not_used(config, setup), *slowed]
+    warnings = [*not_used(config, setup), *slowed, *rate_warnings(config, setup.rate_hz)]
     with (
         TemporaryDirectory(prefix="piezod-") as folder,
         LiveStage(client, setup, meter.advance) as stage,
@@ -125,6 +126,8 @@ class _Runs:
     def _warnings(self, recording: Recording, telemetry: RecordedTelemetry) -> Iterator[str]:
         yield from run_warnings(recording, merged_pairs=0)
         run = f"{recording.case}, {recording.mode}, axis {recording.axis}:"
+        if note := late_note(recording, self._config.metrics):
+            yield f"{run} {note}"
         missing = missing_cycles(telemetry)
         if missing:
             yield (

@@ -17,9 +17,10 @@ from piezod.control.law.model_files import read_model
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError
 from piezod.experiment.fit.account import account_of, parameters_of
-from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.warnings import fit_warnings
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, VirtualStage

@@ -9,6 +9,7 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.experiment.virtual.case import VirtualRun, run_case
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import opened
+from piezod.experiment.warnings import rate_warnings
 from piezod.records.recording import ExperimentResult
 
 Progress = Callable[[str, float], None]
@@ -53,6 +54,7 @@ def run_experiment(
         seed=config.seed,
         rate_hz=config.rate_hz,
         warnings=(
+            *rate_warnings(config, config.rate_hz),
             *chain.from_iterable(axis.warnings for axis in identified.values()),
             *chain.from_iterable(run.warnings for run in runs),
         ),

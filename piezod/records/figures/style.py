@@ -157,6 +157,30 @@ def png_bytes(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
+FORMATS: Final = {
+    ".png": {"Software": None},
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None},
+}
+"""Endings of figure files, each with the metadata that would differ from run to run."""
+
+
+@house_style()
+def save_figure(path: Path, figure: Figure) -> None:
+    """Write a figure in the format of the file's ending, one of `FORMATS`.
+
+    Args:
+        path: Path of the file; it is written completely or not at all.
+        figure: The figure.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    with replacing(path) as temporary:
+        kind = path.suffix.lower()
+        figure.savefig(temporary, format=kind[1:], metadata=FORMATS[kind])
+
+
 def save_png(path: Path, figure: Figure) -> None:
     """Write a figure as PNG.
 

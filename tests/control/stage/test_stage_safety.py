@@ -8,12 +8,14 @@ import pytest
 
 from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
+from piezod.config.faults import Fault
 from piezod.config.gate_reasons import GateReason
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
 from piezod.control import controller as stage_controller
+from piezod.control.faults.detection import Detection
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind
@@ -69,6 +71,26 @@ def test_first_write_is_the_voltage_in_force(slew_v_per_s: float, there_v: float
     stage.do(rq.Arm())
 
     assert first_v(stage) == pytest.approx(there_v, abs=0.5)
+
+
+@pytest.mark.fault("P2")
+@pytest.mark.parametrize("left_v", [80.0, 0.0])
+def test_voltage_of_a_killed_daemon_is_ramped_down(left_v: float) -> None:
+    """The ramp starts at the read-back and ends in FAULT; at the safe voltage there is none."""
+    stage = RigStage()
+    stage.channels.write([left_v], 0)
+    stage.t_ns += 50_000_000  # the output settles before the first cycle
+    stage.channels.writes.clear()
+    stage.controller.report(Detection(Fault.P2))
+    stage.controller.ramp_first()
+    stage.cycle()
+    stage.until("FAULT")
+    stage.run(0.1)
+
+    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+    assert bool(stage.channels.writes) is (left_v > 0.0)
+    assert all(first_v(stage) == pytest.approx(left_v, abs=0.5) for _ in stage.channels.writes[:1])
+    assert not stage.ask(rq.Arm()).accepted
 
 
 @pytest.mark.fault("A7")

@@ -6,8 +6,9 @@ import pytest
 
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
-from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
+from piezod.config.requests import Estop, Goto, Hold, Request, Shutdown, Stop
 from piezod.config.states import State
+from piezod.control.stage.answer import Answer
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.loop.pacer import Pacer
@@ -24,7 +25,7 @@ from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.stream import StreamWriter
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
@@ -137,6 +138,28 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     assert mailbox.answer(second) == (True, "", 2)
 
 
+def test_state_after_a_request_is_published_before_the_answer(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The service completes an answer with the state: it must not be that of the cycle before."""
+    mailbox = MailboxWriter(rig.shared)
+    states = []
+
+    def execute(request: Request, _t_ns: int) -> Answer:
+        rig.controller.state = State.ESTOP if isinstance(request, Estop) else State.RAMP
+        return Answer(accepted=True)
+
+    monkeypatch.setattr(rig.controller, "execute", execute)
+    mailbox.post(encode(Stop()), 2 * 10**9, urgent=True)
+    for _ in range(2):
+        rig.run(1)
+        states.append(list(State)[rig.shared.words[Word.LOOP_STATE]])
+        rig.controller.state = State.RUN
+        mailbox.post_estop()
+
+    assert states == [State.RAMP, State.ESTOP]
+
+
 def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:
     """An unreadable request is refused, and the loop runs on."""
     mailbox = MailboxWriter(rig.shared)
@@ -227,6 +250,19 @@ def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
     assert before == shortly_before == []
     assert rig.controller.requests == [Shutdown()]
     assert [found.fault for found in rig.controller.detections] == ["H1"]
+
+
+@pytest.mark.fault("D8")
+@pytest.mark.fault("P6")
+def test_faults_of_the_supervisor_are_reported_in_each_cycle(rig: Rig) -> None:
+    """The faults that only the supervisor can find are present as long as it finds them."""
+    words = rig.shared.words
+    words[Word.SUPERVISOR_FAULTS] = (1 << len(SUPERVISOR_FAULTS)) - 1
+    rig.run(2, rig.beat)
+    words[Word.SUPERVISOR_FAULTS] = 0
+    rig.run(2, rig.beat)
+
+    assert [found.fault for found in rig.controller.detections] == [*SUPERVISOR_FAULTS] * 2
 
 
 def test_pause_of_the_machine_is_not_taken_for_a_lost_supervisor(rig: Rig) -> None:

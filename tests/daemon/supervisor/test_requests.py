@@ -44,7 +44,7 @@ def test_request_that_the_loop_does_not_take_expires(shared: SharedMap) -> None:
 
     with pytest.raises(NoAnswerError, match="the loop is starting"):
         _ask(requests, Goto(position_um=3.0))
-    shared.words[Word.HEALTHY_CYCLES] = 1
+    shared.words[Word.LOOP_BEAT_NS] = 1
     with pytest.raises(NoAnswerError, match=r"within 0\.5 s"):
         _ask(requests, Goto(position_um=3.0))
     with FakeLoop(shared) as loop:

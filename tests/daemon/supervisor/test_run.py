@@ -365,3 +365,45 @@ def test_bad_configuration_starts_nothing(rig: Rig) -> None:
     [(_, process)] = rig.processes
     assert process.poll() is not None
     assert not rig.paths.running.exists()
+
+
+@pytest.mark.fault("P2")
+def test_loop_that_ends_before_its_first_cycle_leaves_no_mark(rig: Rig) -> None:
+    """It has driven nothing, so that the next start need not be checked by an operator."""
+    configuration(rig.config.parent, title="broken")
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock:
+        assert not run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+
+    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert not rig.paths.running.exists()
+
+
+@pytest.mark.fault("P2")
+@pytest.mark.parametrize("unclean", [False, True])
+def test_start_that_fails_leaves_the_mark_as_it_was(rig: Rig, unclean: bool) -> None:
+    """If a file of the stage cannot be made, the loop has not been started."""
+    rig.paths.make_folders()
+    rig.paths.flights.touch()  # must be a folder
+    if unclean:
+        rig.paths.running.touch()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(FileExistsError):
+        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+
+    assert rig.processes[0][1].poll() == -signal.SIGKILL
+    assert rig.paths.running.exists() is unclean
+
+
+@pytest.mark.fault("P6")
+def test_copy_that_cannot_be_written_is_named(rig: Rig) -> None:
+    """The loop process reports the file of the error, and no mark is made."""
+    error = '{"failed": [28, "No space left on device", "config-a/rig.yaml"]}'
+    rig.loop_command[:] = ["-c", f"print({error!r})"]
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(OSError, match=r"config-a/rig\.yaml"):
+        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+
+    assert not rig.paths.running.exists()

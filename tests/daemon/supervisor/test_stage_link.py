@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Iterator
+from functools import partial
 from math import isnan, nan
 from pathlib import Path
 
@@ -9,9 +10,20 @@ import numpy as np
 import pytest
 
 from piezod.config.daemon import DaemonConfig
-from piezod.config.requests import AdoptModel, Arm, Goto, Shutdown
+from piezod.config.faults import Fault
+from piezod.config.requests import (
+    AdoptModel,
+    Arm,
+    Disarm,
+    Estop,
+    Goto,
+    Hold,
+    Request,
+    Shutdown,
+    Stop,
+)
 from piezod.config.states import State
-from piezod.control.faults.table import FAULTS
+from piezod.control.faults.table import FAULTS, mask
 from piezod.control.stage.answer import Answer
 from piezod.daemon.loop import accept
 from piezod.daemon.service.stage_service import (
@@ -21,8 +33,11 @@ from piezod.daemon.service.stage_service import (
     UnavailableError,
     UnknownNameError,
 )
+from piezod.daemon.supervisor import stage_link
+from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.telemetry.learned import LearnedWriter
 from piezod.telemetry.stream import StreamReader
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from tests.daemon.bench import PEER, Bench
 
 
@@ -66,6 +81,16 @@ def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
     assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
 
 
+def test_voltage_is_unknown_in_blind(bench: Bench) -> None:
+    """In BLIND status has the read-back voltage, NaN without one, not the last written voltage."""
+    bench.record(State.BLIND, drive_v=80.0)
+    without = bench.link.status()["axes"]["x"]["drive_v"]
+    bench.record(State.BLIND, drive_v=80.0, read_back_v=79.0)
+
+    assert isnan(without)
+    assert bench.link.status()["axes"]["x"]["drive_v"] == 79.0
+
+
 @pytest.mark.fault("L9")
 def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
     """A failed step explains why arming is refused."""
@@ -103,14 +128,43 @@ def test_shutdown_is_for_the_supervisor(bench: Bench) -> None:
     assert bench.stopped == ["requested by somebody"]
 
 
-def test_requests_during_an_exchange_are_refused(bench: Bench) -> None:
-    """The client gets an error at once instead of waiting."""
+async def _during_an_exchange(link: StageLink, request: Request) -> Answer:
+    """Send a request while there is no loop, and make the loop available later."""
+    link.available = False
+    asking = asyncio.create_task(link.request(request, PEER))
+    await asyncio.sleep(0)  # the request has begun
+    assert not link.health()[0]
+    link.available = True
+    return await asking
+
+
+def test_requests_wait_for_the_end_of_an_exchange(bench: Bench) -> None:
+    """A request during an exchange goes to the new loop, an emergency stop among them."""
+    request: Request
+    for request in (Goto(position_um=4.0), Estop()):
+        answer = bench.do(partial(_during_an_exchange, request=request))
+        assert answer.motion == 7
+        assert bench.requests == [request]
+
+
+def test_requests_are_refused_if_an_exchange_takes_too_long(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The client gets the reason before it gives up."""
+    monkeypatch.setattr(stage_link, "EXCHANGED_WITHIN_S", 0.0)
     bench.link.available = False
 
     with pytest.raises(UnavailableError, match="being exchanged"):
         bench.do(lambda link: link.request(Goto(position_um=4.0), PEER))
 
-    assert not bench.link.health()[0]
+
+@pytest.mark.parametrize("request_", [Stop(), Hold(), Disarm()])
+def test_stop_is_answered_at_once_during_an_exchange(bench: Bench, request_: Request) -> None:
+    """An exchange drives nothing: there is nothing to stop, and no loop to ask."""
+    bench.link.available = False
+
+    assert bench.do(lambda link: link.request(request_, PEER)).accepted
+    assert bench.requests == []
 
 
 def test_setpoints_of_a_stream_arrive_together_or_not_at_all(bench: Bench) -> None:
@@ -190,6 +244,119 @@ def test_corrupt_parameters_are_skipped_and_reported(bench: Bench) -> None:
     assert [each["file"] for each in loaded["rejected"]] == [newest.name]
 
 
+def _reported(bench: Bench) -> list[Fault]:
+    """Return the faults that the supervisor reports to the loop."""
+    bench.link.report_faults()
+    bits = bench.loop.shared.words[Word.SUPERVISOR_FAULTS]
+    return [fault for place, fault in enumerate(SUPERVISOR_FAULTS) if bits >> place & 1]
+
+
+@pytest.mark.fault("D8")
+@pytest.mark.parametrize("damaged", [1, 2])
+def test_damaged_parameters_are_a_fault_at_the_start(bench: Bench, damaged: int) -> None:
+    """D8 is reported until the loop has latched it, whether or not an older file can be used."""
+    _learn(bench, zero_um=0.25)
+    for _ in range(2):
+        bench.do(lambda link: link.save_params(PEER))
+    for path in sorted(bench.paths.parameters.glob("*.json"))[-damaged:]:
+        path.write_bytes(path.read_bytes()[:-9])
+
+    bench.do(lambda link: link.restore_params())
+    before = _reported(bench)
+    bench.record(State.SAFE, latched=mask([Fault.D8]))
+
+    assert (before, _reported(bench)) == ([Fault.D8], [])
+    assert len(bench.requests) == 2 - damaged
+
+
+@pytest.mark.fault("D8")
+def test_parameters_that_the_loop_refuses_at_the_start_are_a_fault(bench: Bench) -> None:
+    """The stage does not adapt from another model than the saved one without a word."""
+    _learn(bench, zero_um=0.25)
+    bench.do(lambda link: link.save_params(PEER))
+
+    lost = bench.do(lambda link: link.restore_params(), Answer(False, "its gain is not safe"))
+
+    assert lost == ["the saved parameters: axis x: its gain is not safe"]
+    assert _reported(bench) == [Fault.D8]
+
+
+def test_no_parameters_at_the_start_are_no_fault(bench: Bench) -> None:
+    """A stage whose parameters were never saved begins with the models of its configuration."""
+    assert bench.do(lambda link: link.restore_params()) == []
+    assert _reported(bench) == []
+    assert bench.requests == []
+
+
+class Exchange:
+    """A bench whose loop is exchanged for another one.
+
+    Args:
+        bench: The bench.
+        model_changed: Whether the file has another model for the new loop.
+        answer: Answer of the new loop to every request; None to accept.
+    """
+
+    def __init__(
+        self, bench: Bench, *, model_changed: bool = False, answer: Answer | None = None
+    ) -> None:
+        old = bench.loop
+        asyncio.run(bench.link.parameters.keep(old, old.axes))
+        bench.loop = bench.link.loop = bench.connection()
+        if model_changed:
+            model = old.file_models["x"]
+            assert model is not None
+            bench.loop.models["x"] = model.model_copy(update={"created_by": "another fit"})
+        assert bench.loop.models["x"] is not None
+        self.file_model = bench.loop.models["x"]
+        self.lost = bench.do(lambda link: link.restore_params(), answer)
+        self.requests = bench.requests
+
+
+def test_parameters_outlive_an_exchange(bench: Bench) -> None:
+    """The new loop begins with the zero and the weights in use, not with the saved ones."""
+    _learn(bench, zero_um=0.0)
+    bench.do(lambda link: link.save_params(PEER))
+    weights = _learn(bench, zero_um=0.25)
+    exchange = Exchange(bench)
+
+    (request,) = exchange.requests
+    assert isinstance(request, AdoptModel)
+    model = request.model
+    assert [*model.left_stop_weights, *model.right_stop_weights] == pytest.approx(weights)
+    assert (request.zero_um, exchange.lost) == (0.25, [])
+
+
+def test_model_that_was_exchanged_in_the_file_replaces_the_learned_one(bench: Bench) -> None:
+    """The sensor zero stays, because it is not part of the model."""
+    _learn(bench, zero_um=0.25)
+    exchange = Exchange(bench, model_changed=True)
+
+    assert exchange.requests == [AdoptModel(axis="x", model=exchange.file_model, zero_um=0.25)]
+
+
+def test_zero_of_an_axis_without_a_model_is_reported_lost(bench: Bench) -> None:
+    """The answer to the reload says what has to be done again."""
+    bench.loop.models["x"] = bench.loop.file_models["x"] = None
+    LearnedWriter(bench.loop.shared).publish(0, np.ones(4), 0.0, 0.0, 0.25)
+    asyncio.run(bench.link.parameters.keep(bench.loop, {"x"}))
+
+    lost = bench.do(lambda link: link.restore_params())
+
+    assert lost == ["axis x: the sensor zero, because it has no model; `piezod zero` again"]
+
+
+@pytest.mark.fault("D8")
+def test_parameters_that_the_new_loop_refuses_are_reported_lost(bench: Bench) -> None:
+    """They are named in the answer, and the stage has a fault that forbids adaptation."""
+    _learn(bench, zero_um=0.25)
+    exchange = Exchange(bench, answer=Answer(False, "its gain is not safe"))
+
+    remedy = "`piezod params load` loads the saved ones"
+    assert exchange.lost == [f"axis x: its gain is not safe; {remedy}"]
+    assert _reported(bench) == [Fault.D8]
+
+
 def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConfig) -> None:
     """A rebuilt stage may have other axes under the same name."""
     before = Bench(tmp_path, config.model_copy(update={"axes": {"y": config.axes["x"]}}))
@@ -203,6 +370,20 @@ def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConf
     with pytest.raises(NotNowError, match="axes that this stage does not have: y"):
         bench.do(lambda link: link.load_params(None, PEER))
     bench.link.stage_audit.close()
+
+
+def test_number_that_was_never_saved_is_no_damaged_file(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The client gets the number; nothing is logged, because no file is damaged."""
+    _learn(bench, zero_um=0.0)
+    bench.do(lambda link: link.save_params(PEER))
+
+    with pytest.raises(UnknownNameError, match="nothing is saved as 999") as raised:
+        bench.do(lambda link: link.load_params(999, PEER))
+
+    assert raised.value.details == {}
+    assert "rejected" not in capsys.readouterr().err
 
 
 def test_missing_parameters_are_an_error(bench: Bench) -> None:
@@ -252,3 +433,14 @@ def test_configuration_and_reload_are_passed_on(bench: Bench) -> None:
     assert bench.link.config()["rate_hz"] == 20
     assert asyncio.run(bench.link.reload(PEER)) == {"by": "somebody"}
     assert bench.link.realtime()["rate_hz"] == 20
+
+
+def test_parameters_of_exchanged_devices_are_reported_lost(bench: Bench) -> None:
+    """Zero and weights belong to the devices."""
+    _learn(bench, zero_um=0.25)
+    asyncio.run(bench.link.parameters.keep(bench.loop, set()))
+
+    (lost,) = bench.do(lambda link: link.restore_params())
+
+    assert lost.startswith("axis x: zero and weights, because its devices")
+    assert bench.requests == []

@@ -183,7 +183,7 @@ def test_fault_while_driving_stops_the_stage() -> None:
     with pytest.raises(NotReachedError, match="in HOLD because of S1"):
         record(stage)
 
-    assert stage.asked[-3:] == ["stop", "recordings/stop", "DELETE lease"]
+    assert stage.asked[-3:] == ["stop", "recordings/stop", "end of the session"]
 
 
 def test_model_is_adopted_disarmed() -> None:

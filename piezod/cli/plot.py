@@ -1,0 +1,51 @@
+"""`piezod plot`: the figure of a recording."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.recordings import (
+    BeginOption,
+    EndOption,
+    RecordedAxisOption,
+    RecordingArgument,
+    checked_out,
+    read_part,
+)
+
+
+def plot(
+    recording: RecordingArgument,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            readable=False,
+            help="Figure to write, .png, .svg or .pdf; default: REC.png in the current folder.",
+        ),
+    ] = None,
+    axis: RecordedAxisOption = None,
+    begin_s: BeginOption = None,
+    end_s: EndOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Draw a recording.
+
+    Displacement, command, error and drive voltage over time, with the states and modes, and marks
+    where cycles are late or missing, samples invalid, or faults present; displacement over drive
+    voltage; the errors in each mode.
+    """
+    from piezod.cli.output import new_console, print_json
+    from piezod.records.figures.style import FORMATS, save_figure
+    from piezod.records.figures.telemetry import telemetry_figure
+
+    path = checked_out(out, Path(f"{recording.stem}.png"), FORMATS)
+    telemetry = read_part(recording, begin_s, end_s)
+    name = telemetry.chosen_axis(axis)
+    save_figure(path, telemetry_figure(telemetry, name))
+    if json:
+        print_json({"recording": str(recording), "axis": name, "figure": str(path)})
+    else:
+        new_console().print(f"Figure: {path}", soft_wrap=True)

@@ -1,0 +1,139 @@
+"""`piezod replay`: the control law again, on what was recorded."""
+
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.paths import existing_file
+from piezod.cli.recordings import (
+    BeginOption,
+    EndOption,
+    RecordedAxisOption,
+    RecordingArgument,
+    checked_out,
+    read_part,
+)
+from piezod.config.modes import Mode
+
+if TYPE_CHECKING:
+    from piezod.config.daemon import StageAxisConfig
+    from piezod.control.law.model import StageModel
+    from piezod.experiment.replay.comparison import Comparison
+    from piezod.records.telemetry_reader import RecordedTelemetry
+
+
+def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
+    recording: RecordingArgument,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL.yaml",
+            readable=False,
+            callback=existing_file,
+            help="Model to use; default: the one that the stage used.",
+        ),
+    ] = None,
+    mode: Annotated[
+        Mode | None,
+        typer.Option(help="Mode to use throughout; default: the recorded modes."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            readable=False,
+            help="Draw errors and drives to this file, .png, .svg or .pdf.",
+        ),
+    ] = None,
+    axis: RecordedAxisOption = None,
+    begin_s: BeginOption = None,
+    end_s: EndOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Run the control law again on a recording.
+
+    With the same model and mode the drive must be the recorded one; the command says where it is
+    not. With another model or mode it estimates the error that the stage would have had: to each
+    recorded sample it adds what a model fitted to the recording says about the difference of the
+    voltages.
+    """
+    from piezod.cli.replay_view import as_document, print_comparison
+    from piezod.control.law.model_files import read_model
+    from piezod.experiment.replay.comparison import replay_recording
+    from piezod.records.figures.style import FORMATS
+
+    figure = checked_out(out, out, FORMATS) if out else None
+    telemetry = read_part(recording, begin_s, end_s)
+    name = telemetry.chosen_axis(axis)
+    config, recorded_model = _recorded_axis(recording, telemetry, name, needed=model is None)
+    used = read_model(model)[0] if model else recorded_model
+    assert used is not None  # noqa: S101 - `needed` refuses a recording without a model
+    compared = replay_recording(
+        recording, telemetry, name, config, used, mode=mode, learned=model is None
+    )
+    if figure:
+        _draw(figure, recording, name, compared)
+    if json:
+        from piezod.cli.output import print_json
+
+        print_json(as_document(recording, name, model, mode, compared, figure))
+    else:
+        from piezod.cli.output import new_console
+
+        print_comparison(new_console(), model, mode, compared, figure)
+
+
+def _recorded_axis(
+    recording: Path, telemetry: "RecordedTelemetry", axis: str, *, needed: bool
+) -> tuple["StageAxisConfig", "StageModel | None"]:
+    """Return configuration and model of a recorded axis, from the notes of the file.
+
+    Raises:
+        DataError: If the file has no configuration, or a needed model is not in it.
+    """
+    from piezod.control.law.model_files import read_model
+    from piezod.daemon import accepted_config
+    from piezod.errors import DataError
+
+    notes = telemetry.header.notes
+    if "configuration" not in notes:
+        raise DataError(f"{recording}: the file has no configuration of the stage")
+    document = json.loads(notes["configuration"])
+    with TemporaryDirectory(prefix="piezod-") as folder:
+        for name, each in document["axes"].items():
+            each.pop("model", None)  # its path may lead to another model by now
+            if text := notes.get(f"model_{name}"):
+                file = Path(folder) / f"model-{name}.yaml"
+                file.write_text(text, encoding="utf-8")
+                each["model"] = str(file)
+            else:
+                # Without a model the range of the commands is needed to be valid.
+                each.setdefault("command_range_um", [0.0, 1.0])
+        config = accepted_config.parsed(json.dumps(document), recording).axes[axis]
+        if config.model is not None:
+            return config, read_model(config.model)[0]
+    if needed:
+        raise DataError(f"{recording}: the model of axis {axis} is not in it; give one: --model")
+    return config, None
+
+
+def _draw(path: Path, recording: Path, axis: str, compared: "Comparison") -> None:
+    import numpy as np
+
+    from piezod.records.figures.replay import replay_figure
+    from piezod.records.figures.style import save_figure
+
+    replayed = compared.replay
+    judged = replayed.recorded.judged
+    figure = replay_figure(
+        f"Replay of {recording.name} · axis {axis}",
+        replayed.recorded.t_s,
+        np.where(judged, replayed.recorded_error_um, np.nan),
+        np.where(judged, replayed.error_um, np.nan),
+        replayed.drive_difference_v,
+    )
+    save_figure(path, figure)

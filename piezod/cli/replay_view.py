@@ -1,0 +1,82 @@
+"""Text and document of `piezod replay`."""
+
+from math import isnan
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from piezod.config.modes import Mode
+from piezod.experiment.replay.comparison import Comparison
+
+
+def as_document(
+    recording: Path,
+    axis: str,
+    model: Path | None,
+    mode: Mode | None,
+    compared: Comparison,
+    figure: Path | None,
+) -> dict[str, object]:
+    """Return the document of `piezod replay --json`."""
+    return {
+        "recording": str(recording),
+        "axis": axis,
+        "model": str(model) if model else None,
+        "mode": mode.value if mode else None,
+        "repeats": compared.repeats,
+        "stand_in_rms_um": compared.stand_in_um,
+        "modes": [row._asdict() for row in compared.rows],
+        "warnings": compared.warnings,
+        "figure": str(figure) if figure else None,
+    }
+
+
+def print_comparison(
+    console: Console,
+    model: Path | None,
+    mode: Mode | None,
+    compared: Comparison,
+    figure: Path | None,
+) -> None:
+    """Print the errors of each mode, the verdict and the warnings."""
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("recorded\nmode", no_wrap=True)
+    for heading in ("time", "error", "", "replay", "", "drive"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_row("", "s", "rms µm", "worst", "rms µm", "worst", "rms V")
+    for row in compared.rows:
+        errors = row.recorded_rms_um, row.recorded_worst_um, row.rms_um, row.worst_um
+        numbers = (f"{error_um:.3f}" for error_um in errors)
+        table.add_row(row.recorded, f"{row.duration_s:.1f}", *numbers, f"{row.drive_rms_v:.3f}")
+    console.print(table)
+    console.print(_verdict(model, mode, compared))
+    for warning in compared.warnings:
+        console.print(f"! {warning}", style="yellow")
+    if figure:
+        console.print(f"Figure: {figure}", soft_wrap=True)
+
+
+def _verdict(model: Path | None, mode: Mode | None, compared: Comparison) -> str:
+    worst_v = max(row.drive_worst_v for row in compared.rows)
+    if compared.repeats:
+        return f"The replay repeats the recording: the drives differ by at most {worst_v:.2g} V."
+    if model is None and mode is None:
+        return (
+            f"The replay does not repeat the recording: the drives differ by up to {worst_v:.3g} "
+            "V. Something that the file does not have made a difference: the hysteresis memory or "
+            "what was learned before it, a model that was adopted meanwhile, another version."
+        )
+    certain = (
+        "The recording does not support a model of the stage: the errors are those of the model "
+        "that was replayed."
+        if isnan(compared.stand_in_um)
+        else "A model fitted to this recording says what the other voltages would have done; it "
+        f"describes the record to {compared.stand_in_um:.3f} µm rms, and smaller differences mean "
+        "nothing."
+    )
+    replayed = " and ".join(
+        filter(None, (f"with {model}" if model else "", f"in mode {mode.value}" if mode else ""))
+    )
+    return f"The errors of the replay, {replayed}, are estimates. {certain}"

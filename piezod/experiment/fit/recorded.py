@@ -1,0 +1,146 @@
+"""Drive and displacement of an axis, from the recording of a running stage.
+
+The deadlines of the loop are evenly spaced, so the record is put on them. Skipped cycles and
+invalid samples are filled in by straight lines if there are few in a row.
+"""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from piezod.config.states import State
+from piezod.errors import DataError
+from piezod.experiment.fit.record import Rows
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+
+MAX_FILLED: Final = 5
+"""This many samples in a row may be filled in at any rate."""
+MAX_FILLED_S: Final = 0.05
+"""At fast rates as many as this time contains, in s."""
+MAX_MISSING_SHARE: Final = 0.02
+"""Largest share of the samples that may be filled in."""
+_DRIVEN: Final = (State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP)
+"""States in which the voltage in force is known."""
+
+Columns = dict[str, FloatArray]
+
+
+def columns_of_recording(path: Path, axis: str | None) -> tuple[Columns, tuple[str, ...]]:
+    """Return the record in a recording, evenly in time, and what to know about it.
+
+    It is the longest part in which the stage is armed and no gap is too long to be filled in.
+
+    Args:
+        path: The recording.
+        axis: Name of the axis; None for the only one.
+
+    Raises:
+        DataError: If the file is no recording, or has no usable part of this axis.
+        OSError: If the file cannot be read.
+    """
+    telemetry = read_telemetry(path)
+    name = telemetry.chosen_axis(axis)
+    known = [telemetry.header.names["state"].index(state) for state in _DRIVEN]
+    driven = np.isin(telemetry.cycles["state"], known)
+    driven &= np.isfinite(telemetry.axes[name]["in_force_v"])
+    if not driven.any():
+        raise DataError(f"{path}: the stage is never armed in this recording; record a movement")
+    part, notes = _longest_part(telemetry, name, driven)
+    columns, missing = on_deadlines(telemetry, name, part)
+    check_missing(f"{path}: axis {name}", missing, columns["t_s"].size)
+    if np.ptp(columns["drive_v"]) == 0.0:
+        raise DataError(f"{path}: the voltage of axis {name} is constant; record a movement")
+    return columns, (*notes, *told_missing(missing, columns["t_s"].size))
+
+
+def delay_of_recording(path: Path, axis: str | None) -> float | None:
+    """Return the delay of the model that a recorded axis used, in s; None if it is not known."""
+    telemetry = read_telemetry(path, 0.0, 0.0)  # the header only
+    note = telemetry.header.notes.get(f"model_{telemetry.chosen_axis(axis)}")
+    return None if note is None else float(yaml.safe_load(note)["delay_s"])
+
+
+def on_deadlines(
+    telemetry: RecordedTelemetry, axis: str, rows: Rows
+) -> tuple[dict[str, FloatArray], int]:
+    """Return the record on the deadlines of the loop, and how many samples were filled in.
+
+    Args:
+        telemetry: The recording.
+        axis: Name of the axis.
+        rows: (n_records,) records to use, at least two.
+    """
+    t_s = telemetry.cycles["t_s"][rows]
+    due_s, places = _deadlines(telemetry, rows)
+    even_s = np.arange(places[-1] + 1) / telemetry.header.rate_hz
+    position_um = telemetry.axes[axis]["position_um"][rows]
+    valid = np.isfinite(position_um)
+    since_s = t_s - due_s[0]
+    columns = {
+        "t_s": even_s,
+        "drive_v": np.interp(even_s, since_s, telemetry.axes[axis]["in_force_v"][rows]),
+        "position_um": np.interp(even_s, since_s[valid], position_um[valid]),
+    }
+    return columns, int(even_s.size - np.count_nonzero(valid))
+
+
+def check_missing(what: str, missing: int, samples: int) -> None:
+    """Refuse a record of which too much is filled in.
+
+    Raises:
+        DataError: If it is more than `MAX_MISSING_SHARE`.
+    """
+    if missing > MAX_MISSING_SHARE * samples:
+        raise DataError(
+            f"{what}: {missing} of {samples} samples are missing because the loop skipped cycles "
+            f"or the sensor was out of range; allowed are {100 * MAX_MISSING_SHARE:g} %"
+        )
+
+
+def told_missing(missing: int, samples: int) -> tuple[str, ...]:
+    """Return the warning about samples that were filled in, if there are any."""
+    if not missing:
+        return ()
+    return (
+        f"{missing} of {samples} samples were missing, skipped by the loop or invalid, and were "
+        "filled in.",
+    )
+
+
+def _deadlines(telemetry: RecordedTelemetry, rows: Rows) -> tuple[FloatArray, NDArray[np.float64]]:
+    """Return the deadlines of records in s, and their numbers since the first."""
+    # The deadlines are evenly spaced; the wake-ups after them are not.
+    due_s = telemetry.cycles["t_s"][rows] - 1e-9 * telemetry.cycles["late_ns"][rows]
+    return due_s, np.rint((due_s - due_s[0]) * telemetry.header.rate_hz)
+
+
+def _longest_part(
+    telemetry: RecordedTelemetry, axis: str, rows: Rows
+) -> tuple[Rows, tuple[str, ...]]:
+    """Return the records of the longest part without a long gap, and what was left out."""
+    usable = np.flatnonzero(rows & np.isfinite(telemetry.axes[axis]["position_um"]))
+    if usable.size < 2:
+        raise DataError(f"axis {axis}: the recording has no valid sample while the stage is armed")
+    chosen = np.zeros_like(rows)
+    chosen[usable] = True
+    due_s, places = _deadlines(telemetry, chosen)
+    longest = max(MAX_FILLED, round(MAX_FILLED_S * telemetry.header.rate_hz))
+    breaks = np.flatnonzero(np.diff(places) > longest + 1) + 1
+    begins, ends = np.concatenate(([0], breaks)), np.concatenate((breaks, [usable.size]))
+    best = int(np.argmax(places[ends - 1] - places[begins]))
+    first, last = int(begins[best]), int(ends[best]) - 1
+    within = np.zeros_like(rows)
+    within[usable[first] : usable[last] + 1] = True
+    if not breaks.size:
+        return rows & within, ()
+    gap = int(np.argmax(np.diff(places)))
+    return rows & within, (
+        f"The recording has {breaks.size} gaps of more than {longest} samples in which the stage "
+        f"was not armed or samples are missing, the longest of {due_s[gap + 1] - due_s[gap]:.3g} s "
+        f"at {due_s[gap]:.5g} s. The longest part without one is used, from {due_s[first]:.5g} to "
+        f"{due_s[last]:.5g} s.",
+    )

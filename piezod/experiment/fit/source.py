@@ -1,0 +1,119 @@
+"""Reads the record for a fit from a CSV file or from the recording of a running stage."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from piezod.errors import DataError
+from piezod.experiment.fit.delay import has_one_frequency
+from piezod.experiment.fit.past import mark_unknown_past
+from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.recorded import (
+    MAX_FILLED,
+    Columns,
+    check_missing,
+    columns_of_recording,
+    delay_of_recording,
+    told_missing,
+)
+from piezod.records.csv_checks import MAX_STEP_PERIODS
+from piezod.records.csv_file import read_csv
+from piezod.records.telemetry_reader import is_hdf5
+
+LONG_STEP_S: Final = 0.1
+"""A time step from which on the time is probably in ms."""
+HIGH_V: Final = 1500.0
+"""A voltage above which the drive is probably in mV; amplifiers for stacks end at 1000 V."""
+LONG_UM: Final = 3000.0
+"""A range above which the displacement is probably in nm."""
+SHORT_UM: Final = 0.1
+"""A range below which it is probably in mm."""
+
+
+class Source(NamedTuple):
+    """A record, and what its file says about it.
+
+    Attributes:
+        record: The record.
+        notes: Warnings about the file, a sentence each.
+        delay_s: Delay to use instead of an estimate, in s; None to estimate it.
+    """
+
+    record: Record
+    notes: tuple[str, ...]
+    delay_s: float | None
+
+
+def read_source(path: Path, skip_s: float, axis: str | None = None) -> Source:
+    """Return the record in a file, without its first seconds.
+
+    Args:
+        path: A CSV file with the columns t_s, drive_v, position_um, or a recording of a stage.
+        skip_s: First seconds that do not count.
+        axis: Axis of a recording; None for the only one.
+
+    Raises:
+        DataError: If the file cannot be used; the text starts with its name.
+        OSError: If the file cannot be read.
+    """
+    recorded = is_hdf5(path)
+    columns, notes = columns_of_recording(path, axis) if recorded else _columns_of_csv(path)
+    with prefix_errors(path):
+        record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
+        record = mark_unknown_past(record).after(skip_s)
+    delay_s = delay_of_recording(path, axis) if recorded else None
+    if delay_s is not None and has_one_frequency(record.drive_v):
+        used = (
+            f"The drive has one frequency, which does not determine the delay: {1e3 * delay_s:.3g} "
+            "ms is used, that of the model which the stage used. Give another with --delay-s."
+        )
+        return Source(record, (*notes, used), delay_s)
+    return Source(record, (*notes, *_doubts_about_units(record)), None)
+
+
+@contextmanager
+def prefix_errors(path: Path) -> Iterator[None]:
+    """Put the name of the file before the text of an error."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
+
+
+def _columns_of_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
+    columns = read_csv(path, max_step_periods=MAX_FILLED + MAX_STEP_PERIODS)
+    t_s = columns["t_s"]
+    steps_s = np.diff(t_s)
+    periods = np.maximum(np.rint(steps_s / np.median(steps_s)), 1.0).astype(int)
+    missing = int(np.sum(periods - 1))
+    if not missing:
+        return columns, ()
+    check_missing(str(path), missing, t_s.size + missing)
+    # The recorded samples stay as they are; the new ones are between them.
+    places = np.concatenate(([0], np.cumsum(periods)))
+    even_s = np.interp(np.arange(places[-1] + 1), places, t_s)
+    filled = {name: np.interp(even_s, t_s, column) for name, column in columns.items()}
+    return filled, told_missing(missing, even_s.size)
+
+
+def _doubts_about_units(record: Record) -> Iterator[str]:
+    """Yield a question for each column that is probably in another unit than its name says."""
+    if record.period_s >= LONG_STEP_S:
+        length_s = record.t_s[-1] - record.t_s[0]
+        yield (
+            f"t_s advances by {record.period_s:.3g} s from sample to sample, {length_s:.4g} s in "
+            "all: is it in ms? Then divide it by 1000."
+        )
+    drive_v = float(np.max(np.abs(record.drive_v)))
+    if drive_v > HIGH_V:
+        yield f"drive_v reaches {drive_v:.5g} V: is it in mV? Then divide it by 1000."
+    range_um = float(np.ptp(record.position_um))
+    if range_um > LONG_UM:
+        yield f"position_um has a range of {range_um:.5g} µm: is it in nm? Then divide it by 1000."
+    if range_um < SHORT_UM:
+        yield (
+            f"position_um has a range of {range_um:.3g} µm: is it in mm? Then multiply it by 1000."
+        )

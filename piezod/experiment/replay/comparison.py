@@ -1,0 +1,190 @@
+"""Replays a recording, and compares drive and error with what was recorded."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from piezod.config.axes import AxisConfig
+from piezod.config.modes import Mode
+from piezod.control.law.gains import prefix_errors
+from piezod.control.law.model import StageModel
+from piezod.errors import DataError
+from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.method import Spacing
+from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.source import read_source
+from piezod.experiment.fit.thinning import thinned
+from piezod.experiment.replay.recorded_axis import modes_to_replay, recorded_axis
+from piezod.experiment.replay.run import Replay, replay
+from piezod.records.telemetry_reader import RecordedTelemetry
+
+REPEATED_RMS = 0.001
+"""A replay repeats a recording if its drive differs by at most this share of the drive's range,
+rms. Instants between two cycles, at which a request arrived, are not recorded."""
+
+
+class ModeRow(NamedTuple):
+    """Errors of one recorded mode.
+
+    Attributes:
+        recorded: The recorded mode.
+        replayed: The mode in the replay.
+        duration_s: Time with an error, in s.
+        recorded_rms_um: Rms of the recorded error, in µm.
+        recorded_worst_um: Largest recorded error, in µm.
+        rms_um: Rms of the error in the replay, in µm.
+        worst_um: Largest error in the replay, in µm.
+        drive_rms_v: Rms of the difference of the drives, in V.
+        drive_worst_v: Largest difference of the drives, in V.
+    """
+
+    recorded: str
+    replayed: str
+    duration_s: float
+    recorded_rms_um: float
+    recorded_worst_um: float
+    rms_um: float
+    worst_um: float
+    drive_rms_v: float
+    drive_worst_v: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A replay beside its recording.
+
+    Attributes:
+        replay: The replay.
+        rows: One row for each recorded mode.
+        repeats: Whether the drive is that of the recording.
+        stand_in_um: Rms error with which the model that stands in for the stage describes the
+            record, in µm; smaller differences of errors mean nothing.
+        warnings: Reservations, a sentence each.
+    """
+
+    replay: Replay
+    rows: tuple[ModeRow, ...]
+    repeats: bool
+    stand_in_um: float
+    warnings: tuple[str, ...]
+
+
+def replay_recording(
+    path: Path,
+    telemetry: RecordedTelemetry,
+    axis: str,
+    config: AxisConfig,
+    model: StageModel,
+    *,
+    mode: Mode | None = None,
+    learned: bool = False,
+) -> Comparison:
+    """Replay one axis of a recording.
+
+    Args:
+        path: The recording.
+        telemetry: The recording, or the part of it to replay.
+        axis: Name of the axis.
+        config: Configuration of the axis.
+        model: Model for the control law.
+        mode: Mode for the whole recording; the recorded modes if None.
+        learned: Whether the model is the recorded one, so that recorded weights apply.
+
+    Raises:
+        DataError: If the recording cannot be replayed.
+        ModelError: If a gain of the configuration is not safe with this model.
+    """
+    recorded = recorded_axis(telemetry, axis)
+    modes = modes_to_replay(recorded, mode)
+    with prefix_errors(axis):
+        model = model.zeroed_at(config.limits.rest_v)
+    if learned:
+        model = _with_recorded_weights(model, telemetry, axis, config, str(modes[0]))
+    stand_in, stand_in_um = _stand_in(path, axis, model)
+    replayed = replay(recorded, config, model, stand_in, modes, telemetry.header.rate_hz)
+    judged, range_v = recorded.judged, float(np.ptp(recorded.in_force_v))
+    difference_v = replayed.drive_difference_v[judged]
+    return Comparison(
+        replay=replayed,
+        rows=tuple(_rows(replayed, telemetry.header.rate_hz)),
+        repeats=_rms(difference_v) <= REPEATED_RMS * range_v,
+        stand_in_um=stand_in_um,
+        warnings=tuple(_warnings(replayed, config, stand_in)),
+    )
+
+
+def _with_recorded_weights(
+    model: StageModel, telemetry: RecordedTelemetry, axis: str, config: AxisConfig, mode: str
+) -> StageModel:
+    """Return the model with the weights in use at the start, where the mode follows them."""
+    weights = telemetry.weights[axis]["weights"]
+    follows = mode == Mode.ADAPTIVE.value or (
+        mode == Mode.TRIMMED.value and config.trim.base == "adaptive"
+    )
+    if not follows or weights.shape[1:] != model.weights.shape or not len(weights):
+        return model
+    return replace(model, weights=np.array(weights[0]))
+
+
+def _stand_in(path: Path, axis: str, model: StageModel) -> tuple[StageModel, float]:
+    """Return a model that is fitted to the recording, and its rms error in µm.
+
+    A record that does not support a fit is described by the model of the control law.
+    """
+    settings = FitSettings(spacing=Spacing.GRADED, delay_s=model.delay_s)
+    try:
+        record = thinned(read_source(path, 0.0, axis).record)
+        fit = fit_model(record, settings)
+    except DataError:
+        return model, float("nan")
+    error_pct = fit.errors_pct(record)["voltage_error_rms_pct"]
+    return fit.model, 0.01 * error_pct * fit.model.position_um.width
+
+
+def _rows(replayed: Replay, rate_hz: float) -> Iterator[ModeRow]:
+    recorded = replayed.recorded
+    for mode in dict.fromkeys(recorded.modes[recorded.judged].tolist()):
+        rows = recorded.judged & (recorded.modes == mode)
+        before_um, after_um = replayed.recorded_error_um[rows], replayed.error_um[rows]
+        difference_v = replayed.drive_difference_v[rows]
+        yield ModeRow(
+            recorded=mode,
+            replayed=str(replayed.modes[rows][0]),
+            duration_s=float(np.count_nonzero(rows) / rate_hz),
+            recorded_rms_um=_rms(before_um),
+            recorded_worst_um=float(np.max(np.abs(before_um))),
+            rms_um=_rms(after_um),
+            worst_um=float(np.max(np.abs(after_um))),
+            drive_rms_v=_rms(difference_v),
+            drive_worst_v=float(np.max(np.abs(difference_v))),
+        )
+
+
+def _warnings(replayed: Replay, config: AxisConfig, stand_in: StageModel) -> Iterator[str]:
+    recorded, rest_v = replayed.recorded, config.limits.rest_v
+    range_v = float(np.ptp(recorded.in_force_v))
+    if abs(recorded.in_force_v[0] - rest_v) > 0.01 * range_v:
+        yield (
+            f"The recording starts at {recorded.in_force_v[0]:.4g} V and not at rest: the "
+            "hysteresis memory before it is not known, and the replay starts with a relaxed one. "
+            "Record from before `piezod arm`."
+        )
+    low_v, high_v = stand_in.drive_v
+    slack_v = 0.01 * stand_in.drive_v.width
+    beyond = (replayed.next_v < low_v - slack_v) | (replayed.next_v > high_v + slack_v)
+    if share := float(np.mean(beyond[recorded.follows])):
+        yield (
+            f"In {100 * share:.2g} % of the cycles the replay drives beyond the recorded voltages, "
+            f"{low_v:.4g} to {high_v:.4g} V, where nothing is known of the stage: the errors are "
+            "too small or too large there."
+        )
+    skipped = int(np.sum(recorded.skipped))
+    if skipped:
+        yield f"The loop skipped {skipped} periods, in which the voltage was held."
+
+
+def _rms(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+    return float(np.sqrt(np.mean(values**2)))

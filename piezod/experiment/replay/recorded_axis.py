@@ -1,0 +1,79 @@
+"""One axis of a recording, cycle by cycle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.errors import DataError
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.telemetry_marks import names_of
+from piezod.records.telemetry_reader import RecordedTelemetry
+
+
+@dataclass(frozen=True)
+class RecordedAxis:
+    """What an axis did in each recorded cycle; arrays of shape (n,).
+
+    Attributes:
+        t_s: Instants of the cycles, in s since the start of the recording.
+        t_ns: The same since the first cycle, in ns.
+        sample_ns: Instants of the samples, in ns since the first cycle.
+        position_um: Measured position, in µm; NaN if it may not be used.
+        command_um: Command, in µm; NaN if there was none.
+        in_force_v: Voltage in force when the sample was taken, in V.
+        next_v: Voltage in force when the next sample was taken, in V.
+        modes: Mode of each cycle.
+        follows: Whether the axis followed a command.
+        skipped: Periods that the loop skipped before the cycle.
+    """
+
+    t_s: FloatArray
+    t_ns: NDArray[np.int64]
+    sample_ns: NDArray[np.int64]
+    position_um: FloatArray
+    command_um: FloatArray
+    in_force_v: FloatArray
+    next_v: FloatArray
+    modes: NDArray[np.str_]
+    follows: NDArray[np.bool_]
+    skipped: NDArray[np.int64]
+
+    @property
+    def judged(self) -> NDArray[np.bool_]:
+        """Cycles with an error: the axis followed a command, and the sample is valid."""
+        return np.asarray(self.follows & np.isfinite(self.position_um))
+
+
+def recorded_axis(telemetry: RecordedTelemetry, axis: str) -> RecordedAxis:
+    """Return one axis of a recording.
+
+    Raises:
+        DataError: If the axis never follows a command.
+    """
+    cycles, columns = telemetry.cycles, telemetry.axes[axis]
+    running = names_of(telemetry, "state", cycles["state"]) == State.RUN.value
+    follows = running & np.isfinite(columns["command_um"])
+    if not np.any(follows & np.isfinite(columns["position_um"])):
+        raise DataError(f"axis {axis} follows no command in this recording; record a movement")
+    in_force_v = columns["in_force_v"]
+    return RecordedAxis(
+        t_s=cycles["t_s"],
+        t_ns=cycles["t_ns"] - cycles["t_ns"][0],
+        sample_ns=columns["sample_ns"] - cycles["t_ns"][0],
+        position_um=columns["position_um"],
+        command_um=columns["command_um"],
+        in_force_v=in_force_v,
+        # Not `drive_v`: a write that failed was never in force.
+        next_v=np.append(in_force_v[1:], columns["drive_v"][-1:]),
+        modes=names_of(telemetry, "mode", columns["mode"]),
+        follows=follows,
+        skipped=np.diff(cycles["skipped"], prepend=cycles["skipped"][:1]),
+    )
+
+
+def modes_to_replay(recorded: RecordedAxis, mode: Mode | None) -> NDArray[np.str_]:
+    """Return the mode to replay in each cycle: the given one, or the recorded ones."""
+    return recorded.modes if mode is None else np.full(recorded.modes.shape, mode.value)

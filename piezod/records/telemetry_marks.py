@@ -1,0 +1,123 @@
+"""What to know about a recording before its numbers are used: states, modes, faults, and gaps."""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.records.frozen import FloatArray
+from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.units import NS_PER_S
+
+LATE_SHARE: Final = 0.5
+"""A cycle is marked as late if it began later than this share of a period."""
+
+
+class Span(NamedTuple):
+    """A part of a recording in which a name stays the same.
+
+    Attributes:
+        begin_s: Instant of its first cycle, in s.
+        end_s: Instant of the first cycle after it, or of the last cycle, in s.
+        name: The name.
+    """
+
+    begin_s: float
+    end_s: float
+    name: str
+
+
+class Irregularity(NamedTuple):
+    """One kind of missing or late data.
+
+    Attributes:
+        name: Description for people, in the plural.
+        cases: Number of missing periods or of affected cycles.
+        t_s: Instants of the cycles at which they show, in s, shape (n,).
+    """
+
+    name: str
+    cases: int
+    t_s: FloatArray
+
+
+def names_of(telemetry: RecordedTelemetry, name: str, column: NDArray[Any]) -> NDArray[np.str_]:
+    """Return the names of the numbers of a column, shape (n_records,)."""
+    names: NDArray[np.str_] = np.array(telemetry.header.names[name], dtype=np.str_)[column]
+    return names
+
+
+def states(telemetry: RecordedTelemetry, axis: str) -> tuple[Span, ...]:
+    """Return the states of the stage over time, in RUN with the mode of the axis."""
+    state = names_of(telemetry, "state", telemetry.cycles["state"])
+    mode = names_of(telemetry, "mode", telemetry.axes[axis]["mode"])
+    return _spans(telemetry.cycles["t_s"], np.where(state == "RUN", mode, state))
+
+
+def faults_present(telemetry: RecordedTelemetry) -> NDArray[np.str_]:
+    """Return the names of the present faults in each cycle, as in "L2 S5", shape (n_records,)."""
+    return _fault_names(telemetry, "present")
+
+
+def faults_latched(telemetry: RecordedTelemetry) -> NDArray[np.str_]:
+    """Return the names of the latched faults in each cycle, shape (n_records,)."""
+    return _fault_names(telemetry, "latched")
+
+
+def fault_spans(telemetry: RecordedTelemetry) -> dict[str, tuple[Span, ...]]:
+    """Return the parts of a recording in which a fault was present, by the name of the fault."""
+    spans = _spans(telemetry.cycles["t_s"], faults_present(telemetry))
+    faults = dict.fromkeys(fault for span in spans for fault in span.name.split())
+    return {fault: tuple(span for span in spans if fault in span.name.split()) for fault in faults}
+
+
+def irregularities(telemetry: RecordedTelemetry, axis: str) -> tuple[Irregularity, ...]:
+    """Return the kinds of missing or late data that a recording has."""
+    cycles, t_s = telemetry.cycles, telemetry.cycles["t_s"]
+    skipped = np.diff(cycles["skipped"], prepend=cycles["skipped"][:1])
+    seq = cycles["seq"]
+    lost = np.maximum(np.diff(seq, prepend=seq[:1] - 1) - 1, 0)
+    invalid = ~np.isfinite(telemetry.axes[axis]["position_um"])
+    late = cycles["late_ns"] * telemetry.header.rate_hz > LATE_SHARE * NS_PER_S
+    kinds = {
+        "periods skipped by the loop": skipped,
+        "records lost": lost,
+        "invalid samples": invalid,
+        "late cycles": late,
+    }
+    found = (
+        Irregularity(name, int(np.sum(counts)), t_s[np.asarray(counts) > 0])
+        for name, counts in kinds.items()
+    )
+    return tuple(each for each in found if each.cases)
+
+
+def _fault_names(telemetry: RecordedTelemetry, mask: str) -> NDArray[np.str_]:
+    """Return the names of the bits of a mask, which may be in two columns."""
+    bits = {name: bits for name, bits in telemetry.header.bits.items() if name.startswith(mask)}
+    if not bits:  # an older recording, which does not name its bits
+        return np.full(telemetry.cycles["t_s"].size, "")
+    columns = np.stack([telemetry.cycles[name] for name in bits], axis=1)
+    # Masks change seldom: each different one is spelt out once.
+    masks, places = np.unique(columns, axis=0, return_inverse=True)
+    texts = [
+        " ".join(
+            bit
+            for number, names in zip(row.tolist(), bits.values(), strict=True)
+            for place, bit in enumerate(names)
+            if number >> place & 1
+        )
+        for row in masks
+    ]
+    return np.array(texts, dtype=np.str_)[places.reshape(-1)]
+
+
+def _spans(t_s: FloatArray, names: NDArray[np.str_]) -> tuple[Span, ...]:
+    if not t_s.size:
+        return ()
+    begins = np.flatnonzero(np.concatenate(([True], names[1:] != names[:-1])))
+    ends = np.append(begins[1:], t_s.size - 1)
+    return tuple(
+        Span(float(t_s[begin]), float(t_s[end]), str(names[begin]))
+        for begin, end in zip(begins, ends, strict=True)
+    )

@@ -1,0 +1,22 @@
+"""Waveforms that a loop cannot make."""
+
+from piezod.config import requests
+from piezod.config.states import State
+from piezod.config.waveforms import Sine
+from tests.control.rig_stage import RigStage
+
+
+def test_wave_above_half_of_the_rate_is_refused_before_it_moves() -> None:
+    """Commands and drives from half of the rate on are refused with the limit; others are not."""
+    stage = RigStage()
+    stage.until(State.SAFE)
+    stage.do(requests.Arm())
+    fast, slow = (Sine(kind="sine", low=0.0, high=5.0, frequency_hz=f) for f in (500.0, 499.0))
+
+    refused = stage.ask(requests.Wave(command_um={"x": fast}, duration_s=1.0))
+    assert (refused.accepted, stage.state) == (False, "READY")
+    assert "too fast for the loop (got 500 Hz), allowed: below 500 Hz" in refused.why
+    driven = stage.ask(requests.Identify(drive_v={"x": fast}, duration_s=1.0))
+    assert (driven.accepted, stage.state) == (False, "READY")
+    assert "axis x: drive_v too fast for the loop" in driven.why
+    assert stage.ask(requests.Wave(command_um={"x": slow}, duration_s=1.0)).accepted
