@@ -1,15 +1,15 @@
 """Carries out requests, or refuses them with a reason and a remedy."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from piezod.config import requests
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
-from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.answer import Answer
+from piezod.control.stage.drive_requests import condition, condition_axes, identify
 from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
@@ -92,7 +92,7 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
         stage.boundary.shadow = False
         return Answer(False, refusal)
     to_condition = [i for i, axis in enumerate(stage.axes) if axis.config.conditioning.on_arm]
-    return _condition_axes(stage, to_condition, t_ns) if to_condition else Answer(True)
+    return condition_axes(stage, to_condition, t_ns) if to_condition else Answer(True)
 
 
 # ---------------------------------------------------------------------- movements
@@ -191,53 +191,7 @@ def _run_event(mode: Mode) -> Event:
     return Event.RUN_ADAPTIVE if mode in SENSED else Event.RUN
 
 
-# ---------------------------------------------------------------------- voltages
-
-
-def _condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
-    axes, why = axes_named(stage, request.axis)
-    return Answer(False, why) if why else _condition_axes(stage, axes, t_ns)
-
-
-def _condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
-    programs = {
-        i: conditioning(stage.axes[i].config.conditioning, stage.axes[i].config.limits)
-        for i in axes
-    }
-    return _start_ident(stage, programs, t_ns, conditions=len(programs) == len(stage.axes))
-
-
-def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
-    drives: dict[int, VoltageProgram] = {}
-    for name, config in request.drive_v.items():
-        axes, why = axes_named(stage, name)
-        why = why or without_sensor(stage, axes, "the identification")
-        if why:
-            return Answer(False, why)
-        limits = stage.axes[axes[0]].config.limits
-        if why := too_fast(config, NS_PER_S / stage.period_ns):
-            return Answer(False, f"axis {name}: drive_v {why}")
-        waveform = build_waveform(config, request.duration_s)
-        if waveform.low < limits.drive_min_v or waveform.high > limits.drive_max_v:
-            return Answer(
-                False,
-                f"axis {name}: drive_v out of range (got {waveform.low:g} to {waveform.high:g} V), "
-                f"allowed range {limits.drive_min_v:g} to {limits.drive_max_v:g} V",
-            )
-        drives[axes[0]] = VoltageProgram(waveform.value, request.duration_s)
-    return _start_ident(stage, drives, t_ns, conditions=False)
-
-
-def _start_ident(
-    stage: Stage, drives: dict[int, VoltageProgram], t_ns: int, *, conditions: bool
-) -> Answer:
-    """Drive voltages in IDENT, with ramps from and to the rest voltage around them."""
-    refusal = stage.go(Event.IDENTIFY, t_ns)
-    if refusal:
-        return Answer(False, refusal)
-    to_rest = {i: stage.axes[i].config.limits.rest_v for i in drives}
-    stage.drive([to_rest, drives, to_rest], t_ns, conditions=conditions)
-    return Answer(True)
+# ---------------------------------------------------------------------- sensor and model
 
 
 def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
@@ -291,8 +245,8 @@ HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answ
     requests.Wave: _wave,
     requests.Stream: _stream,
     requests.Follow: _follow,
-    requests.Condition: _condition,
-    requests.Identify: _identify,
+    requests.Condition: condition,
+    requests.Identify: identify,
     requests.Zero: _zero,
     requests.AdoptModel: _adopt,
     requests.Hold: _hold,

@@ -1,0 +1,62 @@
+"""Carries out the requests that drive voltages, in state IDENT. Real-time safe."""
+
+from collections.abc import Iterable
+
+from piezod.config import requests
+from piezod.config.frequencies import too_fast
+from piezod.control.reference.programs import VoltageProgram, conditioning
+from piezod.control.reference.waveforms import build_waveform
+from piezod.control.stage.answer import Answer
+from piezod.control.stage.named import axes_named, without_sensor
+from piezod.control.stage.stage import Stage
+from piezod.control.stage.states import Event
+from piezod.units import NS_PER_S
+
+
+def condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
+    """Condition the named axes."""
+    axes, why = axes_named(stage, request.axis)
+    return Answer(False, why) if why else condition_axes(stage, axes, t_ns)
+
+
+def condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
+    """Drive the decaying swing of some axes."""
+    programs = {
+        i: conditioning(stage.axes[i].config.conditioning, stage.axes[i].config.limits)
+        for i in axes
+    }
+    return _start_ident(stage, programs, t_ns, conditions=len(programs) == len(stage.axes))
+
+
+def identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
+    """Drive the voltages of an identification, within the limits of each axis."""
+    drives: dict[int, VoltageProgram] = {}
+    for name, config in request.drive_v.items():
+        axes, why = axes_named(stage, name)
+        why = why or without_sensor(stage, axes, "the identification")
+        if why:
+            return Answer(False, why)
+        limits = stage.axes[axes[0]].config.limits
+        if why := too_fast(config, NS_PER_S / stage.period_ns):
+            return Answer(False, f"axis {name}: drive_v {why}")
+        waveform = build_waveform(config, request.duration_s)
+        if waveform.low < limits.drive_min_v or waveform.high > limits.drive_max_v:
+            return Answer(
+                False,
+                f"axis {name}: drive_v out of range (got {waveform.low:g} to {waveform.high:g} V), "
+                f"allowed range {limits.drive_min_v:g} to {limits.drive_max_v:g} V",
+            )
+        drives[axes[0]] = VoltageProgram(waveform.value, request.duration_s)
+    return _start_ident(stage, drives, t_ns, conditions=False)
+
+
+def _start_ident(
+    stage: Stage, drives: dict[int, VoltageProgram], t_ns: int, *, conditions: bool
+) -> Answer:
+    """Drive voltages in IDENT, with ramps from and to the rest voltage around them."""
+    refusal = stage.go(Event.IDENTIFY, t_ns)
+    if refusal:
+        return Answer(False, refusal)
+    to_rest = {i: stage.axes[i].config.limits.rest_v for i in drives}
+    stage.drive([to_rest, drives, to_rest], t_ns, conditions=conditions)
+    return Answer(True)
