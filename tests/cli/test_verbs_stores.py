@@ -129,3 +129,12 @@ def test_help_says_what_is_not_restored(piezod: Command) -> None:
     _, out, _ = piezod("params", "--help")
 
     assert "saved and not restored" in out
+
+
+def test_label_is_checked_before_it_is_sent(piezod: Command, daemon: FakeDaemon) -> None:
+    """A label with a space is refused with the allowed characters, and nothing is asked."""
+    code, _, err = piezod("record", "start", "my scan")
+
+    assert code == 2
+    assert "up to 32 letters, digits, _ and -" in " ".join(err.split())
+    assert daemon.asked == []

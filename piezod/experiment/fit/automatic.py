@@ -4,10 +4,11 @@ The choice is the simplest candidate whose mean squared error is within one stan
 best one (Breiman et al. 1984). A difference that chance explains is not worth more parameters.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,6 +25,9 @@ ORDERS = (5, 8, 12, 19, 30)
 _SLOW_PARAMETERS = 3  # creep, offset, stretch
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
+
+Progress: TypeAlias = Callable[[str, float], None]
+"""Called with the present step and the share that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,12 @@ class Choice:
     limit_pct: float
 
 
-def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
+def choose(
+    record: Record,
+    wanted: Wanted,
+    delay_s: float | None,
+    progress: Progress = lambda _label, _share: None,
+) -> Choice:
     """Fit all candidates to a record and choose among them.
 
     The delay is estimated once, so that all candidates are compared on the same pairs of drive and
@@ -87,6 +96,7 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
         record: Drive and displacement.
         wanted: Fixed part of the choice.
         delay_s: Delay in s; estimated if None.
+        progress: Called with the present candidate and the share that is done.
 
     Raises:
         DataError: If the record is too short for any candidate, or cannot be used.
@@ -94,7 +104,7 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
         delay_s = estimate.delay_s
-    candidates = _candidates(record, wanted, delay_s, estimate)
+    candidates = _candidates(record, wanted, delay_s, estimate, progress)
     # One-standard-error rule: among candidates as good as the best, the one with the fewest
     # parameters.
     best = min(candidates, key=lambda each: each.validation.rms_pct)
@@ -105,11 +115,17 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
 
 
 def _candidates(
-    record: Record, wanted: Wanted, delay_s: float | None, estimate: DelayEstimate | None
+    record: Record,
+    wanted: Wanted,
+    delay_s: float | None,
+    estimate: DelayEstimate | None,
+    progress: Progress,
 ) -> tuple[Candidate, ...]:
     """Return the candidates that the record supports, at least one."""
     candidates, refused = [], None
-    for settings in _settings(record, wanted):
+    tried = tuple(_settings(record, wanted))
+    for index, settings in enumerate(tried):
+        progress(f"model {index + 1} of {len(tried)}", index / len(tried))
         try:
             fit = replace(fit_model(record, replace(settings, delay_s=delay_s)), delay=estimate)
             candidates.append(Candidate(fit, cross_validate(fit)))

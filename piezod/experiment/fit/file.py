@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from piezod.errors import DataError
-from piezod.experiment.fit.automatic import Choice, Wanted, choose
+from piezod.experiment.fit.automatic import Choice, Progress, Wanted, choose
 from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
 from piezod.experiment.fit.judgement import Judgement, judge
@@ -69,6 +69,7 @@ def identify_file(
     delay_s: float | None,
     axis: str | None = None,
     settings: FitSettings | Wanted,
+    progress: Progress = lambda _label, _share: None,
 ) -> FileFit:
     """Fit a model to a recorded file.
 
@@ -79,6 +80,7 @@ def identify_file(
         delay_s: Delay in s; estimated from the data if None.
         axis: Axis of a recording; None for the only one.
         settings: Settings of the fit, or the fixed part of an automatic choice.
+        progress: Called while models are chosen.
 
     Raises:
         DataError: If a file cannot be used; the text starts with its name.
@@ -94,7 +96,7 @@ def identify_file(
         test_record, notes = thinned(test_source.record), (*notes, *_notes("test", test_source))
     with prefix_errors(data):
         if isinstance(settings, Wanted):
-            choice = choose(record, settings, delay_s)
+            choice = choose(record, settings, delay_s, progress)
             fit, validation = choice.taken.fit, choice.taken.validation
         else:
             choice, validation = None, None

@@ -35,3 +35,14 @@ def test_only_candidates_that_can_be_fitted_are_compared() -> None:
 
     assert choice.candidates
     assert not any(each.fit.settings.creep for each in choice.candidates)
+
+
+def test_choice_reports_its_progress() -> None:
+    """Each candidate is announced with the share that is done."""
+    steps: list[tuple[str, float]] = []
+    choice = choose(record_of(), Wanted(order=5), 0.0, lambda *step: steps.append(step))
+
+    labels, shares = zip(*steps, strict=True)
+    assert labels[0] == f"model 1 of {len(steps)}"
+    assert shares == tuple(i / len(steps) for i in range(len(steps)))
+    assert len(steps) >= len(choice.candidates)
