@@ -85,20 +85,10 @@ def recommended_drive(low_v: float, high_v: float) -> str:
         high_v: Highest voltage, in V.
     """
     # Rounded inwards to whole millivolts, so that the text has short numbers within the limits.
-    low_mv, high_mv = ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6))
-    half_v = (high_mv - low_mv) // 2 / 1e3
-    middle = f"{low_mv / 1e3 + half_v:.10g}"
-
-    def at(share: float) -> str:
-        return f"{round(low_mv + share * (high_mv - low_mv)) / 1e3:.10g}"
-
-    def sine(duration_s: int, start: float, end: float, frequency_hz: float) -> str:
-        waveform = f"kind: sine, low: {at(start)}, high: {at(end)}, frequency_hz: {frequency_hz:g}"
-        return f"- {{duration_s: {duration_s}, waveform: {{{waveform}}}}}"
-
-    def hold(duration_s: int, share: float) -> str:
-        return f"- {{duration_s: {duration_s}, waveform: {{kind: setpoint, level: {at(share)}}}}}"
-
+    levels = _Levels(ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6)))
+    at, sine, hold = levels.at, levels.sine, levels.hold
+    half_v = (levels.high_mv - levels.low_mv) // 2 / 1e3
+    middle = f"{levels.low_mv / 1e3 + half_v:.10g}"
     return f"""\
 identification:
   method: least-squares
@@ -140,6 +130,33 @@ identification:
           low: {at(0)}
           components: [{{amplitude: {0.8 * half_v:.10g}, frequency_hz: 0.25, phase_deg: 180}}]
 """
+
+
+class _Levels(NamedTuple):
+    """Writes voltages as shares of a range, and parts of a sequence between them.
+
+    Attributes:
+        low_mv: Lowest voltage, in mV.
+        high_mv: Highest voltage, in mV.
+    """
+
+    low_mv: int
+    high_mv: int
+
+    def at(self, share: float) -> str:
+        """Return the voltage at a share of the range, in V."""
+        return f"{round(self.low_mv + share * (self.high_mv - self.low_mv)) / 1e3:.10g}"
+
+    def sine(self, duration_s: int, start: float, end: float, frequency_hz: float) -> str:
+        """Return a sine between two shares of the range."""
+        low_v, high_v = self.at(start), self.at(end)
+        waveform = f"kind: sine, low: {low_v}, high: {high_v}, frequency_hz: {frequency_hz:g}"
+        return f"- {{duration_s: {duration_s}, waveform: {{{waveform}}}}}"
+
+    def hold(self, duration_s: int, share: float) -> str:
+        """Return a hold at a share of the range."""
+        level_v = self.at(share)
+        return f"- {{duration_s: {duration_s}, waveform: {{kind: setpoint, level: {level_v}}}}}"
 
 
 def _turning_points(positions: FloatArray) -> list[int]:

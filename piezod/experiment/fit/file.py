@@ -101,11 +101,7 @@ def identify_file(
         else:
             choice, validation = None, None
             fit = fit_model(record, replace(settings, delay_s=delay_s))
-    other, raw = None, None
-    # Both counterparts show the user what creep and smoothing contribute.
-    if fit.linearised:
-        other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
-        raw = _refitted(fit, record, replace(fit.settings, smoothing=False))
+    other, raw = _counterparts(fit, record)
     taken = judge(fit, record, test_record, validation)
     with prefix_errors(data):
         doubts = tuple(quality_warnings(taken, record, test_record))
@@ -121,6 +117,16 @@ def identify_file(
         choice=choice,
         untold=missing_excitation(smoothed_record(record)),
         warnings=(*notes, *_warnings(fit, record, test_record), *doubts),
+    )
+
+
+def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:
+    """Return the fit with creep or without, and unsmoothed: what each of them contributes."""
+    if not fit.linearised:
+        return None, None
+    return (
+        _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep)),
+        _refitted(fit, record, replace(fit.settings, smoothing=False)),
     )
 
 
