@@ -6,10 +6,11 @@ explains is not worth more parameters. But all candidates are judged on the same
 much of the standard error is that of the blocks, which differ in difficulty.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 
@@ -29,6 +30,9 @@ LARGEST_LOSS = 1.05
 _SLOW_PARAMETERS = 3  # creep, offset, stretch
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
+
+Progress: TypeAlias = Callable[[str, float], None]
+"""Called with the present step and the share that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,12 @@ class Choice:
     limit_pct: float
 
 
-def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
+def choose(
+    record: Record,
+    wanted: Wanted,
+    delay_s: float | None,
+    progress: Progress = lambda _label, _share: None,
+) -> Choice:
     """Fit all candidates to a record and choose among them.
 
     The delay is estimated once, so that all candidates are compared on the same pairs of drive and
@@ -92,6 +101,7 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
         record: Drive and displacement.
         wanted: Fixed part of the choice.
         delay_s: Delay in s; estimated if None.
+        progress: Called with the present candidate and the share that is done.
 
     Raises:
         DataError: If the record is too short for any candidate, or cannot be used.
@@ -99,7 +109,7 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
         delay_s = estimate.delay_s
-    return simplest_as_good(_candidates(record, wanted, delay_s, estimate))
+    return simplest_as_good(_candidates(record, wanted, delay_s, estimate, progress))
 
 
 def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
@@ -113,11 +123,17 @@ def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
 
 
 def _candidates(
-    record: Record, wanted: Wanted, delay_s: float | None, estimate: DelayEstimate | None
+    record: Record,
+    wanted: Wanted,
+    delay_s: float | None,
+    estimate: DelayEstimate | None,
+    progress: Progress,
 ) -> tuple[Candidate, ...]:
     """Return the candidates that the record supports, at least one."""
     candidates, refused = [], None
-    for settings in _settings(record, wanted):
+    tried = tuple(_settings(record, wanted))
+    for index, settings in enumerate(tried):
+        progress(f"model {index + 1} of {len(tried)}", index / len(tried))
         try:
             fit = replace(fit_model(record, replace(settings, delay_s=delay_s)), delay=estimate)
             candidates.append(Candidate(fit, cross_validate(fit)))

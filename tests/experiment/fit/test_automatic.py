@@ -10,7 +10,8 @@ from piezod.control.law.model import StageModel
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Candidate, Wanted, choose, simplest_as_good
 from piezod.experiment.fit.cross_validation import Block, CrossValidation
-from piezod.experiment.fit.fit import Fit, FitSettings
+from piezod.experiment.fit.fit import Fit
+from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import record_of
 
 
@@ -66,3 +67,14 @@ def test_smaller_model_is_taken_only_if_it_costs_little(factor: float, order: in
     assert choice.best.validation.rms_with_standard_error_pct > 1.3 * choice.best.validation.rms_pct
     assert choice.taken.fit.settings.order == order
     assert choice.limit_pct == pytest.approx(1.05 * choice.best.validation.rms_pct)
+
+
+def test_choice_reports_its_progress() -> None:
+    """Each candidate is announced with the share that is done."""
+    steps: list[tuple[str, float]] = []
+    choice = choose(record_of(), Wanted(order=5), 0.0, lambda *step: steps.append(step))
+
+    labels, shares = zip(*steps, strict=True)
+    assert labels[0] == f"model 1 of {len(steps)}"
+    assert shares == tuple(i / len(steps) for i in range(len(steps)))
+    assert len(steps) >= len(choice.candidates)
