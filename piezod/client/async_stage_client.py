@@ -13,8 +13,9 @@ from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
 from piezod.client.methods import AsyncCaller
 from piezod.client.places import check_socket, find_socket
+from piezod.client.reader import reader
 from piezod.client.reports import StageReports
-from piezod.client.results import StreamEnd, reader
+from piezod.client.results import StreamEnd
 from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,

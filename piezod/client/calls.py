@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
 
-from piezod.client.results import Answer, Document, reader
+from piezod.client.reader import reader
+from piezod.client.results import Answer, Document
 from piezod.config.endpoints import Endpoint
 
 if TYPE_CHECKING:

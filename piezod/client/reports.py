@@ -4,6 +4,7 @@ from typing import Final
 
 from piezod.client.calls import Call
 from piezod.client.methods import ClientMethod
+from piezod.client.reader import reader
 from piezod.client.results import (
     Document,
     Faults,
@@ -15,7 +16,6 @@ from piezod.client.results import (
     Reloaded,
     Saved,
     Status,
-    reader,
 )
 from piezod.config.endpoints import ENDPOINTS
 

@@ -3,18 +3,12 @@
 Every result keeps the complete `document`: a newer daemon may report more than these fields.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
-from piezod.client.errors import unexpected
 from piezod.client.notebook import html_table
 
-if TYPE_CHECKING:
-    from pydantic import TypeAdapter
-
 Document: TypeAlias = dict[str, Any]
-ResultT = TypeVar("ResultT", bound="Result")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,33 +276,3 @@ class Recordings(Result):
 
     running: RecordingFile | None
     recordings: tuple[RecordingFile, ...]
-
-
-def reader(result: type[ResultT]) -> Callable[[Document], ResultT]:
-    """Return a function that makes a result from a document.
-
-    The function raises ClientError if the document does not fit.
-    """
-
-    def read(document: Document) -> ResultT:
-        from pydantic import ValidationError
-
-        try:
-            made: ResultT = _adapter(result).validate_python({**document, "document": document})
-        except ValidationError as error:
-            raise unexpected(document, str(error)) from error
-        return made
-
-    return read
-
-
-def _adapter(result: type[Result]) -> "TypeAdapter[Any]":
-    """Return the adapter of a result, made at first use: pydantic takes long to import."""
-    if result not in _ADAPTERS:
-        from pydantic import TypeAdapter
-
-        _ADAPTERS[result] = TypeAdapter(result)
-    return _ADAPTERS[result]
-
-
-_ADAPTERS: "Final[dict[type[Result], TypeAdapter[Any]]]" = {}

@@ -4,7 +4,8 @@ import json
 from dataclasses import dataclass
 
 from piezod.client.errors import unexpected
-from piezod.client.results import Result, reader
+from piezod.client.reader import reader
+from piezod.client.results import Result
 
 
 @dataclass(frozen=True, kw_only=True)
