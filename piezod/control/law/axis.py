@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits, Window
-from piezod.control.law.compensator import Compensator
-from piezod.control.law.identifier import DriveHistory, Identifier
-from piezod.control.law.proof import ModelProof
+from piezod.control.law.compensator import Compensator, DriveHistory
+from piezod.control.law.identifier import Identifier, ModelProof
 from piezod.control.law.trim import Trim
 from piezod.control.reference.motion import CornerFilter
 from piezod.devices.interface import Sample

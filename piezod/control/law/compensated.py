@@ -8,12 +8,11 @@ from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis, TimeFunction
-from piezod.control.law.compensator import Compensator
+from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.creep import CreepState
-from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
+from piezod.control.law.identifier import Identifier, LearningGate, ModelProof
 from piezod.control.law.model import StageModel
 from piezod.control.law.pace import FOLLOWED_SHARE, RLS_SHARE, learning_pace
-from piezod.control.law.proof import ModelProof
 from piezod.control.law.stability import refuse_unstable
 from piezod.control.law.trim import Trim
 from piezod.errors import ModelError

@@ -1,13 +1,14 @@
-"""Adaptation in the loop: pairs samples with voltages, and decides which samples it learns from."""
+"""Adaptation in the loop: which samples it learns from, how, and whether the result is better."""
 
-from math import isfinite
+from math import isfinite, sqrt
 from typing import Final
 
 from piezod.config.gate_reasons import GateReason
+from piezod.control.law.compensator import DriveHistory
 from piezod.control.law.creep import AT_REST, CreepState
-from piezod.control.signals import NoiseLevel, SlidingRange, StuckSensor
+from piezod.control.signals import NoiseLevel, RecentRange, SlidingRange, StuckSensor
 from piezod.devices.interface import Sample
-from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
+from piezod.hysteresis.adaptation import Adaptable, AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.lms import Convergence
 from piezod.hysteresis.memory import FloatArray
@@ -20,11 +21,14 @@ LIMITED_CYCLES: Final = 5
 """The gate stays closed for this many cycles after the drive was limited or periods were skipped:
 samples come late, and the stage still reacts to the part that was cut off."""
 SPIKE_CYCLES: Final = 20
-"""The gate stays closed for this many cycles after a spike: noise that grows first looks like
-spikes, one in two samples, until the noise level has followed."""
+"""The gate stays closed for this many cycles after a spike: growing noise first looks like them."""
 STUCK_SWING: Final = 0.01
-"""A sensor is stuck if its samples are equal while the drive moves by more than this share of its
-range."""
+"""A sensor is stuck if its samples are equal while the drive moves by more than this share."""
+
+LEAST_ERROR: Final = 0.01
+"""A learned model with an rms error up to this share of the range is never worse."""
+TOLERANCE: Final = 2.0
+"""Ratio of the mean squared errors above which the learned model is worse."""
 
 _COMPARABLE: Final = frozenset({GateReason.OPEN, GateReason.QUIET, GateReason.REPEATED})
 
@@ -115,51 +119,6 @@ class LearningGate:
         if stuck:
             return GateReason.STUCK
         return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
-
-
-class DriveHistory:
-    """A ring of the voltages that were in force, one entry per cycle. Fixed memory, real-time safe.
-
-    Between entries the voltage is interpolated linearly, as for recorded data, so that a delay that
-    was identified from a record has the same meaning here.
-
-    Args:
-        in_force_v: Voltage in force before the first entry, in V.
-        entries: Number of cycles that are kept; earlier times get the oldest voltage.
-    """
-
-    def __init__(self, in_force_v: float, entries: int) -> None:
-        self._t_ns = [0] * entries
-        self._drive_v = [in_force_v] * entries
-        self._newest = 0
-        self._empty = True
-
-    def append(self, t_ns: int, drive_v: float) -> None:
-        """Store the voltage in force at an instant, later than all before, in V."""
-        if self._empty:
-            self._t_ns = [t_ns] * len(self._t_ns)
-            self._empty = False
-        self._newest = (self._newest + 1) % len(self._t_ns)
-        self._t_ns[self._newest] = t_ns
-        self._drive_v[self._newest] = drive_v
-
-    def at(self, t_ns: int) -> float:
-        """Return the voltage that was in force at an instant, in V."""
-        later = self._newest
-        # Newest first: a delay is a few cycles, so this ends after a few steps.
-        for back in range(len(self._t_ns)):
-            index = self._newest - back
-            if self._t_ns[index] <= t_ns:
-                return self._between(index, later, t_ns)
-            later = index
-        return self._drive_v[later]
-
-    def _between(self, earlier: int, later: int, t_ns: int) -> float:
-        span_ns = self._t_ns[later] - self._t_ns[earlier]
-        if span_ns <= 0:
-            return self._drive_v[earlier]
-        part = (t_ns - self._t_ns[earlier]) / span_ns
-        return self._drive_v[earlier] + (self._drive_v[later] - self._drive_v[earlier]) * part
 
 
 class Identifier:
@@ -269,3 +228,73 @@ class Identifier:
         # At rest any weights predict well, so that only motion counts.
         if convergence and learns and self.adaptation.position != before:
             self.converged = convergence.update(error)
+
+
+class ModelProof:
+    """Keeps the last learned model that has proved itself. Fixed memory. Real-time safe.
+
+    Over a window of cycles, the tracking error and the error of the first model alone are compared.
+    If the learned model was not worse, the model from the start of the window is proven. If it was
+    worse, the first model is the proven one again.
+
+    Args:
+        first: The model from the identification.
+        window_cycles: Number of cycles between two comparisons.
+        lag_cycles: An error that this many cycles of delay explain does not count.
+    """
+
+    def __init__(self, first: LearnedModel, window_cycles: int, lag_cycles: int) -> None:
+        self.first, self.proven = first, LearnedModel.of(first)
+        """The model from the identification, and the last model that has proved itself."""
+        self._candidate = LearnedModel.of(first)  # in use at the start of the window
+        self._window_cycles = window_cycles
+        self._command = RecentRange(lag_cycles + 1)
+        self._cycles, self._squares, self._first_squares = 0, 0.0, 0.0
+        self._verdict: tuple[float, float] | None = None
+
+    def restart(self, first: LearnedModel) -> None:
+        """Start again with another first model."""
+        for model in (self.first, self.proven, self._candidate):
+            model.assign(first)
+        self._begin_window()
+
+    def add(self, command: float, error: float, first_error: float, in_use: Adaptable) -> bool:
+        """Take one cycle; return whether a window has ended with a worse model in use.
+
+        Args:
+            command: Command, in units of the range.
+            error: Command minus position at the instant of the sample, in units of the range.
+            first_error: Drive minus its prediction by the first model, in units of the range. The
+                slope of a model is near one, so this is an error of the position, too.
+            in_use: The learned model in use.
+        """
+        if self._cycles == 0:
+            self._candidate.assign(in_use)
+        self._command.add(command)
+        beyond_lag = max(abs(error) - self._command.swing, 0.0)
+        self._squares += beyond_lag * beyond_lag
+        self._first_squares += first_error * first_error
+        self._cycles += 1
+        return self._cycles >= self._window_cycles and self._compare()
+
+    def take_verdict(self) -> tuple[float, float] | None:
+        """Return the tracking error of a worse model and its limit, once; None if there was none.
+
+        Both are rms over a window, in units of the range.
+        """
+        verdict, self._verdict = self._verdict, None
+        return verdict
+
+    def _compare(self) -> bool:
+        """Judge the window that ends, and begin the next one; return whether it was worse."""
+        square = self._squares / self._cycles
+        limit = max(TOLERANCE * self._first_squares / self._cycles, LEAST_ERROR**2)
+        worse = not square <= limit  # so that NaN is worse
+        self.proven.assign(self.first if worse else self._candidate)
+        if worse:
+            self._verdict = sqrt(square), sqrt(limit)
+        self._begin_window()
+        return worse
+
+    def _begin_window(self) -> None:
+        self._cycles, self._squares, self._first_squares = 0, 0.0, 0.0

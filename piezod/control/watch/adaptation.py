@@ -11,8 +11,8 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
+from piezod.control.law.identifier import ModelProof
 from piezod.control.law.model import StageModel
-from piezod.control.law.proof import ModelProof, Verdict
 from piezod.control.signals import RecentRange
 from piezod.control.watch.drift import ModelDrift
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
@@ -184,14 +184,14 @@ class AdaptationWatch:
         self._drifted, self._interval_cycles = drifted, 0
 
     def _detections(
-        self, restored: bool, worse: Verdict | None, drifted: bool
+        self, restored: bool, worse: tuple[float, float] | None, drifted: bool
     ) -> Sequence[Detection]:
         """Return the detections of a loop that is closed."""
         found, width_um = [], self._position_um.width
         if self._not_finite:
             found.append(Detection(Fault.D2, self._axis))
         if worse:
-            measured_um, limit_um = worse.tracking * width_um, worse.limit * width_um
+            measured_um, limit_um = (share * width_um for share in worse)
             found.append(Detection(Fault.D1, self._axis, measured_um, limit_um))
         elif restored:
             found.append(Detection(Fault.D1, self._axis, RESTORATIONS, RESTORATIONS - 1))

@@ -8,9 +8,8 @@ import pytest
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis
-from piezod.control.law.compensator import Compensator
-from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
-from piezod.control.law.proof import ModelProof
+from piezod.control.law.compensator import Compensator, DriveHistory
+from piezod.control.law.identifier import Identifier, LearningGate, ModelProof
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, LearnedModel, NLMSIdentifier

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from piezod.config.gate_reasons import GateReason
-from piezod.control.law.identifier import DriveHistory, Identifier
+from piezod.control.law.compensator import DriveHistory
+from piezod.control.law.identifier import Identifier
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence
 from tests.control.fakes import MS, FakeGate, RecordingIdentifier

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.law.identifier import DriveHistory
+from piezod.control.law.compensator import DriveHistory
 
 MS = 1_000_000
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from piezod.config.gate_reasons import GateReason
+from piezod.control.law.compensator import DriveHistory
 from piezod.control.law.creep import AT_REST, CreepState
-from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
+from piezod.control.law.identifier import Identifier, LearningGate
 from piezod.devices.interface import Sample
 from piezod.hysteresis import (
     AdaptiveIdentifier,

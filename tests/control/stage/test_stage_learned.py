@@ -11,8 +11,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.control.assembly import check_stage
-from piezod.control.law.identifier import LearningGate
-from piezod.control.law.proof import LEAST_ERROR
+from piezod.control.law.identifier import LEAST_ERROR, LearningGate
 from piezod.errors import ModelError
 from piezod.hysteresis import even_thresholds
 from tests.control.rig_stage import RigStage, shipped_config

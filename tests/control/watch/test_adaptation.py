@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from piezod.control.faults.detection import Detection
+from piezod.control.law.identifier import ModelProof
 from piezod.control.law.model import StageModel
-from piezod.control.law.proof import ModelProof
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.hysteresis import LearnedModel, RLSIdentifier, Shadowed, even_thresholds, new_bank
 from piezod.hysteresis.normalisation import AffineRange
