@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from subprocess import PIPE, Popen
 
@@ -247,6 +248,27 @@ def test_reload_that_fails_leaves_the_old_configuration(rig: Rig) -> None:
     assert answers[0].status_code == 409
     assert "the old one is in force" in answers[0].text
     assert answers[1].json()["title"] == "Simulated stack actuator"
+
+
+@pytest.mark.fault("P11")
+def test_second_reload_at_the_same_time_is_refused(rig: Rig) -> None:
+    """Two exchanges would start two loops."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        text = rig.config.read_text(encoding="utf-8")
+        rig.config.unlink()
+        os.mkfifo(rig.config)  # the process that reads the configuration waits for a writer
+        with ThreadPoolExecutor(1) as beside:
+            first = beside.submit(rig.ask, "POST", "reload", {})
+            eventually(lambda: len(rig.processes) == 2)
+            answers.append(rig.ask("POST", "reload", {}))
+            rig.config.write_text(text, encoding="utf-8")
+            answers.append(first.result())
+
+    assert rig.run(reload)
+    assert [answer.status_code for answer in answers] == [409, 200]
+    assert "another reload is in progress" in answers[0].text
 
 
 @pytest.mark.fault("P11")
