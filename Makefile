@@ -33,7 +33,7 @@ stress: $(STAMP) ## run the tests that take longer
 	$(BIN)/python -m pytest -m stress --timeout 1800
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
-	$(BIN)/python -m pytest -m peers tests/peers
+	$(BIN)/python -m pytest -rs -m peers tests/peers
 
 fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
 	$(BIN)/python -m tests.drivers.bus.fuzz

@@ -42,7 +42,8 @@ class Stage:
 
     def __init__(self, client: StageClient, shared: SharedMap) -> None:
         self._client, self._shared = client, shared
-        self.report: list[dict[str, Any]] = shared.report()
+        self.report: list[dict[str, Any]] = shared.report()["steps"]
+        """What the loop obtained of its real-time set-up."""
         self.left_run: list[str] = []
         """What kept the stage from following the sine, run by run."""
 

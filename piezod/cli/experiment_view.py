@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from rich import box
 from rich.console import Console
@@ -16,6 +16,7 @@ from piezod.records.labels import metric_heading, metric_number, metric_text
 from piezod.records.recording import ExperimentResult, Identification
 from piezod.records.reference import Reference
 
+_UNCERTAINTY: Final = "delay_uncertainty_ms"
 Key: TypeAlias = tuple[str, str]
 """Axis and case."""
 
@@ -118,9 +119,13 @@ def _reference(row: ErrorRow, reference: Reference) -> str:
 
 
 def _model(identification: Identification) -> str:
-    errors = ", ".join(metric_text(*item) for item in identification.fit_errors.items())
+    errors = ", ".join(
+        metric_text(*item) for item in identification.fit_errors.items() if item[0] != _UNCERTAINTY
+    )
     delay_s = float(identification.parameters["delay_s"])
+    uncertainty_ms = identification.fit_errors.get(_UNCERTAINTY)
+    margin = "" if uncertainty_ms is None else f" ± {uncertainty_ms:.2g}"
     return (
         f"Model of axis {identification.axis} by {identification.method}, "
-        f"{identification.title}: {errors}; delay {1000.0 * delay_s:.2g} ms."
+        f"{identification.title}: {errors}; delay {1000.0 * delay_s:.2g}{margin} ms."
     )

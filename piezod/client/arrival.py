@@ -1,11 +1,26 @@
 """Whether a movement has reached its target, from telemetry."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from piezod.client.results import Result, Status
-from piezod.client.telemetry import Telemetry
+from piezod.client.telemetry import AxisTelemetry, Telemetry
+from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import NotReachedError, RefusedError
+
+SAME_UM: Final = 1e-6
+"""A command that is closer than this to its target has arrived, in µm."""
+_REMEDIES: Final[dict[str, str]] = {
+    Mode.UNCOMPENSATED: "mode uncompensated leaves the hysteresis of the stage in: choose another "
+    "mode, as in `piezod mode feedforward`",
+    Mode.FEEDFORWARD: "the model errs by that much, or the stage has drifted: choose mode trimmed "
+    "or adaptive, or identify again",
+    Mode.ADAPTIVE: "the learned model errs by that much: choose mode trimmed, or move more before",
+    Mode.TRIMMED: "the trim has not got there yet, or has reached its authority, or the drive its "
+    "limit: allow more time, and see `piezod status`",
+}
+"""What to do about a steady error, by mode."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +95,24 @@ def too_late(interval: Telemetry, axis: str | None, timeout_s: float) -> NotReac
     """
     name = axis or next(iter(interval.axes))
     what = f"axis {name}: not on target within {timeout_s:g} s"
-    error_um = interval.axes[name].error_um.last
-    if error_um is not None:
-        what += f", the error is {error_um:+.3f} µm"
-    remedy = "the stage continues; check the speed, and that the tolerance is above the noise"
-    return NotReachedError(what, remedy, "timeout")
+    now = interval.axes[name]
+    if now.error_um.last is not None:
+        what += f", the error is {now.error_um.last:+.3f} µm"
+    return NotReachedError(what, f"the stage continues; {_likely_cause(now)}", "timeout")
+
+
+def _likely_cause(now: AxisTelemetry) -> str:
+    """Return why a position is not reached, the likeliest cause first, and what to do."""
+    command_um, target_um = now.command_um.last, now.target_um
+    if command_um is None or target_um is None or now.error_um.min is None:
+        return "check the speed, and that the tolerance is above the noise"
+    if abs(command_um - target_um) > SAME_UM:
+        return f"the command is at {command_um:.3f} µm, still on its way: allow more time, or speed"
+    low_um, high_um = now.error_um.min, now.error_um.max or 0.0
+    # An error that keeps its sign is no noise.
+    if low_um * high_um > 0.0:
+        return _REMEDIES.get(now.mode, "the model errs by that much: identify again")
+    return (
+        f"the error varies between {low_um:+.3f} and {high_um:+.3f} µm: the tolerance is not above "
+        "the noise"
+    )

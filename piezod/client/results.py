@@ -4,10 +4,11 @@ Every result keeps the complete `document`: a newer daemon may report more than 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from piezod.client.errors import unexpected
+from piezod.client.notebook import html_table
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -21,10 +22,10 @@ class Result:
     """Base of all answers.
 
     Attributes:
-        document: The complete answer.
+        document: The complete answer; left out of the printed form, which has its fields.
     """
 
-    document: Document
+    document: Document = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +126,26 @@ class Status(Result):
     shadow: bool = False
     stage: str = ""
     title: str = ""
+
+    def _repr_html_(self) -> str:
+        """Return the status as notebooks show it: a line on the stage, a table of its axes."""
+        faults = ", ".join(f"{each.id} {each.name}".strip() for each in self.faults) or "none"
+        shadow = ", shadow mode" if self.shadow else ""
+        return html_table(
+            f"{self.stage or 'stage'}: {self.state}, mode {self.mode}{shadow}; faults: {faults}",
+            ("axis", "position/µm", "command/µm", "error/µm", "drive/V", "on target"),
+            (
+                (
+                    name,
+                    axis.position_um,
+                    axis.command_um,
+                    axis.error_um,
+                    axis.drive_v,
+                    "yes" if axis.on_target else "no",
+                )
+                for name, axis in self.axes.items()
+            ),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """The fields of an experiment file, without the rules that span several of them."""
 
 from collections.abc import Iterable
-from typing import Literal, Self, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -61,6 +61,13 @@ class CaseConfig(ConfigModel):
     reference_pct: dict[ModeName, PercentOfRange] = Field(
         default_factory=dict,
         description="Mode: reference for the tracking error and the nonlinearity, %.",
+    )
+
+    reference_figure: dict[ModeName, Annotated[OneLine, Field(min_length=1, max_length=40)]] = (
+        Field(
+            default_factory=dict,
+            description="Mode: figure of the reference that shows this run, as in `Fig. 7`.",
+        )
     )
 
     @model_validator(mode="after")

@@ -109,7 +109,7 @@ class StageController:
         self._stage.report(detection)
 
     def restore_faults(self, latched: int, *, stopped: bool) -> None:
-        """Take over the latched faults of the loop that this one replaces, before the first cycle.
+        """Take over the latched faults of the loop that this one replaces, in BOOT.
 
         Args:
             latched: The faults, as a bit mask.

@@ -74,7 +74,8 @@ def _describe_experiment(path: Path) -> tuple[str, ...]:
     """Return a summary of the contents, and the warnings; so do the functions below."""
     config = load_experiment(path, registry)
     try:
-        check_gains(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
+        trimmed = config.axes if Mode.TRIMMED in config.modes else ()
+        check_gains(config.axes, 1.0 / config.rate_hz, trimmed=trimmed)
     except ModelError as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
@@ -90,7 +91,9 @@ def _describe_stage(path: Path) -> tuple[str, ...]:
     except (DataError, ModelError) as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     axes = _count(len(config.axes), "axis", "axes")
-    return (f"a stage: {axes} at {config.rate_hz:g} Hz",)
+    blind = ", ".join(name for name, axis in config.axes.items() if axis.sensor is None)
+    without = f"; {blind} without a sensor" if blind else ""
+    return (f"a stage: {axes} at {config.rate_hz:g} Hz{without}",)
 
 
 def _describe_model(path: Path) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from piezod.experiment.sensor_noise import noise_rms
+from piezod.experiment.steps import held
 from piezod.hysteresis import nonlinearity, tracking_max, tracking_rms
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import ExperimentResult
@@ -62,7 +63,8 @@ def errors_pct(
     """Return errors by name, in % of the displacement's range; NaN if there is none.
 
     There is none without a measurement, without a true displacement that is needed, and for a
-    constant command: then only noise moves, and a share of its range means nothing.
+    constant command: then only noise moves, and a share of its range means nothing. Of a command
+    in steps only the second half of each level counts.
 
     Args:
         metrics: Names from `MEASURED`, `TRUE` and `NOISE`.
@@ -73,7 +75,7 @@ def errors_pct(
         true_um: (n,) true displacement at the same instants, in µm; NaN if it is unknown.
     """
     # All errors of a run must belong to the same samples.
-    measured = np.isfinite(position_um)
+    measured = np.isfinite(position_um) & held(command_um)
     columns = command_um, position_um, true_um, _velocity(true_um)
     samples = Samples(*(column[measured] for column in columns))
     return {name: _percent(name, samples) for name in metrics}

@@ -19,5 +19,10 @@ def reference_of(config: ExperimentConfig) -> Reference | None:
         for case in config.cases
         for mode, error_pct in case.reference_pct.items()
     }
+    figures = {
+        (case.name, mode.value): figure
+        for case in config.cases
+        for mode, figure in case.reference_figure.items()
+    }
     compared = COMPARED_TRUE if any(name in TRUE for name in config.metrics) else COMPARED
-    return Reference(config.reference, values, compared) if values else None
+    return Reference(config.reference, values, compared, figures) if values else None

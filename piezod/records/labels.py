@@ -10,8 +10,12 @@ _METRICS: Final = {
     "true_tracking_max_pct": "worst true tracking error",
     "true_nonlinearity_pct": "true nonlinearity",
     "noise_rms_pct": "rms sensor noise",
+    "settling_max_s": "longest settling time",
+    "settling_median_s": "median settling time",
     "voltage_error_max_pct": "worst voltage error",
     "voltage_error_rms_pct": "rms voltage error",
+    "held_out_voltage_error_max_pct": "worst voltage error held out",
+    "held_out_voltage_error_rms_pct": "rms voltage error held out",
 }
 # Below the heading of a group, "tracking" or "sensor noise" would repeat it.
 _WITHIN_GROUP: Final = {
@@ -20,7 +24,7 @@ _WITHIN_GROUP: Final = {
     "noise_rms_pct": "rms",
 }
 NO_VALUE: Final = "–"
-_UNITS: Final = {"pct": "%", "um": "µm", "v": "V", "s": "s", "hz": "Hz"}
+_UNITS: Final = {"pct": "%", "um": "µm", "v": "V", "s": "s", "ms": "ms", "hz": "Hz"}
 
 
 def metric_label(name: str) -> str:
@@ -73,6 +77,8 @@ def metric_number(name: str, value: float) -> str:
     """
     if math.isnan(value):
         return NO_VALUE
+    if math.isinf(value):
+        return "never"
     return f"{value:.2f}" if metric_unit(name) == "%" else f"{value:.3g}"
 
 
@@ -83,5 +89,5 @@ def metric_text(name: str, value: float) -> str:
         name: Name of the metric.
         value: Its value, in the unit of the name.
     """
-    unit = "" if math.isnan(value) else metric_unit(name)
+    unit = metric_unit(name) if math.isfinite(value) else ""
     return f"{metric_label(name)} {metric_number(name, value)} {unit}".rstrip()

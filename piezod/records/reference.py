@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from piezod.records.recording import Recording
 
@@ -15,11 +15,13 @@ class Reference:
         label: Their source, for people, as in "paper".
         values: Error by (case, mode), in the unit of the metrics.
         metrics: Names of the metrics to compare with them.
+        figures: Figure of the source by (case, mode), as in "Fig. 7".
     """
 
     label: str
     values: Mapping[tuple[str, str], float]
     metrics: tuple[str, ...]
+    figures: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def value(self, recording: Recording) -> float | None:
         """Return the error to compare a recording with; None if there is none.
@@ -28,6 +30,15 @@ class Reference:
             recording: The recording.
         """
         return self.values.get((recording.case, recording.mode))
+
+    def figure(self, recording: Recording) -> str:
+        """Return which figure of the source shows this run, as in "Fig. 7 of the paper"; or "".
+
+        Args:
+            recording: The recording.
+        """
+        name = self.figures.get((recording.case, recording.mode), "")
+        return f"{name} of the {self.label}" if name else ""
 
     def limit(self, recording: Recording, metric: str) -> float | None:
         """Return the limit of a metric of a recording; None if there is none.

@@ -3,11 +3,13 @@
 import re
 import struct
 from base64 import b64encode
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
 from typing import NamedTuple
 
 from piezod.records.figures import (
+    case_figure,
     identification_figure,
     mode_figure,
     overview_figure,
@@ -54,16 +56,19 @@ class Gallery(NamedTuple):
         overview: Comparison of all modes; None if there is no metric to compare.
         models: Models and the records that they were fitted to; models from files have no figure.
         runs: Figures of the modes by (axis, case).
+        cases: Figure of all modes by (axis, case), for cases with several.
     """
 
     overview: ReportFigure | None
     models: tuple[ReportFigure, ...]
     runs: dict[tuple[str, str], tuple[ReportFigure, ...]]
+    cases: dict[tuple[str, str], ReportFigure]
 
     def all(self) -> tuple[ReportFigure, ...]:
         """Return every figure, in the order of the page."""
         first = () if self.overview is None else (self.overview,)
-        return (*first, *self.models, *chain.from_iterable(self.runs.values()))
+        runs = chain.from_iterable(self.runs.values())
+        return (*first, *self.models, *self.cases.values(), *runs)
 
 
 def draw_gallery(result: ExperimentResult, reference: Reference | None = None) -> Gallery:
@@ -79,8 +84,13 @@ def draw_gallery(result: ExperimentResult, reference: Reference | None = None) -
         _overview(result, reference) if result.metric_names else None,
         tuple(_model(index, each) for index, each in enumerate(fitted, 1)),
         {
-            key: tuple(_run(next(number), each) for each in recordings)
+            key: tuple(_run(next(number), each, reference) for each in recordings)
             for key, recordings in result.by_case().items()
+        },
+        {
+            key: _case(index, recordings)
+            for index, (key, recordings) in enumerate(result.by_case().items(), 1)
+            if len(recordings) > 1
         },
     )
 
@@ -100,11 +110,20 @@ def _model(number: int, identification: Identification) -> ReportFigure:
     return ReportFigure(name, title, _fit_alt(identification), png)
 
 
-def _run(number: int, recording: Recording) -> ReportFigure:
+def _case(number: int, recordings: Sequence[Recording]) -> ReportFigure:
+    axis, case, _ = recordings[0].key
+    modes = ", ".join(each.mode for each in recordings)
+    alt = f"Displacement, error and loop of {case} in the modes {modes}, on the same scales."
+    name = _file_name(f"case_{number:02d}", axis, case)
+    return ReportFigure(name, "all modes", alt, png_bytes(case_figure(recordings)))
+
+
+def _run(number: int, recording: Recording, reference: Reference | None) -> ReportFigure:
     name = _file_name(f"run_{number:02d}", *recording.key)
-    return ReportFigure(
-        name, recording.mode, _run_alt(recording), png_bytes(mode_figure(recording))
-    )
+    compare_with = reference.figure(recording) if reference else ""
+    title = f"{recording.mode}, as in {compare_with}" if compare_with else recording.mode
+    png = png_bytes(mode_figure(recording, compare_with))
+    return ReportFigure(name, title, _run_alt(recording), png)
 
 
 def figures_in(page: str) -> list[str]:
@@ -113,7 +132,9 @@ def figures_in(page: str) -> list[str]:
     Args:
         page: Text of the page.
     """
-    return re.findall(r'^<figure id="((?:overview|model_\d|run_\d\d)[A-Za-z0-9_-]*)">$', page, re.M)
+    return re.findall(
+        r'^<figure id="((?:overview|model_\d|case_\d\d|run_\d\d)[A-Za-z0-9_-]*)">$', page, re.M
+    )
 
 
 def _file_name(*parts: str) -> str:

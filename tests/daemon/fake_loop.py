@@ -1,7 +1,8 @@
 """A loop without devices: it counts healthy cycles and answers requests.
 
-As a process, `python fake_loop.py RUNTIME CONFIG COPY`, it accepts the configuration like a real
-loop process. If the title of the configuration is "broken", it ends with code 3 when it is started.
+As a process, `python fake_loop.py RUNTIME CONFIG COPY LOCK`, it accepts the configuration like a
+real loop process. If the title of the configuration is "broken", it ends with code 3 when it is
+started.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Programs by others for serial devices, with our emulated devices: pylablib, nv200."""
+"""Programs by others for serial devices, with our emulated devices: pylablib, nv200, psj-lib."""
 
 import pytest
 
@@ -30,17 +30,16 @@ def test_pylablib_drives_a_kpz101() -> None:
 @pytest.mark.confirms(
     "thorlabs_mdt",
     ("mdt693a", "mdt693b", "mdt694b"),
-    part="commands of the A models: identity, voltage, range",
+    part="commands of the A models: identity, voltage",
     by="pylablib MDT69xA",
     kind="client",
 )
 def test_pylablib_drives_an_mdt693(profile: str) -> None:
-    """The client sets and reads a voltage, and reads the range of voltages."""
+    """The client identifies the amplifier, and sets and reads a voltage."""
     with emulated(profile) as device:
         report = run_peer("pylablib_client.py", "mdt693a", device.where[0])
 
     assert report["set"] == pytest.approx([5.0, 12.5], abs=0.5)
-    assert report["range"] == 150
 
 
 @pytest.mark.confirms(
@@ -78,3 +77,21 @@ def test_nv200_library_drives_an_nv200() -> None:
     assert report["set"] == [20.0, 40.0]
     assert report["moved"][0] < report["moved"][1]
     assert report["closed"] is False
+
+
+@pytest.mark.confirms(
+    "psj",
+    "ddrive",
+    part="channels, setpoint in V, reading, status, open loop",
+    by="psj-lib of piezosystem jena",
+    kind="client",
+)
+def test_psj_lib_drives_a_d_drive() -> None:
+    """The maker's client finds the channel and sets voltages in open loop."""
+    need_library("psj_lib")
+    with emulated("psj-ddrive") as device:
+        report = run_peer("d_drive_client.py", device.where[0])
+
+    assert report["channels"] == [0]
+    assert report["closed"] is False
+    assert report["moved"] > report["rest"] + 1.0

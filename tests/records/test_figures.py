@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from piezod.records.figures import (
+    case_figure,
     identification_figure,
     mode_figure,
     overview_figure,
@@ -114,6 +115,51 @@ def test_true_errors_have_a_line_of_their_own_in_the_headline(simulated: Experim
     figure.draw_without_rendering()
     (text,) = [each for each in figure.findobj(Text) if each.get_text() == headline]
     assert text.get_window_extent().x1 < figure.bbox.x1
+
+
+def test_headline_has_the_true_error_even_if_it_is_no_metric(recording: Recording) -> None:
+    """The panel shows the true error, so the headline has it beside the measured one."""
+    known = replace(recording, true_um=recording.command_um + 0.1)
+    headline = mode_figure(known).get_suptitle()
+
+    range_um = np.ptp(known.true_um[known.first_metric_index :])
+    assert headline.splitlines()[-1] == f"worst true tracking error {10.0 / range_um:.2f} %"
+
+
+def test_figure_names_the_published_one(recording: Recording) -> None:
+    """The headline names the figure of the paper to compare with."""
+    headline = mode_figure(recording, "Fig. 7 of the paper").get_suptitle()
+
+    assert "(compare with Fig. 7 of the paper)" in headline.splitlines()[0]
+
+
+def test_largest_parameters_are_labelled(recording: Recording) -> None:
+    """The lines of the largest weights have the numbers of their operators, at their height."""
+    panel = _panel(mode_figure(recording), "(e) Parameters")
+    labels = {text.get_text(): float(text.xy[1]) for text in panel.texts}  # type: ignore[attr-defined]
+
+    right, left = np.split(recording.weights[-1], 2)
+    numbered = {f"R{i}": float(w) for i, w in enumerate(right, 1)}
+    numbered |= {f"L{i}": float(w) for i, w in enumerate(left, 1)}
+    assert labels["L19"] == left[-1] == max(numbered.values())
+    assert labels == {name: numbered[name] for name in labels}
+    assert 2 <= len(labels) <= 8
+
+
+def test_a_case_has_all_modes_on_the_same_scales(result: ExperimentResult) -> None:
+    """Each mode has its line in each panel; the compensated ones have a panel of their own."""
+    recordings = result.recordings[:3]
+    figure = case_figure(recordings)
+
+    loop, zoomed = (
+        _lines(_panel(figure, "(d) Loop")),
+        _panel(figure, "(c) Error of the compensated modes"),
+    )
+    assert [each for each in loop if not each.startswith("_")] == [r.mode for r in recordings]
+    assert _xy(loop["adaptive"])[1] == recordings[2].position_um.tolist()
+    drawn = _lines(zoomed)
+    assert "uncompensated" not in drawn
+    assert _xy(drawn["feedforward"])[1] == recordings[1].error_um.tolist()
 
 
 def test_loop_is_measured_displacement_over_uncompensated_voltage(recording: Recording) -> None:

@@ -129,7 +129,7 @@ def test_every_picture_says_what_it_shows(page: _Page) -> None:
     """Images have their size and a description with the errors."""
     alts = page.given("img", "alt")
 
-    assert len(alts) == len(set(alts)) == 8
+    assert len(alts) == len(set(alts)) == 10
     assert alts[-1] == (
         "Voltage, displacement, loop, error and parameters of b, mode adaptive: "
         "worst tracking error 0.28 %, rms tracking error 0.17 %, nonlinearity 0.25 %."
@@ -175,6 +175,8 @@ def test_light_dark_and_print_are_provided_for(folder: Path) -> None:
 def test_pictures_lie_beside_the_page(folder: Path) -> None:
     """Every figure is a PNG beside the page, with the name of the run."""
     assert sorted(each.name for each in folder.iterdir()) == [
+        "case_01_x_case_1.png",
+        "case_02_x_b.png",
         "model_1_x.png",
         "overview.png",
         "report.html",

@@ -20,14 +20,11 @@ import numpy as np
 
 from piezod.config.modes import Mode
 from piezod.control.law.creep import AT_REST, CreepState
+from piezod.control.law.pace import FOLLOWED_SHARE
 from piezod.control.law.step import BEYOND, OUTSIDE, POSITION, step
 from piezod.hysteresis import LearnedModel
 from piezod.hysteresis.bank import new_bank_memory
 from piezod.hysteresis.memory import MERGED, SEEN, FloatArray
-
-ADAPTIVE_SHARE = 0.3
-"""Share of the distance to the identifier's weights that mode `adaptive` moves in each cycle. The
-full distance, as in the paper, would pass the sensor noise on to the drive."""
 
 
 class Compensator:
@@ -38,6 +35,8 @@ class Compensator:
         weights: (2 M,) initial weights [a^l, a^r]; all zero if the stage is not yet identified.
         mode: The mode in which it starts.
         fade_cycles: Cycles over which a change of mode or of weights is faded; at least 1.
+        share: Share of the distance to the identifier's weights that mode `adaptive` moves in each
+            cycle, above 0 to 1.
         creep: Creep so far, and the displacement.
         trimmed_follows: Whether mode `trimmed` is based on `adaptive` instead of `feedforward`.
     """
@@ -49,6 +48,7 @@ class Compensator:
         *,
         mode: Mode,
         fade_cycles: int,
+        share: float = FOLLOWED_SHARE,
         creep: CreepState = AT_REST,
         trimmed_follows: bool = False,
     ) -> None:
@@ -56,7 +56,7 @@ class Compensator:
         """Weights in use, shape (2 M,); they change in place if they follow the identifier."""
         self._offset, self._scale = 0.0, 0.0
         self._target = LearnedModel(weights.copy())
-        self._fade_cycles = fade_cycles
+        self._fade_cycles, self._share = fade_cycles, share
         self._has_model = bool(np.any(weights))
         self._memory = new_bank_memory(bank)
         self._adaptive = {Mode.ADAPTIVE, Mode.TRIMMED} if trimmed_follows else {Mode.ADAPTIVE}
@@ -207,7 +207,7 @@ class Compensator:
             target, offset, scale = self._target.weights, self._target.offset, self._target.scale
         # With n cycles left, 1/n of the remaining distance in each makes a straight fade that ends
         # exactly.
-        share = 1.0 / self._fading if self._fading else self._following * ADAPTIVE_SHARE
+        share = 1.0 / self._fading if self._fading else self._following * self._share
         if self._fading:
             self._strength += (self._strength_aim - self._strength) * share
             self._fading -= 1

@@ -49,12 +49,12 @@ def _hold(stage: Stage, _: requests.Hold, t_ns: int) -> Answer:
 
 
 def _resume(stage: Stage, _: requests.Resume, t_ns: int) -> Answer:
-    why = stage.refusal(Event.RESUME) or stage.register.resume()
+    why = stage.refusal(Event.RESUME, t_ns) or stage.register.resume()
     return _answer(why or stage.go(Event.RESUME, t_ns))
 
 
 def _reset(stage: Stage, request: requests.Reset, t_ns: int) -> Answer:
-    why = stage.refusal(Event.RESET) or stage.register.reset(request.engineer)
+    why = stage.refusal(Event.RESET, t_ns) or stage.register.reset(request.engineer)
     if why:
         return Answer(False, why)
     if not stage.boundary.active:  # the outputs were cut
@@ -102,6 +102,9 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
     axes, why = axes_named(stage, request.axis)
     if not why and request.mode in SENSED:
         why = without_sensor(stage, axes, f"mode {request.mode}")
+    if not why and request.mode is Mode.TRIMMED:
+        refusals = ((stage.axes[i].name, stage.axes[i].law.trim.refusal) for i in axes)
+        why = "; ".join(f"axis {name}: {refusal}" for name, refusal in refusals if refusal)
     if why:
         return Answer(False, why)
     if stage.state is not State.SAFE:  # in SAFE the mode is set for later
@@ -141,10 +144,9 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
         limits = stage.axes[axes[0]].motion_limits
-        why = too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
+        if why := too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
             waveform.low, waveform.high
-        )
-        if why:
+        ):
             return Answer(False, why)
     if why := _start_running(stage, t_ns):
         return Answer(False, why)

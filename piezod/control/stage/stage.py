@@ -10,6 +10,7 @@ from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.faults.register import FaultRegister
 from piezod.control.stage.boundary import OutputKnowledge
+from piezod.control.stage.causes import cause_of, explained
 from piezod.control.stage.parts import StageParts
 from piezod.control.stage.self_test import SelfTest
 from piezod.control.stage.sequence import DriveSequence, DriveStep
@@ -63,7 +64,7 @@ class Stage:
         self.output = OutputKnowledge(on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self._rebuild = parts.rebuild
-        self._state_before, self._driven_when_lost = State.BOOT, False
+        self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
         self._memory_known, self._was_driven = memory_known, False
         self._sequence = DriveSequence()
         self._reported, self._events = list[Detection](), list[StageEvent]()
@@ -82,21 +83,23 @@ class Stage:
         before = self.state
         state, refusal = step(before, event, self._facts())
         if state is not before:
+            self._cause = cause_of(event, self.register.news, self._cause)
             self.state, self._since_ns = state, t_ns
             if before is not State.HOLD:
                 self._state_before = before
             self._enter(state, before, t_ns)
             severity = "warning" if state in _ALARMING else "info"
             self.note(StageEvent(t_ns, severity, "state", f"{before} to {state}"))
-        return refusal
+        return explained(refusal, state, self._cause, self.time_in_state_ns(t_ns))
 
-    def refusal(self, event: Event) -> str:
+    def refusal(self, event: Event, t_ns: int) -> str:
         """Return why an edge would be refused, without regard to latched faults. Real-time safe.
 
         A request drops latched faults only if nothing else forbids it.
         """
         facts = self._facts()._replace(latched=False, no_entry=self._no_entry)
-        return step(self.state, event, facts).refusal
+        refusal = step(self.state, event, facts).refusal
+        return explained(refusal, self.state, self._cause, self.time_in_state_ns(t_ns))
 
     def time_in_state_ns(self, t_ns: int) -> int:
         """Return how long the stage has been in its state. Real-time safe."""

@@ -13,7 +13,7 @@ class Event(Enum):
     SELF_TEST_PASSED = auto()
     SELF_TEST_FAILED = auto()
     FOUND_DRIVEN = auto()
-    """The self-test has found a voltage of a daemon that did not end in order."""
+    """Found the voltage of a daemon that did not end in order."""
     ARM = auto()
     DISARM = auto()
     RUN = auto()
@@ -113,7 +113,6 @@ _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
     Event.FOUND_DRIVEN: {_BOOT: _RAMP},
     Event.DISARM: dict.fromkeys(_ARMED_OR_HELD, _RAMP),
     Event.IDENTIFY_DONE: {_IDENT: _READY},
-    Event.HOLD: dict.fromkeys(_ARMED, _HOLD),
     Event.STOP: dict.fromkeys(_ARMED_OR_HELD, _RAMP),
     # In BLIND nothing can be sent. The emergency stop follows when the link is back: see LINK_BACK.
     Event.ESTOP: dict.fromkeys((*_LIVE, _FAULT), _ESTOP),
@@ -234,6 +233,13 @@ def _identify(state: State, facts: Facts) -> Transition:
     return _start(_IDENT, state, facts, "drive a voltage waveform")
 
 
+def _hold(state: State, facts: Facts) -> Transition:  # noqa: ARG001 - as the other requests
+    if state in _ARMED_OR_HELD:
+        return Transition(_HOLD)
+    held = "nothing is driven" if state in {_BOOT, _SAFE, _FAULT, _STOPPING} else _HELP[state]
+    return _refuse(state, "hold", held)
+
+
 def _resume(state: State, facts: Facts) -> Transition:
     if state is not _HOLD:
         remedy = "nothing is held" if state in {_SAFE, *_ARMED} else _HELP[state]
@@ -275,7 +281,8 @@ _REQUESTS: Final[Mapping[Event, Callable[[State, Facts], Transition]]] = {
     Event.RUN: _run,
     Event.RUN_ADAPTIVE: _run_adaptive,
     Event.IDENTIFY: _identify,
+    Event.HOLD: _hold,
     Event.RESUME: _resume,
     Event.RESET: _reset,
 }
-"""Events that lead up, and that may be refused."""
+"""Events that may be refused: they lead up, or there is nothing to hold."""

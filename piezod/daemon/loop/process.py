@@ -1,4 +1,4 @@
-"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY [OPTIONS]`.
+"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY LOCK [OPTIONS]`.
 
 `--strict-rt` sets `loop.strict_rt`. `--warm` compiles before the configuration is reported
 accepted, so that a loop that takes the place of another one starts soon.
@@ -47,7 +47,7 @@ from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
-from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
+from piezod.daemon.paths import IDENTITIES
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.telemetry import requests_codec
@@ -61,13 +61,16 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
 
 
-def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool) -> None:
+def main(
+    runtime: Path, source: Path, copy: Path, lock_file: Path, *, strict_rt: bool, warm: bool
+) -> None:
     """Run the loop of a stage until a shutdown has ended.
 
     Args:
         runtime: Folder of the runtime files.
         source: The configuration file.
         copy: Path of the accepted copy.
+        lock_file: The lock of the devices.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
         warm: Whether to compile before the configuration is reported accepted.
 
@@ -86,9 +89,8 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool
     shared.words[Word.LOOP_PID] = getpid()
     if not warm:
         _compile(config)
-    channels, clock = make_channels(config), MonotonicClock()
-    period_ns = shared.layout.period_ns
-    lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
+    channels, clock, period_ns = make_channels(config), MonotonicClock(), shared.layout.period_ns
+    lock = wait_for_lock(lock_file, shared, clock, loop_gone_within_s(config))
     known = noted_identities(runtime / IDENTITIES)
     if lock is None or not wait_for_devices(channels, shared, clock, known):
         return  # only the end of the process releases the lock
@@ -213,6 +215,6 @@ def _rate_event(config: DaemonConfig, t_ns: int, busy_ns: int, period_ns: int) -
 
 
 if __name__ == "__main__":
-    paths = [Path(each) for each in sys.argv[1:4]]
-    options = sys.argv[4:]
+    paths = [Path(each) for each in sys.argv[1:5]]
+    options = sys.argv[5:]
     main(*paths, strict_rt="--strict-rt" in options, warm="--warm" in options)

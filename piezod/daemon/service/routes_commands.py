@@ -65,7 +65,23 @@ for _row in TABLE.values():
         _add_command(_row)
 
 
-@endpoint(router, "stream", responses={200: {"model": Accepted}, **ERRORS})
+class Followed(BaseModel):
+    """A stream that has ended, with the number of its setpoints."""
+
+    accepted: bool = True
+    setpoints: int
+
+
+_LINES: Final = {
+    "requestBody": {
+        "required": True,
+        "description": 'Lines of JSON such as {"x": 12.5}: a position in µm for each axis.',
+        "content": {"application/x-ndjson": {"schema": {"type": "string"}}},
+    }
+}
+
+
+@endpoint(router, "stream", responses={200: {"model": Followed}, **ERRORS}, openapi_extra=_LINES)
 async def stream(request: HttpRequest, context: ContextOf) -> JsonAnswer:
     """Follow the setpoints of the body until it ends."""
     stream = SetpointStream(context, connection_of(request.scope))

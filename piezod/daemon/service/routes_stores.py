@@ -106,7 +106,7 @@ async def stop_recording(_body: Nothing, context: ContextOf) -> JsonAnswer:
     return JsonAnswer(await stopping)
 
 
-@endpoint(router, "fetch_recording")
+@endpoint(router, "fetch_recording", response_class=RecordingAnswer, status_code=200)
 async def recording(name: str, request: HttpRequest, context: ContextOf) -> RecordingAnswer:
     """Return the HDF5 file of a finished recording; one download at a time for each user."""
     downloads, uid = context.state.downloads, context.peer.uid

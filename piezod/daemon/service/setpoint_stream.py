@@ -7,6 +7,7 @@ from typing import Any, Final
 from starlette.requests import ClientDisconnect, Request
 
 from piezod.config.requests import Stream
+from piezod.config.states import State
 from piezod.daemon.service.open_streams import OpenStream
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.refusals import SilentError, TooLargeError
@@ -18,6 +19,10 @@ MAX_LINE: Final = 1024
 _REMEDY: Final = 'each line must be like {"x": 12.5}, in µm, with the axes of the first line'
 _GONE_LEASE_S: Final = 2.0
 _LINES_AT_ONCE: Final = 100
+_QUIET_S: Final = 0.2
+_QUIET_CYCLES: Final = 7
+_POLL_S: Final = 0.01
+"""A stage holds 0.1 s or 5 cycles after the last setpoint; the wait for it is a little longer."""
 
 
 class SetpointStream:
@@ -56,10 +61,22 @@ class SetpointStream:
             why = "the client disconnected"
             self._context.state.lease.shorten(self._context.peer, _GONE_LEASE_S)
             raise
+        else:
+            await self._wait_for_hold()
         finally:
             self._context.state.streams.close(self._stream)
             self._context.note(f"stream ended after {self.count} setpoints", why)
         return {"accepted": True, "setpoints": self.count}
+
+    async def _wait_for_hold(self) -> None:
+        """Wait until the stage holds after the last setpoint, if nothing else moves it."""
+        stage = self._context.stage
+        period_s = 1.0 / stage.config()["rate_hz"]
+        waits = round((_QUIET_S + _QUIET_CYCLES * period_s) / _POLL_S)
+        for _ in range(waits if self.count else 0):
+            if stage.status()["state"] != State.RUN:
+                return
+            await asyncio.sleep(_POLL_S)
 
     async def _take(self, document: Any) -> None:
         setpoints_um = _setpoints(document)

@@ -11,6 +11,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
+from piezod.control.faults.table import FAULTS, Reaction
 from piezod.control.guard import read_back_tolerance_v
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.supervisor.documents import STATES, masks
@@ -116,7 +117,9 @@ class LoopConnection:
             NotNowError: If the stage follows no stream.
         """
         if self.state is not State.RUN:
-            what = f"the stage is in {self.state}, setpoints are followed in RUN only"
+            what = (
+                f"the stage is in {self.state}{self._because()}, setpoints are followed in RUN only"
+            )
             raise NotNowError(what, "begin the stream again")
         for name, position_um in setpoints_um.items():
             low_um, high_um = self._range_um[name]
@@ -127,6 +130,17 @@ class LoopConnection:
         now_ns = time.monotonic_ns()
         for name, position_um in setpoints_um.items():
             self._streams.set(self.axes.index(name), position_um, now_ns)
+
+    def _because(self) -> str:
+        """Return the faults that stop the stage, for people; empty if there are none."""
+        record = self.latest()
+        bits = 0 if record is None else masks(record)[1]
+        stopping = [
+            rule.id
+            for i, rule in enumerate(FAULTS)
+            if bits >> i & 1 and rule.reaction >= Reaction.HOLD
+        ]
+        return f" because of {', '.join(stopping)}" if stopping else ""
 
 
 def _model(path: Any) -> ModelFile | None:

@@ -65,10 +65,10 @@ class LoopRun:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
         self.started = False
         self._paths, self._source, self._overdue_ns = paths, source, 0
-        arguments = [str(paths.runtime), str(source), str(self.config_file)]
+        places = (paths.runtime, source, self.config_file, paths.loop_lock)
         options = {"--strict-rt": strict_rt, "--warm": warm}
-        arguments += [option for option, chosen in options.items() if chosen]
-        self._process = _start("piezod.daemon.loop.process", *arguments, piped=True)
+        chosen = [option for option, is_set in options.items() if is_set]
+        self._process = _start("piezod.daemon.loop.process", *map(str, places), *chosen, piped=True)
 
     def accept(self, ended: Callable[[], bool] = bool) -> bool:
         """Wait until the process has accepted the configuration.

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from piezod.daemon.background import BackgroundStream
+from piezod.daemon.descriptors import raise_limit
 from piezod.daemon.durations import ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.logging import set_up_logging
@@ -35,13 +36,15 @@ def run_stage(
 
     Raises:
         ConfigError: If the configuration is not valid; no device was opened.
-        PiezodError: If the loop process ended before it had read the configuration.
+        PiezodError: If the loop process ended before it had read the configuration, or if this
+            process may not open enough files.
         AlreadyRunningError: If another daemon took the lock while `piezod safe` had it.
         DeviceUnavailableError: If a required device was absent.
         OSError: If a file of the stage cannot be made.
     """
     with BackgroundStream(sys.stderr) as log:
         set_up_logging(log)
+        raise_limit()
         return _run_stage(source, options, paths, lock, signals)
 
 

@@ -9,13 +9,15 @@ from contextlib import contextmanager
 from typing import Final
 
 _MOST_SHOWN: Final = 64
-"""Number of bytes that are shown of a longer message."""
+"""Number of bytes that an error shows of a longer message."""
+_MOST_TRACED: Final = 512
+"""Number of bytes that a trace shows; only a sensor that sends by itself exceeds it."""
 _LOGGER: Final = logging.getLogger("piezod.bytes")
 
 
-def shown(data: bytes) -> str:
+def shown(data: bytes, most: int = _MOST_SHOWN) -> str:
     r"""Return bytes as text and as hexadecimal numbers, such as `'OK\r' (4F 4B 0D)`."""
-    part = data[:_MOST_SHOWN]
+    part = data[:most]
     more = f" and {len(data) - len(part)} more" if len(data) > len(part) else ""
     return f"{ascii(part)[1:]} ({part.hex(' ').upper()}){more}"
 
@@ -23,13 +25,13 @@ def shown(data: bytes) -> str:
 def trace_sent(where: str, data: bytes) -> None:
     """Report sent bytes to the listeners, if there are any. Real-time safe without listeners."""
     if _LOGGER.isEnabledFor(logging.DEBUG):
-        _LOGGER.debug("%s sent %s", where, shown(data))
+        _LOGGER.debug("%s sent %s", where, shown(data, _MOST_TRACED))
 
 
 def trace_received(where: str, data: bytes) -> None:
     """Report received bytes, as `trace_sent` does. Real-time safe without listeners."""
     if _LOGGER.isEnabledFor(logging.DEBUG):
-        _LOGGER.debug("%s got  %s", where, shown(data))
+        _LOGGER.debug("%s got  %s", where, shown(data, _MOST_TRACED))
 
 
 @contextmanager

@@ -3,13 +3,16 @@
 import numpy as np
 
 from piezod.control.law.model import StageModel
+from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 
 
-def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identification:
+def account_of(
+    fit: Fit, record: Record, validation: CrossValidation, *, axis: str, title: str
+) -> Identification:
     """Return a record and the prediction of the model from it.
 
     A displacement belongs to the voltage one delay before it, so the prediction is shifted by that.
@@ -19,6 +22,7 @@ def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identifica
     Args:
         fit: The fit.
         record: The record of the fit.
+        validation: Its errors on held-out blocks.
         axis: Name of the axis.
         title: Description of the record, for people.
     """
@@ -34,9 +38,16 @@ def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identifica
         drive_v=record.drive_v,
         position_um=record.position_um,
         predicted_v=at_drive_v,
-        fit_errors=fit.errors_pct(record),
+        fit_errors=_errors(fit, record, validation),
         parameters=parameters_of(fit.model),
     )
+
+
+def _errors(fit: Fit, record: Record, validation: CrossValidation) -> dict[str, float]:
+    """Return the errors on the record and on held-out blocks, and the uncertainty of the delay."""
+    held_out = {f"held_out_{name}": value for name, value in validation.errors.items()}
+    delay = {"delay_uncertainty_ms": 1e3 * fit.delay.uncertainty_s} if fit.delay else {}
+    return {**fit.errors_pct(record), **held_out, **delay}
 
 
 def parameters_of(model: StageModel) -> dict[str, FloatArray]:

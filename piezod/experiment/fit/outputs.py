@@ -29,7 +29,10 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
     text = dump_model(to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, created_at))
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    account = account_of(fitted.taken.fit, fitted.record, axis="x", title=fitted.data.name)
+    taken = fitted.taken
+    account = account_of(
+        taken.fit, fitted.record, taken.validation, axis="x", title=fitted.data.name
+    )
     plot = path.with_suffix(".png")
     save_png(plot, identification_figure(account, _band_v(fitted)))
     return plot

@@ -12,6 +12,7 @@ from piezod.control.reference.waveforms import Waveform
 from piezod.errors import DataError
 from piezod.experiment.live.late import judged_errors_pct, late_indices
 from piezod.experiment.live.setup import LiveAxis
+from piezod.experiment.steps import step_metrics
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
 from piezod.records.telemetry_reader import RecordedTelemetry
@@ -87,7 +88,10 @@ def cut_waveform(
         first_metric_index=int(np.searchsorted(cut_s, case.period_s)),
         late_t_s=cut_s[late_indices(telemetry.cycles["skipped"][part])],
     )
-    return replace(recording, metrics=judged_errors_pct(recording, run.metrics, with_late=False))
+    errors = judged_errors_pct(recording, run.metrics, with_late=False)
+    judged = slice(recording.first_metric_index, None)
+    steps = step_metrics(command_um[judged], position_um[judged], 1.0 / telemetry.header.rate_hz)
+    return replace(recording, metrics=errors | steps)
 
 
 def missing_cycles(telemetry: RecordedTelemetry) -> int:

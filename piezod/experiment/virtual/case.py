@@ -14,6 +14,7 @@ from piezod.control.law.model import StageModel
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
 from piezod.experiment.error_rows import errors_pct
+from piezod.experiment.steps import step_metrics
 from piezod.experiment.virtual.identify import IdentifiedAxis
 from piezod.experiment.virtual.stage import (
     COMMAND_UM,
@@ -118,14 +119,20 @@ def _recordings(
             true_um=trace[:, TRUE_UM],
             weights=np.array(weights),
             weights_t_s=t_s[:: snapshots.every],
-            metrics=errors_pct(
-                config.metrics,
-                *(trace[first:, column] for column in (COMMAND_UM, POSITION_UM, TRUE_UM)),
-            ),
+            metrics=_metrics(config, trace[first:], period_ns / NS_PER_S),
             first_metric_index=first,
         )
         for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
     ]
+
+
+def _metrics(config: ExperimentConfig, trace: FloatArray, period_s: float) -> dict[str, float]:
+    """Return the errors of the part of a trace that counts."""
+    command_um, position_um, true_um = (
+        trace[:, column] for column in (COMMAND_UM, POSITION_UM, TRUE_UM)
+    )
+    errors = errors_pct(config.metrics, command_um, position_um, true_um)
+    return errors | step_metrics(command_um, position_um, period_s)
 
 
 def _merged_pairs(axis: CompensatedAxis) -> int:

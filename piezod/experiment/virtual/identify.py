@@ -18,10 +18,11 @@ from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError
 from piezod.experiment.fit.account import account_of, parameters_of
 from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.judgement import judge
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.warnings import fit_warnings
+from piezod.experiment.fit.warnings import fit_warnings, quality_warnings
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, VirtualStage
 from piezod.hysteresis.memory import FloatArray
@@ -56,7 +57,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
     period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
-    check_gains(config.axes, period_s, trimmed=trimmed)
+    check_gains(config.axes, period_s, trimmed=config.axes if trimmed else ())
     from_file = {
         name: _from_file(name, axis, axis.model, stage.period_ns)
         for name, axis in config.axes.items()
@@ -129,12 +130,17 @@ def _from_record(
             ),
         )
         model = fit.model.zeroed_at(axis.limits.rest_v)
+        judged = judge(fit, record, None)
+        doubts = tuple(quality_warnings(judged, record, None))
     title = "recorded run of the identification"
-    account = account_of(fit, record, axis=name, title=title)
+    account = account_of(fit, record, judged.validation, axis=name, title=title)
     creeping = Creeping(model, record.period_s)
     creeping.watch(record.position_um)
     return IdentifiedAxis(
-        model, creeping, account, _for_axis(name, fit_warnings(fit, record.period_s))
+        model,
+        creeping,
+        account,
+        _for_axis(name, (*fit_warnings(fit, record.period_s), *doubts)),
     )
 
 

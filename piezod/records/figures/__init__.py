@@ -1,11 +1,13 @@
 """Figures of records, each drawn on its own canvas: no window, no global plot."""
 
+from piezod.records.figures.case import case_figure
 from piezod.records.figures.fit import identification_figure
 from piezod.records.figures.overview import overview_figure
 from piezod.records.figures.run import mode_figure
 from piezod.records.figures.style import png_bytes, save_png
 
 __all__ = [
+    "case_figure",
     "identification_figure",
     "mode_figure",
     "overview_figure",

@@ -93,7 +93,7 @@ def overview_figure(result: ExperimentResult, reference: Reference | None = None
     # A panel with two numbers per row is wider.
     widths = {"width_ratios": [3 + len(names) for names in panels]}
     all_axes = figure.subplots(1, len(panels), sharey=True, squeeze=False, gridspec_kw=widths)[0]
-    marks = _marks(result.modes)
+    marks = mode_marks(result.modes)
     for axes, names in zip(all_axes, panels, strict=True):
         _draw_metrics(axes, names, rows, marks, reference)
         for y in list(headlines)[1:]:  # a rule between the cases
@@ -120,7 +120,7 @@ def _panels(metrics: Iterable[str]) -> list[tuple[str, ...]]:
     return [tuple(sorted(names, key=metric_group)) for names in panels.values()]
 
 
-def _marks(modes: Iterable[str]) -> dict[str, Mark]:
+def mode_marks(modes: Iterable[str]) -> dict[str, Mark]:
     """Return the mark of each mode: that of its name, or the next free one."""
     others = cycle(_OTHER_MARKS)
     return {mode: MODE_MARKS.get(mode) or next(others) for mode in modes}

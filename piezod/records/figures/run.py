@@ -1,5 +1,6 @@
 """The figure of one case in one mode, laid out like figures 6 to 11 of the paper."""
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -33,9 +34,14 @@ from piezod.records.recording import Recording
 _RIGHT_SHADES: Final = LinearSegmentedColormap.from_list("right", ["#B3D6EA", BLUE, "#00273D"])
 _LEFT_SHADES: Final = LinearSegmentedColormap.from_list("left", ["#F7CDB0", VERMILLION, "#451E00"])
 
+_LABELLED: Final = 8
+"""Number of weights that are labelled at most."""
+_LABEL_SHARE: Final = 0.06
+"""Height of a label, as a share of the range of the weights."""
+
 
 @house_style()
-def mode_figure(recording: Recording) -> Figure:
+def mode_figure(recording: Recording, compare_with: str = "") -> Figure:
     """Draw one case in one mode.
 
     Panels: (a) uncompensated and applied voltage, (b) commanded and measured displacement, (c)
@@ -44,10 +50,13 @@ def mode_figure(recording: Recording) -> Figure:
 
     Args:
         recording: The recording to draw.
+        compare_with: Published figure of the same run, as in "Fig. 7 of the paper"; "" for none.
     """
     title = f"{recording.case} · {recording.mode} · axis {recording.axis}"
     if recording.title:
         title += f": {recording.title}"
+    if compare_with:
+        title += f" (compare with {compare_with})"
     figure = new_figure(13.0, 8.0, title, _metrics_text(recording))
     columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))
     left = columns[0].subgridspec(3, 1)
@@ -70,10 +79,24 @@ def mode_figure(recording: Recording) -> Figure:
 
 def _metrics_text(recording: Recording) -> str:
     """Return the errors as text: the measured ones, and the others in a second line."""
+    metrics = dict(recording.metrics)
+    if recording.knows_truth and metrics:
+        metrics.setdefault("true_tracking_max_pct", _true_error_pct(recording))
     lines: dict[bool, list[str]] = {}
-    for name, value in recording.metrics.items():
+    for name, value in metrics.items():
         lines.setdefault(metric_group(name) == "measured", []).append(metric_text(name, value))
     return "\n".join(map(", ".join, lines.values()))
+
+
+def _true_error_pct(recording: Recording) -> float:
+    """Return the worst true error of the samples of the metrics, in % of the true range."""
+    judged = slice(recording.first_metric_index, None)
+    true_um = recording.true_um[judged]
+    known = np.isfinite(true_um) & np.isfinite(recording.position_um[judged])
+    range_um = float(np.ptp(true_um[known])) if known.any() else 0.0
+    if not range_um or not np.ptp(recording.command_um[judged]):
+        return float("nan")
+    return 100.0 * float(np.max(np.abs(recording.true_error_um[judged][known]))) / range_um
 
 
 def _draw_voltage(axes: Axes, recording: Recording) -> None:
@@ -144,9 +167,27 @@ def _draw_weights(axes: Axes, recording: Recording) -> None:
         f"right 1 to {right.shape[1]}": _draw_side(axes, t_s, right, _RIGHT_SHADES),
         f"left 1 to {left.shape[1]}": _draw_side(axes, t_s, left, _LEFT_SHADES),
     }
+    _label_largest(axes, {"R": right[-1], "L": left[-1]}, t_s[-1])
     axes.set(title="(e) Parameters", ylabel="weight")
     round_time_ticks(axes)
     legend_above(axes, sides)
+
+
+def _label_largest(axes: Axes, sides: Mapping[str, FloatArray], end_s: float) -> None:
+    """Write the number of the operator beside the largest weights, as far as there is room."""
+    weights = [
+        (float(weight), f"{side}{number}")
+        for side, values in sides.items()
+        for number, weight in enumerate(values, 1)
+    ]
+    room = _LABEL_SHARE * float(np.ptp([weight for weight, _ in weights]))
+    written: list[float] = []
+    for weight, text in sorted(weights, key=lambda each: -abs(each[0]))[:_LABELLED]:
+        if all(abs(weight - other) > room for other in written):
+            written.append(weight)
+            axes.annotate(
+                text, (end_s, weight), (3, 0), textcoords="offset points", va="center", fontsize=8
+            )
 
 
 def _draw_side(

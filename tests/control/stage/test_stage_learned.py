@@ -1,4 +1,4 @@
-"""Tests of learned models on the simulated rig: good ones, bad ones, and pairs that do not fit."""
+"""Tests of learned models on the simulated rig: good ones, bad ones, pairs that do not fit."""
 
 from typing import Any
 

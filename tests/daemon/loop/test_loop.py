@@ -6,9 +6,8 @@ import pytest
 
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
-from piezod.config.requests import Estop, Goto, Hold, Request, Shutdown, Stop
+from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
 from piezod.config.states import State
-from piezod.control.stage.answer import Answer
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.loop.pacer import Pacer
@@ -128,7 +127,7 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     sent = [Goto(position_um=1.0), Goto(position_um=2.0)]
     first, second = (mailbox.post(encode(each), 2 * 10**9) for each in sent)
 
-    rig.run(1)
+    rig.run(2)
     early = mailbox.answer(second)
     rig.run(1)
 
@@ -138,26 +137,29 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     assert mailbox.answer(second) == (True, "", 2)
 
 
-def test_state_after_a_request_is_published_before_the_answer(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The service completes an answer with the state: it must not be that of the cycle before."""
+def test_answer_comes_with_the_state_that_the_request_causes(rig: Rig) -> None:
+    """Whoever gets an answer finds its consequences in the newest record."""
     mailbox = MailboxWriter(rig.shared)
-    states = []
+    number, estop = mailbox.post(encode(Goto(position_um=1.0)), 2 * 10**9), mailbox.post_estop()
+    rig.run(1)
+    early = mailbox.answer(number), mailbox.estop_answer(estop)
+    rig.controller.state = State.HOLD  # what the request does
+    rig.run(1)
 
-    def execute(request: Request, _t_ns: int) -> Answer:
-        rig.controller.state = State.ESTOP if isinstance(request, Estop) else State.RAMP
-        return Answer(accepted=True)
+    assert early == (None, None)
+    assert mailbox.answer(number) is not None
+    assert mailbox.estop_answer(estop) is not None
+    assert list(State)[rig.shared.words[Word.LOOP_STATE]] is State.HOLD
 
-    monkeypatch.setattr(rig.controller, "execute", execute)
-    mailbox.post(encode(Stop()), 2 * 10**9, urgent=True)
-    for _ in range(2):
-        rig.run(1)
-        states.append(list(State)[rig.shared.words[Word.LOOP_STATE]])
-        rig.controller.state = State.RUN
-        mailbox.post_estop()
 
-    assert states == [State.RAMP, State.ESTOP]
+def test_last_request_is_answered(rig: Rig) -> None:
+    """A loop that ends because of a request answers it."""
+    mailbox = MailboxWriter(rig.shared)
+    number = mailbox.post(encode(Shutdown()), 2 * 10**9)
+
+    rig.loop.run()
+
+    assert mailbox.answer(number) is not None
 
 
 def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:

@@ -60,6 +60,7 @@ class FakeStage:
         self.audited: list[AuditEntry] = []
         self.refusal = ""
         self.state = "SAFE"
+        self.next_states: list[str] = []
         self.lost_link = False
         self.unanswered = self.recordings_stopped = 0
         self.stream_refusal = ""
@@ -86,7 +87,7 @@ class FakeStage:
     def status(self) -> Document:
         axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
         return {
-            "state": self.state,
+            "state": self.next_states.pop(0) if self.next_states else self.state,
             "mode": "adaptive",
             "faults": [],
             "skipped_cycles": 0,
@@ -94,7 +95,7 @@ class FakeStage:
         }
 
     def health(self) -> tuple[bool, Document]:
-        return self.healthy, {"healthy_cycles": 12}
+        return self.healthy, {"cycle_age_s": 0.01}
 
     def faults(self) -> list[Document]:
         return [{"id": "S5", "name": "stuck", "present": True, "latched": False, "remedy": "look"}]

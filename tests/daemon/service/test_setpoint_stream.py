@@ -43,6 +43,17 @@ def test_setpoint_takes_effect_as_it_arrives(served: Served, client: httpx.Clien
     assert seen == [{"x": 1.0}, {"x": 2.0}]
 
 
+def test_end_of_a_stream_is_answered_when_the_stage_holds(
+    served: Served, client: httpx.Client
+) -> None:
+    """A command after the end finds the stage in HOLD."""
+    states = ["RUN", "RUN", "HOLD"]
+    served.stage.next_states, served.stage.state = states, "HOLD"
+    client.post("stream", content=iter([b'{"x": 1.0}\n']))
+
+    assert states == []
+
+
 def test_thousands_of_setpoints_in_one_piece_are_taken(client: httpx.Client) -> None:
     """A client that sends faster than the service reads loses no setpoint."""
     answer = client.post("stream", content=b'{"x": 1.0}\n' * 5000)

@@ -62,6 +62,19 @@ def test_disabled_output_is_reported_after_many_statuses() -> None:
     assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
 
 
+def test_disabled_output_stays_reported_if_the_status_stops() -> None:
+    """An output that was disabled still counts as disabled when no status comes any more."""
+    device, line, _, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    emulator.receive(codec.short(Id.SET_ENABLED, 1, 2))
+    for _ in range(15):
+        line.time.t_ns += 100 * MS
+        device.read_back(NOW)
+        line.change = lambda reply: b"" if codec.ident_of(reply) == Id.GET_STATUS else reply
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE, DeviceFlag.LATE_REPLY}
+
+
 def test_cube_that_a_program_left_silent_is_opened() -> None:
     """A cube that has stopped its statuses for a program before us sends them to us."""
     device, _, _, emulator = kpz()

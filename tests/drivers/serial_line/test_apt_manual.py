@@ -9,7 +9,7 @@ import pytest
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import Id
 from piezod_drivers.serial_line.thorlabs_apt.emulator import TRAVEL_UM, KpzEmulator, KsgEmulator
-from tests.drivers.serial_line.apt_bench import NOW, ksg, show
+from tests.drivers.serial_line.apt_bench import NOW, instead, kpz, ksg, show
 from tests.drivers.serial_line.linear_rig import bench
 
 READING = bytes.fromhex("DE 07 06 00 81 50 01 00 52 00 50 00")  # p. 218
@@ -22,12 +22,18 @@ SENT = [
     ("DD 07 01 00 50 01", codec.short(Id.REQ_READING, 1)),  # p. 218
     ("50 06 01 00 50 01", codec.short(Id.REQ_MAX_TRAVEL, 1)),  # p. 203
     ("62 06 00 00 50 01", codec.short(Id.ACK_STATUS)),  # p. 183
+    ("41 06 01 00 50 01", codec.short(Id.REQ_CONTROL_MODE, 1)),  # p. 172
+    ("44 06 01 00 50 01", codec.short(Id.REQ_OUTPUT, 1)),  # p. 174
+    ("53 06 01 00 50 01", codec.short(Id.REQ_SOURCE, 1)),  # p. 176
+    ("D5 07 01 00 50 01", codec.short(Id.REQ_IO, 1)),  # p. 201
 ]
+SET_70_V_OF_75 = bytes.fromhex("43 06 04 00 D0 01 01 00 77 77")  # p. 174
+LIMITS_V = {0x01: 75, 0x02: 100, 0x03: 150}  # p. 200
 
 
 @pytest.mark.parametrize(("theirs", "ours"), SENT)
 def test_requests_are_those_of_the_document(theirs: str, ours: bytes) -> None:
-    """The requests to a strain gauge reader, and the sign of life, are those of the document."""
+    """The requests to both kinds of cubes, and the sign of life, are those of the document."""
     assert ours == bytes.fromhex(theirs)
 
 
@@ -64,6 +70,27 @@ def test_emulated_reader_keeps_the_display_mode_of_the_document() -> None:
     assert codec.display_mode_of(settings) == 2
     show(reader, codec.DisplayMode.POSITION)
     assert codec.display_mode_of(reader.receive(bytes.fromhex(SENT[0][0]))[0]) == 1
+
+
+@pytest.mark.parametrize(("code", "limit_v"), LIMITS_V.items())
+def test_range_is_the_limit_of_the_document(code: int, limit_v: int) -> None:
+    """The voltage limit is reported by the codes of the document, and is the range."""
+    device, line, _, _ = kpz()
+    settings = bytes.fromhex("D6 07 0A 00 81 50 01 00 00 00 01 00 00 00 00 00")
+    line.change = instead(Id.GET_IO, settings[:8] + bytes((code, 0)) + settings[10:])
+    device.open()
+    assert device.capabilities().ranges == ((0.0, float(limit_v)),)
+
+
+def test_example_voltage_is_sent_as_in_the_document() -> None:
+    """70 V at an amplifier with a limit of 75 V are the bytes of the example."""
+    device, line, _, _ = kpz()
+    limit_75_v = bytes.fromhex("D6 07 0A 00 81 50 01 00 01 00 01 00 00 00 00 00")
+    line.change = instead(Id.GET_IO, limit_75_v)
+    device.open()
+    device.activate(NOW)
+    assert device.write([70.0], NOW)
+    assert SET_70_V_OF_75 in line.sent[-1]
 
 
 def test_emulated_amplifier_falls_silent_as_the_document() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from piezod.experiment.fit.account import account_of
+from piezod.experiment.fit.cross_validation import cross_validate
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import ORDER, RATE_HZ, record_of
@@ -18,7 +19,8 @@ def test_account_has_the_record_and_the_prediction_beside_it(
     delay_s = delay_periods / RATE_HZ
     fit = fit_model(record, FitSettings(order=ORDER, delay_s=delay_s))
 
-    account = account_of(fit, record, axis="x", title="made up")
+    validation = cross_validate(fit)
+    account = account_of(fit, record, validation, axis="x", title="made up")
 
     assert np.array_equal(account.t_s, record.t_s)
     assert np.array_equal(account.drive_v, record.drive_v)
@@ -34,8 +36,24 @@ def test_nothing_is_predicted_in_the_run_in() -> None:
     """Samples that do not count are not shown as errors."""
     record = record_of().after(2.0)
 
-    account = account_of(
-        fit_model(record, FitSettings(order=ORDER, delay_s=0.0)), record, axis="x", title=""
-    )
+    fit = fit_model(record, FitSettings(order=ORDER, delay_s=0.0))
+    account = account_of(fit, record, cross_validate(fit), axis="x", title="")
 
     assert np.array_equal(np.isfinite(account.predicted_v), record.counted())
+
+
+def test_account_has_the_judgement_of_the_fit() -> None:
+    """Beside the errors on the record are those on held-out blocks, and the delay's uncertainty."""
+    record = record_of(delay_periods=2.0, noise=0.05)
+    estimated, given = (
+        fit_model(record, FitSettings(order=ORDER, delay_s=delay_s)) for delay_s in (None, 0.02)
+    )
+    validation = cross_validate(estimated)
+    errors = account_of(estimated, record, validation, axis="x", title="").fit_errors
+
+    assert errors["held_out_voltage_error_rms_pct"] == validation.rms_pct
+    assert errors["held_out_voltage_error_rms_pct"] > errors["voltage_error_rms_pct"]
+    assert estimated.delay is not None
+    assert errors["delay_uncertainty_ms"] == 1e3 * estimated.delay.uncertainty_s
+    without = account_of(given, record, cross_validate(given), axis="x", title="").fit_errors
+    assert "delay_uncertainty_ms" not in without

@@ -53,7 +53,6 @@ def mdt693a(port: str) -> dict[str, Any]:
     device = Thorlabs.MDT69xA(("serial", (port, 115_200)))
     report = {
         "set": [reached(device, volts) for volts in VOLTS],
-        "range": device.get_voltage_range(),
     }
     device.close()
     return report

@@ -151,16 +151,15 @@ class AmplifierDialogue:
 
         Without a status for one second this is unknown, and reported as a missing reply.
         """
-        if self._status.overdue:
-            return [_NO_STATUS] * len(self._outputs)
+        overdue = _NO_STATUS if self._status.overdue else NO_FLAGS
         frame = self._status.latest()
         if frame is None:
-            return [NO_FLAGS] * len(self._outputs)
+            return [overdue] * len(self._outputs)
         status = codec.status_of(frame)
         # Some amplifiers do not report the bit; then it is not expected.
         disabled = self._expected_bits & ~status.bits
         local = disabled or status.bits & StatusBit.CLOSED_LOOP
-        return [_LOCAL if local else NO_FLAGS] * len(self._outputs)
+        return [overdue | _LOCAL if local else overdue] * len(self._outputs)
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the flags of faults that no call has raised."""

@@ -8,8 +8,8 @@ from piezod_drivers.serial_line.thorlabs_apt.filtered_line import FilteredLine
 
 PERIOD_NS: Final = 100_000_000
 """Time between two requests."""
-MAX_UNANSWERED: Final = 10
-"""After this number of requests without a reply, the last reply is too old: one second."""
+MAX_AGE_NS: Final = 1_000_000_000
+"""After this time without a reply to a request, the last reply is too old."""
 # A cube stops sending statuses after about 50 unless it gets this message at least once a second.
 _ALIVE: Final = codec.short(Id.ACK_STATUS)
 
@@ -26,13 +26,13 @@ class SideRequest:
     def __init__(self, line: FilteredLine, request: bytes, answer: int) -> None:
         self._line, self._message, self._answer = line, _ALIVE + request, answer
         self._due_ns = 0
-        self._unanswered = 0
+        self._unanswered_ns: int | None = None  # instant of the first request without a reply
         self._latest: bytes | None = None
 
     def restart(self) -> None:
         """Forget the last reply; the next request is due at once."""
         self._take()
-        self._due_ns, self._unanswered, self._latest = 0, 0, None
+        self._due_ns, self._unanswered_ns, self._latest = 0, None, None
 
     def due(self) -> bytes:
         """Return the bytes to send before the next request: none if it is too early."""
@@ -41,7 +41,8 @@ class SideRequest:
             return b""
         self._take()
         self._due_ns = now_ns + PERIOD_NS
-        self._unanswered += 1
+        if self._unanswered_ns is None:
+            self._unanswered_ns = now_ns
         return self._message
 
     def latest(self) -> bytes | None:
@@ -53,9 +54,10 @@ class SideRequest:
     def overdue(self) -> bool:
         """Whether the last reply is too old to be relied on."""
         self._take()
-        return self._unanswered > MAX_UNANSWERED
+        since_ns = self._unanswered_ns
+        return since_ns is not None and self._line.now_ns() - since_ns >= MAX_AGE_NS
 
     def _take(self) -> None:
         frame = self._line.aside.pop(self._answer, None)
         if frame is not None:
-            self._latest, self._unanswered = frame, 0
+            self._latest, self._unanswered_ns = frame, None
