@@ -38,7 +38,8 @@ HEAD: Final = """# Evidence
 
 No driver was tried on a real device yet. An emulator has the same misunderstandings as the driver
 of the same authors. Therefore each profile is also checked against something that others wrote.
-The tables list the tests that do so; nobody has confirmed the parts that they do not list.
+The tables list the tests that do so; nobody has confirmed the parts that they do not list. The page
+behind the name of each driver states the doubtful ones ("not confirmed").
 `piezod drivers` shows one word for each profile: the first of this list that a test has.
 
 Do not edit this page: `python -m tests.evidence` makes it from the marks of the tests.
@@ -46,6 +47,8 @@ Do not edit this page: `python -m tests.evidence` makes it from the marks of the
 | word | what a test compares with |
 |---|---|
 """
+PAGES: Final = {"modbus": "modbus.md", "canopen": "can.md", "can_dbc": "can.md"}
+"""The page of each driver; the others are for serial devices."""
 PEERS: Final = "tests/peers/"
 """Tests in this folder are run by `make peers`, the others by `make test`."""
 
@@ -157,7 +160,7 @@ def _lines(found: list[Evidence]) -> Iterator[str]:
         yield f"| {kind} | {meaning} |"
     yield f"| {NONE} | nothing: only code of our own |"
     for driver, names in sorted(profiles().items()):
-        yield from ("", f"## `{driver}`", "")
+        yield from ("", f"## [`{driver}`]({PAGES.get(driver, 'serial.md')})", "")
         yield from ("| profile | word | confirmed part | by | test |", "|---|---|---|---|---|")
         for profile in names:
             rows = [each for each in found if (each.driver, each.profile) == (driver, profile)]

@@ -25,6 +25,7 @@ from piezod.cli.identify_options import (
 )
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
+from piezod.cli.progress import progress_bar
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
@@ -54,14 +55,16 @@ class _FitJob(NamedTuple):
         """Return the fit to a data file of which the first `run_in_s` seconds are excluded."""
         from piezod.experiment.fit.file import identify_file
 
-        return identify_file(
-            file,
-            test=self.test,
-            skip_s=max(self.skip_s, run_in_s),
-            delay_s=self.delay_s,
-            axis=self.axis,
-            settings=self.settings,
-        )
+        with progress_bar() as progress:
+            return identify_file(
+                file,
+                test=self.test,
+                skip_s=max(self.skip_s, run_in_s),
+                delay_s=self.delay_s,
+                axis=self.axis,
+                settings=self.settings,
+                progress=progress,
+            )
 
 
 def identify(  # noqa: PLR0913, PLR0917 - each argument is an option

@@ -48,8 +48,7 @@ def record_and_fit(
     check_writable(file.parent)
     with progress_bar() as progress:
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
-        progress("fitting", 1.0)
-        fitted = fit(file, recorded.run_in_s)
+    fitted = fit(file, recorded.run_in_s)  # with a progress bar of its own
     return replace(fitted, warnings=(*fitted.warnings, *recorded.warnings)), recorded.axis
 
 

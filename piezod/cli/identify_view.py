@@ -142,8 +142,9 @@ def _print_choice(console: Console, choice: Choice) -> None:
     console.print(table)
     console.print(
         f"The rms error of the best model is {choice.best.validation.rms_pct:.3f} %, and "
-        f"{choice.limit_pct:.3f} % with its standard error over the blocks. Models up to that "
-        "error count as equally good; the one with the fewest parameters is taken.\n"
+        f"{choice.limit_pct:.3f} % with its standard error over the blocks, or 5 % more if that is "
+        "less. Models up to that error count as equally good; the one with the fewest parameters "
+        "is taken.\n"
     )
 
 

@@ -3,7 +3,9 @@
 The modules of the subcommands import heavy libraries inside functions, so that `--help` is quick.
 """
 
+import atexit
 import os
+import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from io import TextIOWrapper
@@ -86,6 +88,8 @@ def run() -> None:
         with interruptible():
             app(prog_name="piezod")
     except Interrupted:
+        # A second Ctrl-C would end the end of Python, with a traceback or by the signal.
+        atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
         typer.echo(TEXT, err=True)
         sys.exit(INTERRUPTED)
     except (PiezodError, OSError) as error:

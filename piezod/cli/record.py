@@ -1,7 +1,8 @@
 """`piezod record`: recordings of every cycle."""
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -9,6 +10,8 @@ from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, print_answer
 
 _names = completion(lambda client: [each.name for each in client.recordings().recordings])
+
+_LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
 
 def start(
@@ -20,6 +23,11 @@ def start(
     json: JsonOption = False,
 ) -> None:
     """Start a recording and print its name."""
+    if label and not _LABEL.fullmatch(label):
+        message = (
+            f"may have up to 32 letters, digits, _ and -, the first a letter or digit (got {label})"
+        )
+        raise typer.BadParameter(message, param_hint="'LABEL'")
     with connect(stage, socket) as client:
         started = client.start_recording(label)
     print_answer(started, f"recording {started.name}", json=json)

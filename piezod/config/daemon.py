@@ -135,6 +135,14 @@ class DaemonConfig(ConfigModel):
     )
     loop: LoopConfig = Field(default=LoopConfig(), description="Real-time settings.")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_experiment(cls, data: object) -> object:
+        if isinstance(data, dict) and "cases" in data:
+            what = "this is an experiment, not a stage: run it with `piezod experiment`"
+            raise_rules([(("cases",), what)])
+        return data
+
     @model_validator(mode="after")
     def _check_rules(self, info: ValidationInfo) -> Self:
         broken = broken_devices(self.devices, self.axes, context_of(info).drivers)

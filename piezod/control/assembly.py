@@ -34,21 +34,14 @@ from piezod.units import NS_PER_S, s_to_ns
 def check_stage(config: DaemonConfig) -> None:
     """Refuse gains that are not safe, before any device is opened.
 
-    A command can select mode `trimmed` at any time, so that a trim in the file is checked whatever
-    its mode. The default gain must not stop a stage that never uses it: it is checked when the mode
-    is selected.
+    A trim that is not in use does not stop a stage: the stage reports it, and refuses its mode.
 
     Raises:
         ConfigError: If a model file cannot be used.
         DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
-    trimmed = {
-        name
-        for name, axis in config.axes.items()
-        if config.mode is Mode.TRIMMED or "gain_per_s" in axis.trim.model_fields_set
-    }
-    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=trimmed)
+    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
     for name, axis in config.axes.items():
         _model_of(name, axis)
 

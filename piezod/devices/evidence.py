@@ -23,7 +23,8 @@ def evidence_of(driver: str) -> dict[str, str]:
     for point in entry_points(group=GROUP, name=driver):
         try:
             text = files(point.module.partition(".")[0]).joinpath(FILE).read_text("utf-8")
-        except (ImportError, OSError, TypeError):
-            continue  # a driver that is one module, or a package without this file
-        words |= json.loads(text).get(driver, {})
+            table = json.loads(text)
+        except (ImportError, OSError, TypeError, ValueError):
+            continue  # a driver that is one module, a package without this file, or a broken file
+        words |= table.get(driver, {})
     return words

@@ -22,6 +22,10 @@ OFFSET_VARIANCE, OFFSET_BOUND = 1e-6, 1e-4
 """Initial and largest variance of the offset, in units of the range squared."""
 SCALE_VARIANCE, SCALE_BOUND = 1e-6, 1e-4
 """Initial and largest variance of the scale, dimensionless."""
+WEIGHT_WALK, OFFSET_WALK, SCALE_WALK = 1e-8, 3e-9, 3e-10
+"""Variances that each slope, the offset and the scale gain per learning step."""
+MEASUREMENT_VARIANCE = 1e-6
+"""R: variance of the error that no model explains."""
 
 
 @compiled

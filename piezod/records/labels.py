@@ -77,7 +77,7 @@ def metric_number(name: str, value: float) -> str:
     """
     if math.isnan(value):
         return NO_VALUE
-    if math.isinf(value):
+    if _never(name, value):
         return "never"
     return f"{value:.2f}" if metric_unit(name) == "%" else f"{value:.3g}"
 
@@ -89,5 +89,10 @@ def metric_text(name: str, value: float) -> str:
         name: Name of the metric.
         value: Its value, in the unit of the name.
     """
-    unit = metric_unit(name) if math.isfinite(value) else ""
+    unit = "" if math.isnan(value) or _never(name, value) else metric_unit(name)
     return f"{metric_label(name)} {metric_number(name, value)} {unit}".rstrip()
+
+
+def _never(name: str, value: float) -> bool:
+    """Return whether a metric is a time after which nothing happens, such as a settling time."""
+    return math.isinf(value) and metric_unit(name) == "s"

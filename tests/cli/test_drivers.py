@@ -2,6 +2,7 @@
 
 import json
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import pytest
 
@@ -91,9 +92,16 @@ def test_each_profile_has_the_word_of_its_evidence(piezod: Command) -> None:
             assert [driver, profile, word] in lines
 
 
-def test_driver_without_a_statement_has_no_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A driver that is one module, is gone, or does not state it, has none."""
-    for module in ("json.tool", "string", "no_such_module", "piezod.errors"):
+def test_driver_without_a_statement_has_no_evidence(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A driver that is one module, is gone, does not state it, or has a broken file, has none."""
+    package = tmp_path / "acme_broken"
+    package.mkdir()
+    for name, text in (("__init__.py", ""), ("evidence.json", "{broken")):
+        (package / name).write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    for module in ("json.tool", "string", "no_such_module", "piezod.errors", "acme_broken.driver"):
         point = EntryPoint("acme", f"{module}:PLUGIN", "piezod.drivers")
         monkeypatch.setattr("piezod.devices.evidence.entry_points", lambda p=point, **_: [p])
         assert evidence_of("acme") == {}

@@ -6,8 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from piezod.cli.identify_view import _narrowed
 from piezod.config.model_file import load_model
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, write_record
@@ -292,3 +294,13 @@ def test_measured_stage(process: Command, shared_data: Path) -> None:
     assert document["delay_estimate"]["one_frequency"] is True
     (warning,) = document["warnings"]
     assert "determines the delay only to about a sample, 5 ms" in warning
+
+
+def test_curve_of_a_long_search_fits_on_a_line() -> None:
+    """Neighbouring delays share a bar, which has the smallest of their errors."""
+    errors_pct = np.abs(np.arange(201.0) - 130.0)
+    narrowed = _narrowed(errors_pct)
+
+    assert narrowed.size == 61
+    assert narrowed.min() == 0.0
+    assert _narrowed(errors_pct[:40]).tolist() == errors_pct[:40].tolist()

@@ -257,3 +257,24 @@ def test_interrupt_that_python_swallows(folder: Path) -> None:
     )
 
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, b"", b"interrupted\n")
+
+
+AGAIN = """
+import atexit, signal, sys
+import piezod.devices.registry as registry
+from piezod.cli.main import run
+
+atexit.register(signal.raise_signal, signal.SIGINT)
+registry.names = lambda: signal.raise_signal(signal.SIGINT)
+sys.argv = ["piezod", "drivers"]
+run()
+"""
+
+
+def test_second_interrupt_at_the_end(folder: Path) -> None:
+    """Ctrl-C while Python ends, for example because the first one seemed to be lost, is ignored."""
+    ended = subprocess.run(
+        [sys.executable, "-c", AGAIN], cwd=folder, capture_output=True, check=False
+    )
+
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, b"", b"interrupted\n")

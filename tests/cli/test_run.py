@@ -80,3 +80,12 @@ def test_folder_open_to_other_users(piezod: Command, config: Path) -> None:
 
     assert code == 77
     assert f"{paths.runtime}: must be a folder of this user" in err
+
+
+def test_experiment_is_no_stage(piezod: Command, experiment_file: Path) -> None:
+    """`run` of an experiment names the command for it, and lists no keys."""
+    code, _, err = piezod("run", experiment_file)
+
+    assert code == 78
+    assert "this is an experiment, not a stage: run it with `piezod experiment`" in err
+    assert "unknown key" not in err

@@ -93,6 +93,17 @@ def test_every_state_has_a_text(state: State) -> None:
     assert str(state) in outcome("stop", "", state) or state is State.RAMP
 
 
+def test_reload_prints_what_has_changed_and_what_is_lost(
+    piezod: Command, daemon: FakeDaemon
+) -> None:
+    """Each loss has a line with its remedy."""
+    lost = "axis x: the sensor zero, because it has no model; `piezod zero` again"
+    daemon.answers["POST reload"] = {"changes": ["axes.x.model", "rate_hz"], "lost": [lost]}
+    changed = "the configuration has been read again, changed: axes.x.model, rate_hz"
+
+    assert piezod("reload") == (0, f"{changed}\nlost: {lost}\n", "")
+
+
 @pytest.mark.usefixtures("daemon")
 @pytest.mark.parametrize("verb", ["arm", "stop", "goto 1", "mode adaptive", "reload", "zero"])
 def test_command_as_json(piezod: Command, verb: str) -> None:

@@ -143,3 +143,12 @@ def test_record_repair_needs_no_daemon(piezod: Command, tmp_path: Path) -> None:
     code, out, err = piezod("record", "repair", str(text))
     assert (code, out) == (1, "")
     assert "it is not a recording" in err
+
+
+def test_label_is_checked_before_it_is_sent(piezod: Command, daemon: FakeDaemon) -> None:
+    """A label with a space is refused with the allowed characters, and nothing is asked."""
+    code, _, err = piezod("record", "start", "my scan")
+
+    assert code == 2
+    assert "up to 32 letters, digits, _ and -" in " ".join(err.split())
+    assert daemon.asked == []

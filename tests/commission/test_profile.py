@@ -15,9 +15,12 @@ from piezod.commission.ringing import Ringing
 from piezod.commission.session_trace import SessionTrace
 from piezod.commission.sheet import Sheet, write_sheet
 from piezod.commission.travel import Travel
+from piezod.config.axes import CompensatorConfig
 from piezod.config.daemon import DaemonConfig, SafetyConfig, load_daemon
+from piezod.control.law.compensated import check_identifier
 from piezod.devices import registry
 from piezod.devices.interface import Identity
+from piezod.hysteresis import graded_thresholds, new_bank
 from tests.commission.axes import configured
 
 WHO = {"rig": Identity("maker", "model", "serial", "firmware")}
@@ -55,6 +58,17 @@ def test_a_profile_is_a_configuration_with_what_was_found(tmp_path: Path) -> Non
     }
     assert axis["compensator"]["delay_s"] == 0.0003  # type: ignore[index] # a mapping
     assert "model" not in axis
+
+
+def test_a_profile_can_adopt_any_model_that_identify_makes(tmp_path: Path) -> None:
+    """`piezod identify` gives graded thresholds by default, and LMS would diverge with them."""
+    one = configured().axes["x"].model_copy(update={"compensator": CompensatorConfig()})
+    written(tmp_path, FOUND, configured().model_copy(update={"axes": {"x": one}}))
+    axis = load_daemon(tmp_path / "stage.yaml", registry).axes["x"]
+    thresholds = graded_thresholds(19)
+
+    assert axis.compensator.delay_s == 0.0003
+    check_identifier(axis, new_bank(thresholds, thresholds))
 
 
 def test_a_slow_stage_is_not_to_be_driven_fast(tmp_path: Path) -> None:

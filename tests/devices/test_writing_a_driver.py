@@ -4,6 +4,12 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import pytest
+
+from piezod.devices.interface import Device, Wiring
+from piezod.testing.driver_contract import checks_for
 
 PAGE = (Path(__file__).parents[2] / "docs" / "writing-a-driver.md").read_text(encoding="utf-8")
 
@@ -26,3 +32,18 @@ def test_page_can_be_copied(tmp_path: Path) -> None:
 
     assert run.returncode == 0, run.stdout + run.stderr
     assert "3 passed" in run.stdout
+
+
+def test_device_without_a_bus_keeps_the_contract(subtests: pytest.Subtests) -> None:
+    """The card of the page passes every check of its roles."""
+    page: dict[str, Any] = {"__name__": "acme_card"}
+    exec(_blocks("python sdk"), page)  # noqa: S102 - the code of this repository
+    plugin = page["CARD"]
+
+    def card() -> Device:
+        device: Device = plugin.create(plugin.options_model(), Wiring(("x",), ("x_v",)), 1)
+        return device
+
+    for check in checks_for(card):
+        with subtests.test(check.__name__):
+            check(card)

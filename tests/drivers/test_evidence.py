@@ -1,6 +1,6 @@
 """The list of evidence is that of the marks of the tests."""
 
-from tests.evidence import KINDS, PAGE, WORDS, marks, page, profiles, words
+from tests.evidence import KINDS, NONE, PAGE, WORDS, marks, page, profiles, word_of, words
 
 
 def test_page_and_words_are_those_of_the_marks() -> None:
@@ -25,3 +25,16 @@ def test_every_mark_names_a_profile_and_a_kind() -> None:
 def test_every_driver_of_a_device_has_profiles() -> None:
     """Each driver has at least one profile, so that its evidence is listed."""
     assert all(profiles().values())
+
+
+def test_every_device_has_evidence() -> None:
+    """Each profile was checked against something by others, except the one for any text."""
+    found = marks()
+    missing = [
+        (driver, profile)
+        for driver, names in profiles().items()
+        for profile in names
+        if word_of(found, driver, profile) == NONE
+    ]
+
+    assert missing == [("ascii", "ascii")]

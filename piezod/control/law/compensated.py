@@ -25,6 +25,7 @@ from piezod.hysteresis import (
     NLMSIdentifier,
     RLSIdentifier,
     Shadowed,
+    covariance,
     has_even_thresholds,
     largest_stable_gain,
 )
@@ -178,7 +179,16 @@ def _adaptation(
     deadband = settings.deadband_pct / 100.0
     # RLS has no gain to configure.
     if settings.identifier == "rls":
-        return RLSIdentifier.paced(bank, weights, pace, deadband=deadband)
+        # Of more frequent pairs, each has less information, and leaves less time for a change.
+        return RLSIdentifier(
+            bank,
+            weights,
+            weight_walk=covariance.WEIGHT_WALK * pace,
+            offset_walk=covariance.OFFSET_WALK * pace,
+            scale_walk=covariance.SCALE_WALK * pace,
+            measurement_variance=covariance.MEASUREMENT_VARIANCE / pace,
+            deadband=deadband,
+        )
     if not has_even_thresholds(bank):
         # With thresholds close to 0, LMS amplifies the noise of the sensor and diverges.
         raise ModelError(

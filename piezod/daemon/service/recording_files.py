@@ -23,7 +23,7 @@ def open_recording(folder: Path, name: str) -> int:
     Raises:
         UnknownNameError: If the folder has no plain file of that name.
     """
-    unknown = UnknownNameError(f"no recording {name[:100]!r}", "GET /v1/recordings lists them")
+    unknown = UnknownNameError(f"no recording {name[:100]!r}", "`piezod record list` shows them")
     if not _NAME.fullmatch(name):
         raise unknown
     try:

@@ -25,7 +25,10 @@ _PATTERNS: Final = [(compile_path(path)[0], method) for method, path in ROUTES]
 
 def methods_of(path: str) -> list[str]:
     """Return the methods of the endpoints with a path, sorted."""
-    return sorted({method for pattern, method in _PATTERNS if pattern.fullmatch(path)})
+    literal = {method for method, template in ROUTES if template == path}
+    # Only then: a template such as `recordings/{name}` fits the paths of other endpoints too.
+    fitting = {method for pattern, method in _PATTERNS if pattern.fullmatch(path)}
+    return sorted(literal or fitting)
 
 
 def endpoint(

@@ -74,7 +74,7 @@ class Followed(BaseModel):
 
 _LINES: Final = {
     "requestBody": {
-        "required": True,
+        "required": False,
         "description": 'Lines of JSON such as {"x": 12.5}: a position in µm for each axis.',
         "content": {"application/x-ndjson": {"schema": {"type": "string"}}},
     }

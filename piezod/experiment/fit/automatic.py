@@ -1,13 +1,16 @@
 """Chooses a model by cross-validation: candidates are compared on data they were not fitted to.
 
 The choice is the simplest candidate whose mean squared error is within one standard error of the
-best one (Breiman et al. 1984). A difference that chance explains is not worth more parameters.
+best one (Breiman et al. 1984), and whose rms error is at most 5 % larger. A difference that chance
+explains is not worth more parameters. But all candidates are judged on the same blocks, so that
+much of the standard error is that of the blocks, which differ in difficulty.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,9 +25,14 @@ from piezod.experiment.fit.settings import FitSettings
 
 ORDERS = (5, 8, 12, 19, 30)
 """Numbers of operators on each side that are tried; the paper has 19."""
+LARGEST_LOSS = 1.05
+"""Largest rms error of the chosen model, as a multiple of that of the best one."""
 _SLOW_PARAMETERS = 3  # creep, offset, stretch
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
+
+Progress: TypeAlias = Callable[[str, float], None]
+"""Called with the present step and the share that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +86,12 @@ class Choice:
     limit_pct: float
 
 
-def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
+def choose(
+    record: Record,
+    wanted: Wanted,
+    delay_s: float | None,
+    progress: Progress = lambda _label, _share: None,
+) -> Choice:
     """Fit all candidates to a record and choose among them.
 
     The delay is estimated once, so that all candidates are compared on the same pairs of drive and
@@ -88,6 +101,7 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
         record: Drive and displacement.
         wanted: Fixed part of the choice.
         delay_s: Delay in s; estimated if None.
+        progress: Called with the present candidate and the share that is done.
 
     Raises:
         DataError: If the record is too short for any candidate, or cannot be used.
@@ -95,22 +109,31 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
         delay_s = estimate.delay_s
-    candidates = _candidates(record, wanted, delay_s, estimate)
-    # One-standard-error rule: among candidates as good as the best, the one with the fewest
-    # parameters.
+    return simplest_as_good(_candidates(record, wanted, delay_s, estimate, progress))
+
+
+def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
+    """Choose, among the candidates that are as good as the best, that with fewest parameters."""
     best = min(candidates, key=lambda each: each.validation.rms_pct)
-    limit_pct = best.validation.rms_with_standard_error_pct
+    validation = best.validation
+    limit_pct = min(validation.rms_with_standard_error_pct, LARGEST_LOSS * validation.rms_pct)
     as_good = [each for each in candidates if each.validation.rms_pct <= limit_pct]
     taken = min(as_good, key=lambda each: (each.n_parameters, each.validation.rms_pct))
     return Choice(candidates, best, taken, limit_pct)
 
 
 def _candidates(
-    record: Record, wanted: Wanted, delay_s: float | None, estimate: DelayEstimate | None
+    record: Record,
+    wanted: Wanted,
+    delay_s: float | None,
+    estimate: DelayEstimate | None,
+    progress: Progress,
 ) -> tuple[Candidate, ...]:
     """Return the candidates that the record supports, at least one."""
     candidates, refused = [], None
-    for settings in _settings(record, wanted):
+    tried = tuple(_settings(record, wanted))
+    for index, settings in enumerate(tried):
+        progress(f"model {index + 1} of {len(tried)}", index / len(tried))
         try:
             fit = replace(fit_model(record, replace(settings, delay_s=delay_s)), delay=estimate)
             candidates.append(Candidate(fit, cross_validate(fit)))

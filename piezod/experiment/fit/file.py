@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from piezod.errors import DataError
-from piezod.experiment.fit.automatic import Choice, Wanted, choose
+from piezod.experiment.fit.automatic import Choice, Progress, Wanted, choose
 from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.judgement import Judgement, judge
@@ -70,6 +70,7 @@ def identify_file(
     delay_s: float | None,
     axis: str | None = None,
     settings: FitSettings | Wanted,
+    progress: Progress = lambda _label, _share: None,
 ) -> FileFit:
     """Fit a model to a recorded file.
 
@@ -80,6 +81,7 @@ def identify_file(
         delay_s: Delay in s; estimated from the data if None.
         axis: Axis of a recording; None for the only one.
         settings: Settings of the fit, or the fixed part of an automatic choice.
+        progress: Called while models are chosen.
 
     Raises:
         DataError: If a file cannot be used; the text starts with its name.
@@ -95,16 +97,12 @@ def identify_file(
         test_record, notes = thinned(test_source.record), (*notes, *_notes("test", test_source))
     with prefix_errors(data):
         if isinstance(settings, Wanted):
-            choice = choose(record, settings, delay_s)
+            choice = choose(record, settings, delay_s, progress)
             fit, validation = choice.taken.fit, choice.taken.validation
         else:
             choice, validation = None, None
             fit = fit_model(record, replace(settings, delay_s=delay_s))
-    other, raw = None, None
-    # Both counterparts show the user what creep and smoothing contribute.
-    if fit.linearised:
-        other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
-        raw = _refitted(fit, record, replace(fit.settings, smoothing=False))
+    other, raw = _counterparts(fit, record)
     taken = judge(fit, record, test_record, validation)
     with prefix_errors(data):
         doubts = tuple(quality_warnings(taken, record, test_record))
@@ -120,6 +118,16 @@ def identify_file(
         choice=choice,
         untold=missing_excitation(smoothed_record(record)),
         warnings=(*notes, *_warnings(fit, record, test_record), *doubts),
+    )
+
+
+def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:
+    """Return the fit with creep or without, and unsmoothed: what each of them contributes."""
+    if not fit.linearised:
+        return None, None
+    return (
+        _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep)),
+        _refitted(fit, record, replace(fit.settings, smoothing=False)),
     )
 
 

@@ -71,17 +71,7 @@ def run_case(
     for axis, position_um in zip(identified.values(), stage.rest(config.settle_s), strict=True):
         axis.creeping.watch(position_um)
         axis.creeping.zero()
-    axes = [
-        compensated_axis(
-            axis,
-            identified[name].model,
-            identified[name].creeping.state,
-            mode,
-            references[name].value,
-            Start(stage.now_ns, stage.period_ns, in_force_v),
-        )
-        for (name, axis), in_force_v in zip(config.axes.items(), stage.in_force_v, strict=True)
-    ]
+    axes = _axes(stage, config, identified, references, mode)
     snapshots = _Snapshots(axes, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
     for name, trace in zip(config.axes, traces, strict=True):
@@ -123,6 +113,27 @@ def _recordings(
             first_metric_index=first,
         )
         for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
+    ]
+
+
+def _axes(
+    stage: VirtualStage,
+    config: ExperimentConfig,
+    identified: Mapping[str, IdentifiedAxis],
+    references: Mapping[str, Waveform],
+    mode: Mode,
+) -> list[CompensatedAxis]:
+    """Return the axes at the start of a run."""
+    return [
+        compensated_axis(
+            axis,
+            identified[name].model,
+            identified[name].creeping.state,
+            mode,
+            references[name].value,
+            Start(stage.now_ns, stage.period_ns, in_force_v),
+        )
+        for (name, axis), in_force_v in zip(config.axes.items(), stage.in_force_v, strict=True)
     ]
 
 

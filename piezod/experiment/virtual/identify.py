@@ -57,7 +57,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
     period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
-    check_gains(config.axes, period_s, trimmed=config.axes if trimmed else ())
+    check_gains(config.axes, period_s, trimmed=trimmed)
     from_file = {
         name: _from_file(name, axis, axis.model, stage.period_ns)
         for name, axis in config.axes.items()

@@ -88,7 +88,7 @@ def test_refusal_says_how_the_state_came_about() -> None:
     held = stopped.ask(rq.Hold())
 
     assert (
-        after_fault == "cannot move in SAFE: `piezod arm` first (in SAFE for 3 s because of L5, L2)"
+        after_fault == "cannot move in SAFE: `piezod arm` first (in SAFE for 3 s because of L5)"
     )
     assert "(in SAFE for 0 s because of `stop`)" in after_stop
     assert (held.accepted, held.why.partition(" (")[0]) == (

@@ -24,18 +24,25 @@ def with_trim(trim: dict[str, Any], rate_hz: float, mode: Mode = Mode.FEEDFORWAR
     return config.model_copy(update={"axes": {"x": axis}, "rate_hz": rate_hz, "mode": mode})
 
 
-@pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.TRIMMED])
-def test_unsafe_gain_in_the_file_is_refused_at_the_start(mode: Mode) -> None:
-    """A command could select the mode later."""
+def test_unsafe_gain_is_told_at_the_start() -> None:
+    """The stage does not start in that mode; in another mode it says that it will refuse this."""
+    stage = RigStage(with_trim(GREEDY, 200.0))
+    stage.until("SAFE")
+    (event,) = (each for each in stage.events if each.kind == "trim")
+
+    check_stage(stage.config)
     with pytest.raises(ModelError, match=REFUSED):
-        check_stage(with_trim(GREEDY, 200.0, mode))
+        check_stage(with_trim(GREEDY, 200.0, Mode.TRIMMED))
+    assert event.axis == "x"
+    assert event.text.startswith("mode trimmed is not available: a trim gain of 5000 1/s is not ")
 
 
-def test_default_gain_does_not_stop_a_slow_stage() -> None:
-    """At 20 Hz even the default is too much, but only for its mode."""
-    check_stage(with_trim({}, 20.0))
-    with pytest.raises(ModelError, match="a trim gain of 50 1/s is not safe"):
-        check_stage(with_trim({}, 20.0, Mode.TRIMMED))
+def test_safe_gain_is_not_worth_an_event() -> None:
+    """The shipped stage can use every mode."""
+    stage = RigStage()
+    stage.until("SAFE")
+
+    assert not any(each.kind == "trim" for each in stage.events)
 
 
 @pytest.mark.parametrize("armed", [True, False])

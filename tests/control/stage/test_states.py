@@ -35,7 +35,7 @@ TABLE = """
                  BOOT     SAFE     READY IDENT RUN   HOLD  RAMP  BLIND    FAULT    ESTOP STOPPING
 SELF_TEST_PASSED SAFE     .        .     .     .     .     .     .        .        .     .
 SELF_TEST_FAILED FAULT    .        .     .     .     .     .     .        .        .     .
-FOUND_DRIVEN     RAMP     RAMP     .     .     .     .     .     .        .        .     .
+FOUND_DRIVEN     RAMP     .        .     .     .     .     .     .        .        .     .
 ARM              !        READY    .     !     .     !     !     !        !        !     !
 DISARM           .        .        RAMP  RAMP  RAMP  RAMP  .     .        .        .     .
 RUN              !        !        RUN   !     .     !     !     !        !        !     !

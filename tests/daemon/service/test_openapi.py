@@ -55,7 +55,7 @@ def test_media_type_is_that_of_the_answer(
 
 @pytest.mark.parametrize(
     ("what", "required"),
-    [("POST arm", False), ("POST stop", False), ("POST goto", True), ("POST stream", True)],
+    [("POST arm", False), ("POST stop", False), ("POST goto", True), ("POST stream", False)],
 )
 def test_body_is_required_if_it_has_required_keys(
     document: dict[str, Any], what: str, required: bool
@@ -90,6 +90,7 @@ def test_names_of_axes_are_the_only_keys(document: dict[str, Any]) -> None:
         ("PATCH", "lease", "DELETE, POST"),
         ("HEAD", "recordings/20261121T120000Z", "GET"),
         ("OPTIONS", "goto", "POST"),
+        ("PUT", "recordings/start", "POST"),
     ],
 )
 def test_other_methods_are_refused_with_the_allowed_ones(

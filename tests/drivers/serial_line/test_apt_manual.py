@@ -31,12 +31,26 @@ SET_70_V_OF_75 = bytes.fromhex("43 06 04 00 D0 01 01 00 77 77")  # p. 174
 LIMITS_V = {0x01: 75, 0x02: 100, 0x03: 150}  # p. 200
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    ("KPZ101", "TPZ001", "KSG101", "TSG001"),
+    part="requests, byte by byte",
+    by="APT protocol document, issue 28, p. 172 to 218",
+    kind="manual",
+)
 @pytest.mark.parametrize(("theirs", "ours"), SENT)
 def test_requests_are_those_of_the_document(theirs: str, ours: bytes) -> None:
     """The requests to both kinds of cubes, and the sign of life, are those of the document."""
     assert ours == bytes.fromhex(theirs)
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    "KSG101",
+    part="frame and scale of a reading",
+    by="APT protocol document, issue 28, p. 203 and 218",
+    kind="manual",
+)
 def test_example_reading_has_the_scale_of_the_document() -> None:
     """The example reading of 82 is 82/32767 of the example travel of 20 µm."""
     device, line, _, _ = ksg()
@@ -60,6 +74,13 @@ def test_emulated_reader_answers_as_the_document() -> None:
     assert travel == TRAVEL[:8] + round(TRAVEL_UM / 0.1).to_bytes(2, "little")
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    "KSG101",
+    part="display mode",
+    by="APT protocol document, issue 28, p. 217",
+    kind="manual",
+)
 def test_emulated_reader_keeps_the_display_mode_of_the_document() -> None:
     """The example that sets the display to volts is answered by the same settings."""
     stand, _, _ = bench()
@@ -72,6 +93,13 @@ def test_emulated_reader_keeps_the_display_mode_of_the_document() -> None:
     assert codec.display_mode_of(reader.receive(bytes.fromhex(SENT[0][0]))[0]) == 1
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    "KPZ101",
+    part="codes of the voltage limit",
+    by="APT protocol document, issue 28, p. 200",
+    kind="manual",
+)
 @pytest.mark.parametrize(("code", "limit_v"), LIMITS_V.items())
 def test_range_is_the_limit_of_the_document(code: int, limit_v: int) -> None:
     """The voltage limit is reported by the codes of the document, and is the range."""
@@ -82,6 +110,13 @@ def test_range_is_the_limit_of_the_document(code: int, limit_v: int) -> None:
     assert device.capabilities().ranges == ((0.0, float(limit_v)),)
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    "KPZ101",
+    part="scale of the voltage",
+    by="APT protocol document, issue 28, p. 174",
+    kind="manual",
+)
 def test_example_voltage_is_sent_as_in_the_document() -> None:
     """70 V at an amplifier with a limit of 75 V are the bytes of the example."""
     device, line, _, _ = kpz()
@@ -93,6 +128,13 @@ def test_example_voltage_is_sent_as_in_the_document() -> None:
     assert SET_70_V_OF_75 in line.sent[-1]
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    "KPZ101",
+    part="statuses without a sign of life",
+    by="APT protocol document, issue 28, p. 183",
+    kind="manual",
+)
 def test_emulated_amplifier_falls_silent_as_the_document() -> None:
     """An amplifier sends 50 statuses without a sign of life of its host, and then none (p. 183)."""
     stand, _, _ = bench()

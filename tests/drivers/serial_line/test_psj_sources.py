@@ -17,6 +17,13 @@ STATUS_REMOTE, STATUS_LOOP, STATUS_ACTOR = 0x0080, 0x0008, 0x8000
 """Bits of `stat,<ch>` in `Piezosystem_NV40_3.h`; the reply is `STATUS,<ch>,<decimal number>`."""
 
 
+@pytest.mark.confirms(
+    "psj",
+    "nv40",
+    part="commands without a channel",
+    by="psj-lib of piezosystem jena",
+    kind="manual",
+)
 def test_nv40_is_asked_without_a_channel_where_the_maker_does() -> None:
     """An NV40/3 is asked for its limits and its errors without a channel."""
     rig = Rig("nv40")
@@ -30,6 +37,13 @@ def test_nv40_is_asked_without_a_channel_where_the_maker_does() -> None:
     assert not any(f"{name}," in opening for name in WITHOUT_CHANNEL)
 
 
+@pytest.mark.confirms(
+    "psj",
+    "nv40",
+    part="bits of the status",
+    by="Micro-Manager adapter Piezosystem_NV40_3",
+    kind="manual",
+)
 @pytest.mark.parametrize("remote", [False, True])
 @pytest.mark.parametrize("loop", [False, True])
 def test_nv40_status_word_has_the_bits_of_micro_manager(*, remote: bool, loop: bool) -> None:
@@ -45,6 +59,9 @@ def test_nv40_status_word_has_the_bits_of_micro_manager(*, remote: bool, loop: b
     assert int(number) & STATUS_ACTOR
 
 
+@pytest.mark.confirms(
+    "psj", "ddrive", part="list of the slots", by="psj-lib of piezosystem jena", kind="manual"
+)
 def test_d_drive_lists_its_slots_as_the_maker_expects() -> None:
     """`stat` without a channel has a line for each of six slots, `stat,<ch>,…` for those in use."""
     rig = Rig("30dv")  # any profile with one axis; the device below has six slots
@@ -57,6 +74,9 @@ def test_d_drive_lists_its_slots_as_the_maker_expects() -> None:
     assert all("unit" in line for line in lines[1:])
 
 
+@pytest.mark.confirms(
+    "psj", "ddrive", part="scientific notation", by="psj-lib of piezosystem jena", kind="manual"
+)
 def test_d_drive_is_read_in_scientific_notation_too() -> None:
     """After `setf,<ch>,1`, which psj-lib sends to each channel, the driver reads the position."""
     rig = Rig("ddrive", "position")

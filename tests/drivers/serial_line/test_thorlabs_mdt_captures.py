@@ -38,6 +38,13 @@ B_IDENTITY = (
 )
 
 
+@pytest.mark.confirms(
+    "thorlabs_mdt",
+    "mdt693a",
+    part="echo, refusals, ends of lines",
+    by="captures of jekktmoeder/Thorlabs_MDT",
+    kind="capture",
+)
 @pytest.mark.parametrize(("request_", "captured"), A_REPLIES)
 def test_emulated_a_model_replies_as_captured(request_: str, captured: str) -> None:
     """The emulated MDT693A echoes and refuses as the real one, whose NUL comes now and then."""
@@ -46,6 +53,13 @@ def test_emulated_a_model_replies_as_captured(request_: str, captured: str) -> N
     assert got.replace(b"\0", b"") == bytes.fromhex(captured).replace(b"\0", b"")
 
 
+@pytest.mark.confirms(
+    "thorlabs_mdt",
+    "mdt693a",
+    part="identity",
+    by="captures of jekktmoeder/Thorlabs_MDT",
+    kind="capture",
+)
 def test_emulated_a_model_identifies_itself_as_captured() -> None:
     """The emulated MDT693A answers a word that begins with I by its identity."""
     table, _, _ = bench()
@@ -61,6 +75,13 @@ def test_emulated_a_model_drops_a_long_line_as_captured() -> None:
     assert emulator.receive(b"xvoltage?\r") == [captured]
 
 
+@pytest.mark.confirms(
+    "thorlabs_mdt",
+    "mdt693a",
+    part="forms of all replies that the driver reads",
+    by="captures of jekktmoeder/Thorlabs_MDT; MDT693A manual, rev. F, p. 21",
+    kind="capture",
+)
 def test_driver_drives_what_was_captured() -> None:
     """The driver opens and drives an MDT693A by its captured bytes, without an event.
 
@@ -99,6 +120,13 @@ def test_identity_of_a_b_model(serial: bytes, name: bytes, found: str) -> None:
     assert identity_in(captured) == ("Thorlabs", "MDT694B", found, "1.10")
 
 
+@pytest.mark.confirms(
+    "thorlabs_mdt",
+    "mdt694b",
+    part="identity, forms of numbers, refusals",
+    by="captures of jekktmoeder/Thorlabs_MDT",
+    kind="capture",
+)
 def test_emulated_b_model_replies_as_captured() -> None:
     """The emulated B model has the lines and the forms of numbers of the real one."""
     table, _, _ = bench(3)
@@ -113,6 +141,13 @@ def test_emulated_b_model_replies_as_captured() -> None:
     ]
 
 
+@pytest.mark.confirms(
+    "thorlabs_mdt",
+    ("mdt693a", "mdt693b"),
+    part="codes of the voltage limit",
+    by="MDT693A manual, p. 21; MDT693B manual, ch. 7.3",
+    kind="manual",
+)
 @pytest.mark.parametrize(
     ("reply", "limit_v"),
     [(b"0\r>", 75.0), (b"*[ 1]\r", 100.0), (b"2\r>", 150.0), (b"[ 100]\r>", 100.0)],

@@ -49,7 +49,7 @@ def test_least_squares_finds_the_weights() -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 0.05, 0.01), (Method.LMS, 0.5, 0.1)]
+    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 0.05, 0.01), (Method.LMS, 0.1, 0.02)]
 )
 def test_voltage_is_predicted(method: Method, max_pct: float, rms_pct: float) -> None:
     """Both methods predict the drive of a stage made of stops, least squares better."""
@@ -233,7 +233,7 @@ def measured(shared_data: Path, name: str) -> Record:
 
 
 @pytest.mark.parametrize(
-    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 1.6, 0.35), (Method.LMS, 1.7, 0.5)]
+    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 1.6, 0.35), (Method.LMS, 1.6, 0.4)]
 )
 def test_measured_stage_is_predicted(
     shared_data: Path, method: Method, max_pct: float, rms_pct: float

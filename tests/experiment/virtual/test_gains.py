@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from piezod.config.axes import CompensatorConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.control.law.gains import check_gains
 from piezod.errors import ModelError
@@ -11,6 +12,7 @@ from piezod.experiment.check_file import check_file
 from piezod.experiment.virtual.run import run_experiment
 from tests.experiment.conftest import Load
 
+MODEL = Path(__file__).parents[3] / "config" / "models" / "simulated-stack.yaml"
 LIMITS = "    limits:"
 GREEDY = "    trim: {gain_per_s: 700}\n"
 TRIMMED = "modes: [feedforward, trimmed]\n"
@@ -22,7 +24,7 @@ REFUSED = r"^axis x: a trim gain of 700 1/s is not safe: .*"
 
 def check(config: ExperimentConfig) -> None:
     """Check the gains that are known before anything moves."""
-    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.axes)
+    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=True)
 
 
 def phases(load: Load, text: str) -> list[str]:
@@ -68,6 +70,16 @@ def test_check_of_a_file_refuses_unsafe_gains(tmp_path: Path, short: str, gain_p
 
     expected = f"{path}: axis x: a trim gain of 700 1/s is not safe: "
     assert (error is None) if gain_per_s == 50 else str(error).startswith(expected)
+
+
+def test_lms_with_the_thresholds_of_a_model_file_is_refused(load: Load, short: str) -> None:
+    """The experiment names a model with graded thresholds."""
+    config = load(short)
+    lms = {"model": MODEL, "compensator": CompensatorConfig(identifier="lms")}
+    axis = config.axes["x"].model_copy(update=lms)
+
+    with pytest.raises(ModelError, match="axis x: identifier lms needs even thresholds"):
+        check(config.model_copy(update={"axes": {"x": axis}}))
 
 
 def test_first_mode_counts(load: Load, short: str) -> None:

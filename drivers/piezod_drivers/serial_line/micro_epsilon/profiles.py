@@ -1,7 +1,8 @@
 """Properties in which the streams of the sensors differ, as data.
 
 Scales and ranges are from the manuals of ILD1420, ILD1402, ILD1700, ILD1750, ILD1900 and ODC2520.
-No public manual explains the single error codes; their meaning is not confirmed.
+Only the manual of the ILD1700 explains the single error codes; the meaning of the others is not
+confirmed.
 """
 
 from collections.abc import Mapping
