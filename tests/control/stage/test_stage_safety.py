@@ -87,9 +87,7 @@ def test_refusal_says_how_the_state_came_about() -> None:
     after_stop = stopped.ask(rq.Resume()).why
     held = stopped.ask(rq.Hold())
 
-    assert (
-        after_fault == "cannot move in SAFE: `piezod arm` first (in SAFE for 3 s because of L5)"
-    )
+    assert after_fault == "cannot move in SAFE: `piezod arm` first (in SAFE for 3 s because of L5)"
     assert "(in SAFE for 0 s because of `stop`)" in after_stop
     assert (held.accepted, held.why.partition(" (")[0]) == (
         False,
