@@ -90,7 +90,9 @@ def _describe_stage(path: Path) -> tuple[str, ...]:
     except (DataError, ModelError) as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     axes = _count(len(config.axes), "axis", "axes")
-    return (f"a stage: {axes} at {config.rate_hz:g} Hz",)
+    blind = ", ".join(name for name, axis in config.axes.items() if axis.sensor is None)
+    without = f"; {blind} without a sensor" if blind else ""
+    return (f"a stage: {axes} at {config.rate_hz:g} Hz{without}",)
 
 
 def _describe_model(path: Path) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ is stable, and a root can leave the unit circle only where K L = -1. So the firs
 breaks the margin at some frequency. Not for use in the loop. The paper has no trim.
 """
 
+from functools import lru_cache
 from math import floor, log10
 from typing import Final, NamedTuple
 
@@ -49,6 +50,8 @@ class TrimMargins(NamedTuple):
     largest_gain_per_s: float
 
 
+# A loop that takes over a model while it runs has checked the same values at its start: 40 ms less.
+@lru_cache(maxsize=32)
 def margins_of(
     gain_per_s: float,
     period_s: float,

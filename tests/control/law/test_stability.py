@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from piezod.control.law import stability
 from piezod.control.law.stability import (
     LEAST_GAIN_MARGIN,
     LEAST_LATE_GAIN_MARGIN,
@@ -283,3 +284,15 @@ def test_proposed_gain_is_allowed(loop: Loop) -> None:
     proposed = float(str(caught.value).rpartition("at most ")[2].removesuffix(" 1/s"))
 
     assert proposed >= 0.9 * refuse_unstable(proposed, *loop).largest_gain_per_s
+
+
+def test_margins_of_a_loop_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A model that a running loop takes over is checked at once, if its delay is not new."""
+    loop = 50.0, 1.1e-3, 0.65e-3, 700.0, 0.03
+    first = margins_of(*loop)
+
+    def computed(*_: object) -> None:
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr(stability, "loop_response", computed)
+    assert margins_of(*loop) is first

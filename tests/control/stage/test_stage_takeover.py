@@ -84,6 +84,30 @@ def test_ramp_after_a_loss_of_power_makes_no_step_up(
     assert max(written_v(stage)) < TOLERANCE_V
 
 
+@given(position_um=st.floats(6.0, 24.0), share=st.floats(0.0, 1.0), truly=st.booleans())
+@settings(max_examples=5)
+def test_no_read_back_makes_a_step(position_um: float, share: float, truly: bool) -> None:
+    """It may be wrong by any factor, or true after a loss of power: no write is far away.
+
+    A wrong read-back within the tolerance, or one that is not a collapse, is another fault.
+    """
+    stage = standing(position_um)
+    output_v = stage.x.drive_v
+    if truly:
+        stage.device.deactivate(stage.t_ns)
+        stage.device.activate(stage.t_ns)
+        output_v = 0.0
+    else:
+        stage.fail(InjectionKind.READ_BACK_OFFSET, value=(share - 1.0) * output_v)
+    stage.run(0.15)
+    stage.do(rq.Stop())
+    stage.run(0.3)
+    steps_v = [abs(a - b) for a, b in pairwise([output_v, *written_v(stage)])]
+
+    assert max(steps_v, default=0.0) <= SLEW_STEP_V + TOLERANCE_V
+    assert stage.state in {State.FAULT, State.SAFE, State.RAMP}
+
+
 def test_arming_at_a_voltage_that_the_sensor_excludes_is_refused() -> None:
     """The first write would make a step. A sensor that was never zeroed excludes nothing."""
     stage = FaultyStage()
