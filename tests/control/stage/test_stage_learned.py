@@ -144,3 +144,19 @@ def test_proven_model_stays_when_learning_ends() -> None:
     assert np.max(np.abs(proven - law.proof.first.weights)) > 1e-6
     np.testing.assert_allclose(law.compensator.weights, proven, rtol=1e-12)
     assert law.compensator.offset == pytest.approx(law.proof.proven.offset)
+
+
+@pytest.mark.fault("D2")
+@pytest.mark.usefixtures("learns_nothing")
+def test_weights_that_are_nan_do_not_outlive_their_mode() -> None:
+    """The stage degrades to the identified model, and still moves to its target."""
+    stage = running(with_compensator({}))
+    error_um(stage, 13.0)
+
+    stage.stage.axes[0].law.identifier.weights[3] = np.nan
+    records = stage.run(0.5)
+
+    assert "D2" in stage.faults()
+    assert stage.x.mode is Mode.FEEDFORWARD
+    assert all(np.isfinite(each.axes[0].drive_v) for each in records)
+    assert abs(error_um(stage, 8.0)) < LEAST_ERROR * RANGE_UM
