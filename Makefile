@@ -2,6 +2,7 @@
 
 BIN := .venv/bin
 STAMP := .venv/.installed
+PEERS := build/peers/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
 # One worker more than the fewest cores: many tests wait for a device or a daemon most of the time.
@@ -12,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test coverage stress fuzz check lint bench figures lock clean
+.PHONY: help demo test coverage stress peers fuzz check lint bench figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
@@ -30,6 +31,9 @@ coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice a
 
 stress: $(STAMP) ## run the tests that take longer
 	$(BIN)/python -m pytest -m stress --timeout 1800
+
+peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
+	$(BIN)/python -m pytest -rs -m peers tests/peers
 
 fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
 	$(BIN)/python -m tests.drivers.bus.fuzz
@@ -61,4 +65,8 @@ clean: ## remove .venv, builds and caches
 
 $(STAMP): requirements.lock pyproject.toml .ci/setup
 	@.ci/setup
+	@touch $@
+
+$(PEERS): tests/peers/requirements.txt .ci/setup-peers
+	@.ci/setup-peers
 	@touch $@

@@ -21,6 +21,9 @@ Exceptions are for configuration, opening and errors of the caller. Inside a con
 is a value, never an exception. `piezod.cli` alone maps exceptions to exit codes.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -135,3 +138,17 @@ class RefusedError(ClientError):
 
 class NotReachedError(RefusedError):
     """Raised if a movement was accepted, but its target is not reached, or not in time."""
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Add the name of a file to an error of the operating system that has none.
+
+    A write that finds the disk full, for example, does not know the name of its file.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(path)
+        raise

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from textwrap import wrap
+from types import NoneType
 from typing import Any, Final, get_args, get_origin
 
 from typer.main import get_command
@@ -141,6 +142,8 @@ def _method(row: Endpoint) -> str:
 
 def _type_name(annotation: Any) -> str:
     if get_origin(annotation) is Generator:
+        if get_args(annotation)[0] in {None, NoneType}:
+            return "a context manager"
         return f"a generator of `{get_args(annotation)[0].__name__}`"
     return f"`{annotation.__name__}`"
 

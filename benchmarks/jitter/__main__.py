@@ -43,7 +43,8 @@ class Rounds:
 
     def run(self, program: Path, pacing: Pacing) -> None:
         """Run every contender once."""
-        self.runs["cyclictest"].append(cyclictest(pacing))
+        if compared := cyclictest(pacing):
+            self.runs["cyclictest"].append(compared)
         self.runs[FLOOR].append(floor(program, pacing))
         try:
             with running(pacing) as stage:
@@ -86,6 +87,8 @@ class Rounds:
                         print(_row(f"{name}, {what}", late_ns))
         if self.runs[QUIET]:
             self._print_ratios()
+        if not self.runs["cyclictest"]:
+            print("  no cyclictest: install the package rt-tests")
         for note in self.notes:
             print(f"  {note}")
 

@@ -1,6 +1,7 @@
 """Programs for comparison: cyclictest, and a bare loop in C with the same pacing."""
 
 import json
+import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -56,7 +57,13 @@ NOTHING: Nanoseconds = np.empty(0, np.int64)
 
 
 def compile_floor(folder: Path) -> Path:
-    """Compile the loop in C; return the path of the program."""
+    """Compile the loop in C; return the path of the program.
+
+    Raises:
+        SystemExit: If there is no compiler.
+    """
+    if shutil.which("cc") is None:
+        raise SystemExit("the floor needs a C compiler, `cc`: install gcc")
     program = folder / "floor"
     subprocess.run(["cc", "-O2", "-o", program, SOURCE], check=True)  # noqa: S603, S607 - our own
     return program
@@ -71,8 +78,10 @@ def floor(program: Path, pacing: Pacing) -> Lateness:
     return Lateness(np.array(lines.split(), np.int64), NOTHING, int(skipped), NOTHING)
 
 
-def cyclictest(pacing: Pacing) -> Lateness:
-    """Run cyclictest, which sleeps until the deadline and does not spin."""
+def cyclictest(pacing: Pacing) -> Lateness | None:
+    """Run cyclictest, which sleeps until the deadline and does not spin; None without it."""
+    if shutil.which("cyclictest") is None:
+        return None
     with tempfile.NamedTemporaryFile(suffix=".json") as file:
         _output(
             [

@@ -42,7 +42,8 @@ class Stage:
 
     def __init__(self, client: StageClient, shared: SharedMap) -> None:
         self._client, self._shared = client, shared
-        self.report: list[dict[str, Any]] = shared.report()
+        self.report: list[dict[str, Any]] = shared.report()["steps"]
+        """What the loop obtained of its real-time set-up."""
         self.left_run: list[str] = []
         """What kept the stage from following the sine, run by run."""
 
@@ -122,7 +123,7 @@ def running(pacing: Pacing) -> Iterator[Stage]:
     with tempfile.TemporaryDirectory(prefix="pz-", dir="/dev/shm") as folder:
         config = Path(folder) / "stage.yaml"
         text = SHIPPED.read_text(encoding="utf-8").replace("models/", f"{SHIPPED.parent}/models/")
-        text = text.replace("rate_hz: 1000", f"rate_hz: {pacing.rate_hz:g}")
+        text = text.replace("rate_hz: 200", f"rate_hz: {pacing.rate_hz:g}")
         spin, priority = f"spin_us: {pacing.spin_ns / 1000:g}", f"priority: {pacing.priority}"
         loop = f"loop: {{{spin}, {priority}, cpu: {pacing.cpu}}}"
         config.write_text(f"{text}\n{loop}\n", encoding="utf-8")

@@ -9,7 +9,7 @@ from piezod.cli.motion import goto, wave
 from piezod.cli.operation import arm, mode, reset
 from piezod.cli.params import history, list_params, load, restore, save
 from piezod.cli.plain_verb import Verb, plain_verb
-from piezod.cli.record import get, list_records, start, stop
+from piezod.cli.record import get, list_records, repair, start, stop
 from piezod.cli.reload import reload
 from piezod.cli.status import faults, status
 from piezod.cli.stream import stream
@@ -71,6 +71,7 @@ def add_client_verbs(app: typer.Typer) -> None:
         target.command(word, help=verb.help, rich_help_panel=verb.group, context_settings=settings)(
             function
         )
+    families["record"].command("repair")(repair)  # it needs no daemon, so that it is no endpoint
     headings = {verb.words.partition(" ")[0]: verb.group for verb in verbs}
     for word, commands in families.items():
         app.add_typer(commands, name=word, rich_help_panel=headings.get(word))

@@ -1,25 +1,31 @@
 """`piezod drivers`: the installed drivers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 from piezod.cli.options import JsonOption
 
 
 def drivers(json: JsonOption = False) -> None:
-    """List the installed drivers.
+    """List the installed drivers, and what each of their profiles was checked against.
 
-    A driver that cannot be loaded is listed with the reason. With --json, `sees` lists the faults
-    of docs/faults.md that it can detect.
+    A driver that cannot be loaded is listed with the reason. The words are: capture (bytes of a
+    real device), node and client (a device and a program by somebody else), manual, protocol (a
+    program that does not know the device), none. With --json, `sees` lists the faults of
+    docs/faults.md that it can detect.
     """
     from piezod.cli.output import print_json
     from piezod.devices import registry
 
     found = [_look_up(name) for name in registry.names()]
     if json:
-        print_json({"drivers": [each._asdict() for each in found]})
+        print_json(
+            {"drivers": [{**each._asdict(), "evidence": dict(each.evidence)} for each in found]}
+        )
     else:
         _print_table(found)
+        _print_evidence(found)
 
 
 class _Driver(NamedTuple):
@@ -28,6 +34,7 @@ class _Driver(NamedTuple):
     summary: str | None = None
     confirmed_on_hardware: bool | None = None
     sees: tuple[str, ...] = ()
+    evidence: Mapping[str, str] = MappingProxyType({})
     error: str | None = None
 
 
@@ -35,6 +42,7 @@ def _look_up(name: str) -> _Driver:
     from importlib.metadata import entry_points
 
     from piezod.devices import registry
+    from piezod.devices.evidence import evidence_of
     from piezod.errors import RegistryError
 
     points = entry_points(group=registry.GROUP, name=name)
@@ -49,6 +57,7 @@ def _look_up(name: str) -> _Driver:
         summary=plugin.summary,
         confirmed_on_hardware=confirmed,
         sees=tuple(sorted(plugin.sees, key=lambda id_: (id_[0], int(id_[1:])))),
+        evidence=evidence_of(name),
     )
 
 
@@ -68,3 +77,19 @@ def _print_table(found: Sequence[_Driver]) -> None:
         what = each.error or each.summary
         table.add_row(each.name, what, confirmed, each.distribution)
     new_console().print(table if found else "No driver is installed.")
+
+
+def _print_evidence(found: Sequence[_Driver]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    from piezod.cli.output import new_console
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("driver", "profile", "checked against"):
+        table.add_column(heading, no_wrap=True)
+    for each in found:
+        for profile, word in each.evidence.items():
+            table.add_row(each.name, profile, word)
+    if table.row_count:
+        new_console().print(table)

@@ -1,5 +1,6 @@
 """Exit codes of errors, and their text without a traceback."""
 
+import errno
 import os
 from typing import Final
 
@@ -43,5 +44,6 @@ def exit_code(error: PiezodError | OSError) -> int:
 def text_of(error: PiezodError | OSError) -> str:
     """Return the text of an error for people."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{os.fsdecode(error.filename)}: {error.strerror}"
+        remedy = "; delete files there" if error.errno == errno.ENOSPC else ""
+        return f"{os.fsdecode(error.filename)}: {error.strerror}{remedy}"
     return str(error)

@@ -11,6 +11,7 @@ from piezod.cli.experiment_options import (
     SeedOption,
     check_usage,
 )
+from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import check_writable
 from piezod.cli.stage_options import SocketOption, StageOption, connect
@@ -83,5 +84,5 @@ def _run_live(
 ) -> "ExperimentResult":
     from piezod.experiment.live.run import run_live
 
-    with connection as client:
+    with unwinding(), connection as client:
         return run_live(config, text, title, client, progress, largest_step_pct)

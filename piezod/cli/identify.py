@@ -23,6 +23,7 @@ from piezod.cli.identify_options import (
     fit_settings,
     given_delay_s,
 )
+from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.progress import progress_bar
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
@@ -30,7 +31,7 @@ from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, conn
 if TYPE_CHECKING:
     from piezod.experiment.fit.automatic import Wanted
     from piezod.experiment.fit.file import FileFit
-    from piezod.experiment.fit.fit import FitSettings
+    from piezod.experiment.fit.settings import FitSettings
 
 
 class _FitJob(NamedTuple):
@@ -109,7 +110,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
         return
     from piezod.cli.identify_live import adopt_model, print_adopted, record_and_fit
 
-    with connect(stage, socket) as client:
+    with unwinding(), connect(stage, socket) as client:
         fitted, driven = record_and_fit(job.fit, drive, out, axis, client)
         now = datetime.now(UTC)
         figure = _write(fitted, out, now)

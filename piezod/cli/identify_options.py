@@ -12,7 +12,7 @@ from piezod.experiment.fit.method import Method, Spacing
 
 if TYPE_CHECKING:
     from piezod.experiment.fit.automatic import Wanted
-    from piezod.experiment.fit.fit import FitSettings
+    from piezod.experiment.fit.settings import FitSettings
 
 LONGEST_DELAY_S: Final = 1.0
 """Longest delay that a model file can hold, in s."""
@@ -200,7 +200,7 @@ def fit_settings(
         typer.BadParameter: If creep is to be fitted by LMS.
     """
     from piezod.experiment.fit.automatic import Wanted
-    from piezod.experiment.fit.fit import FitSettings
+    from piezod.experiment.fit.settings import FitSettings
 
     if method is MethodChoice.AUTO:
         return Wanted(order=order, spacing=thresholds, creep=creep)

@@ -14,10 +14,10 @@ from piezod.experiment.fit.automatic import Choice
 from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
-from piezod.experiment.fit.fit import FitSettings
 from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import longest_window
 from piezod.hysteresis.memory import FloatArray
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.errors import PiezodError
 
 _ACTIVATE = (
     "systemd-sysusers piezod.conf",
@@ -43,6 +44,9 @@ def install_service(
 
     service_files.check_root(root)
     if uninstall:
+        if root == Path("/") and (running := service_files.running_instances()):
+            stop = f"`systemctl disable --now {' '.join(running)}` first"
+            raise PiezodError(f"{', '.join(running)} still running: {stop}")
         _print_files("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)
         return
     from piezod.cli.shipped import shipped

@@ -31,11 +31,12 @@ def plain_verb(verb: Verb) -> Callable[..., None]:
     """Return the function of a verb that sends its request."""
 
     def send(stage: str | None, socket: Path | None, json: bool, **fields: object) -> None:
+        from piezod.cli.outcome import outcome
         from piezod.client import calls
 
         with connect(stage, socket) as client:
             answer = client.call(calls.command(verb.words, **fields))
-        print_answer(answer, verb.done, json=json)
+        print_answer(answer, outcome(verb.words, verb.done, answer.state), json=json)
 
     def for_stage(
         stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False

@@ -1,5 +1,6 @@
 """`piezod probe`: identity, capabilities and speed of the devices of a stage."""
 
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
@@ -24,12 +25,21 @@ WiggleOption: TypeAlias = Annotated[
 YesOption: TypeAlias = Annotated[
     bool, typer.Option("--yes", help="Wiggle without a confirmation of each step.")
 ]
+TraceOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--trace",
+        help="Print all bytes on serial ports and TCP connections to stderr, as text and as "
+        "hexadecimal numbers; only a few exchanges are then timed.",
+    ),
+]
 
 
 def probe(
     config: ConfigArgument,
     wiggle: WiggleOption = False,
     yes: YesOption = False,
+    trace: TraceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Inspect the devices of a stage; moves nothing without --wiggle.
@@ -39,16 +49,18 @@ def probe(
     together. Exits with 69 if a device is absent.
     """
     from piezod.cli.output import print_json
+    from piezod.commission.probe import EXCHANGES, TRACED_EXCHANGES, together_hz
     from piezod.commission.probe import probe as inspect
-    from piezod.commission.probe import together_hz
     from piezod.config.daemon import load_daemon
     from piezod.daemon.clock import MonotonicClock
     from piezod.devices import registry
+    from piezod.devices.bus.byte_trace import tracing
     from piezod.devices.wiring import pairs_of
 
     stage = load_daemon(config, registry)
-    with owning(config):
-        found = inspect(stage, pairs_of(stage.axes), MonotonicClock())
+    exchanges = TRACED_EXCHANGES if trace else EXCHANGES
+    with owning(config), tracing(_print_line) if trace else nullcontext():
+        found = inspect(stage, pairs_of(stage.axes), MonotonicClock(), exchanges)
         wiggled: dict[str, object] = {}
         complete = not any(each.error for each in found.values())
         all_hz = together_hz(found.values()) if complete else 0.0
@@ -61,6 +73,10 @@ def probe(
         devices = {name: _document(each) for name, each in found.items()}
         print_json({"devices": devices, "together_hz": all_hz, "wiggled": wiggled})
     _raise_absent(found)
+
+
+def _print_line(line: str) -> None:
+    typer.echo(line, err=True)
 
 
 def _print_text(found: "Mapping[str, Probed]", all_hz: float, stage_rate_hz: float) -> None:

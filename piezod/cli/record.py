@@ -85,3 +85,22 @@ def get(
         print_json({"name": name, "file": str(file), "size_bytes": size_bytes})
     else:
         new_console().print(f"{file}: {size_bytes} bytes", soft_wrap=True)
+
+
+def repair(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE…", help="Recordings or flight records.")
+    ],
+) -> None:
+    """Make recordings open plainly whose daemon was killed.
+
+    The daemon does this by itself at its next start, and no record in a file changes. This is for
+    files that were copied before. Without it a viewer must open them in SWMR mode.
+    """
+    from piezod.cli.output import new_console
+    from piezod.records.repair import repair
+
+    console = new_console()
+    for file in files:
+        done = "repaired" if repair(file) else "nothing to repair"
+        console.print(f"{file}: {done}", soft_wrap=True)

@@ -71,7 +71,10 @@ def _axes(found: "Status") -> "Table":
     for name, axis in found.axes.items():
         numbers = (axis.position_um, axis.command_um, axis.error_um)
         shown = [number(each, 3) for each in numbers]
-        table.add_row(name, *shown, number(axis.drive_v, 2), "on target" if axis.on_target else "")
+        remark = "on target" if axis.on_target else ""
+        table.add_row(
+            name, *shown, number(axis.drive_v, 2), remark if axis.has_sensor else "no sensor"
+        )
     return table
 
 

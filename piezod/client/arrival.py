@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Final
 
-from piezod.client.results import Result
+from piezod.client.results import Result, Status
 from piezod.client.telemetry import AxisTelemetry, Telemetry
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.errors import NotReachedError
+from piezod.errors import NotReachedError, RefusedError
 
 SAME_UM: Final = 1e-6
 """A command that is closer than this to its target has arrived, in µm."""
@@ -36,6 +36,22 @@ class Arrival(Result):
     axis: str
     motion: int
     position_um: float
+
+
+def refuse_without_sensor(status: Status, axis: str | None) -> None:
+    """Refuse to wait for a position that nothing measures.
+
+    Args:
+        status: The status of the stage.
+        axis: Name of the axis; None for the only axis.
+
+    Raises:
+        RefusedError: If the axis has no sensor.
+    """
+    name = axis or next(iter(status.axes), "")
+    if name in status.axes and not status.axes[name].has_sensor:
+        what = f"axis {name} has no sensor to see that it is on target"
+        raise RefusedError(what, "move without waiting for the position", "no_sensor")
 
 
 def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | None:

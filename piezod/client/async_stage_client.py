@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import AsyncGenerator, AsyncIterable, Mapping, Sequence
-from contextlib import aclosing
+from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
-from piezod.client.arrival import Arrival, arrival, too_late
+from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
@@ -19,6 +19,7 @@ from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,
     NDJSON,
+    SESSION,
     STREAM,
     TELEMETRY,
     TIMEOUT_S,
@@ -31,6 +32,7 @@ from piezod.client.wire import (
     recording_path,
     setpoint_line,
     telemetry_query,
+    timeout_s,
     whole_file,
 )
 
@@ -97,7 +99,9 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     async def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
-            response = await self._http.request(call.method, call.path, json=call.body)
+            response = await self._http.request(
+                call.method, call.path, json=call.body, timeout=timeout_s(call)
+            )
         return read_answer(call, response)
 
     async def goto_and_wait(
@@ -119,8 +123,10 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         Raises:
             NotReachedError: If the movement ends before its target or takes too long; the text
                 has the reason.
+            RefusedError: If the axis has no sensor; then nothing moves.
             ClientError: As in every method.
         """
+        refuse_without_sensor(await self.status(), axis)
         start_s = time.monotonic()
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
@@ -154,6 +160,24 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
                     if interval := reader.feed(line):
                         yield interval
         raise ended(self.socket)
+
+    @asynccontextmanager
+    async def session(self) -> AsyncGenerator[None, None]:
+        """Return a context manager that binds the stage to this client.
+
+        In the block this client has the lease. When the block or the process ends, in whatever way,
+        the daemon stops the stage and ends a recording that this process has started.
+
+        Raises:
+            RefusedError: If another client has the lease, or another process has a session.
+            ClientError: As in every method.
+        """
+        with translated(self.socket):
+            async with self._http.stream("POST", SESSION, json={}) as response:
+                if response.is_error:
+                    await response.aread()
+                check(response)
+                yield
 
     async def stream(self, setpoints_um: AsyncIterable[Mapping[str, float]]) -> StreamEnd:
         """Let the stage follow setpoints; each takes effect when it is sent.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
 
 from piezod.client.results import Answer, Document, reader
 from piezod.config.endpoints import Endpoint
@@ -15,6 +15,9 @@ Waveforms: TypeAlias = "Mapping[str, WaveformConfig | Mapping[str, Any]]"
 """Waveforms by axis: models, or mappings with the keys of a file."""
 
 
+ANSWER_WITHIN_S: Final = 10.0
+
+
 @dataclass(frozen=True)
 class Call(Generic[ResultT]):
     """One HTTP request to a daemon, and how to read its answer.
@@ -24,12 +27,14 @@ class Call(Generic[ResultT]):
         read: Makes the result from the document of the answer.
         body: Document to send; None for none.
         also_fine: HTTP status that is no error for this call.
+        answer_within_s: Longest time to wait for the answer, in s.
     """
 
     endpoint: Endpoint
     read: Callable[[Document], ResultT]
     body: Document | None = None
     also_fine: int = 200
+    answer_within_s: float = ANSWER_WITHIN_S
 
     @property
     def method(self) -> str:

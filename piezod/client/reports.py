@@ -1,5 +1,7 @@
 """Reports, parameters, recordings and the lease, as methods of both clients."""
 
+from typing import Final
+
 from piezod.client.calls import Call
 from piezod.client.methods import ClientMethod
 from piezod.client.results import (
@@ -10,12 +12,15 @@ from piezod.client.results import (
     Parameters,
     Recording,
     Recordings,
-    Result,
+    Reloaded,
     Saved,
     Status,
     reader,
 )
 from piezod.config.endpoints import ENDPOINTS
+
+RELOADED_WITHIN_S: Final = 150.0
+"""A reload compiles and starts a loop process, and starts the old one again if that fails, in s."""
 
 
 class StageReports:
@@ -52,9 +57,12 @@ class StageReports:
         return Call(ENDPOINTS["audit"], _unchanged)
 
     @ClientMethod
-    def reload(self) -> Call[Result]:
-        """Make the daemon read its configuration again; an invalid one changes nothing."""
-        return Call(ENDPOINTS["reload"], reader(Result), {})
+    def reload(self) -> Call[Reloaded]:
+        """Make the daemon read its configuration again; an invalid one changes nothing.
+
+        The sensor zeros and the learned weights stay. It takes some seconds.
+        """
+        return Call(ENDPOINTS["reload"], reader(Reloaded), {}, answer_within_s=RELOADED_WITHIN_S)
 
     @ClientMethod
     def params(self) -> Call[Parameters]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from piezod.client.errors import unexpected
-from piezod.client.notebook import html_table
+from piezod.client.notebook import StatusTable
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -34,9 +34,11 @@ class Answer(Result):
 
     Attributes:
         motion: Number of the movement that it started, 0 if it started none.
+        state: State of the stage then, one of `piezod.config.states.State`.
     """
 
     motion: int = 0
+    state: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,13 +76,14 @@ class AxisStatus:
     """One axis in the newest cycle.
 
     Attributes:
-        position_um: Measured position, in µm.
+        position_um: Measured position, in µm; None without a sensor.
         command_um: Commanded position, in µm.
         drive_v: Drive voltage, in V.
         target_um: Target of the movement, in µm.
         mode: Mode of the compensator.
         on_target: Whether the position has been within its tolerance for the settling time.
         motion: Number of the movement.
+        has_sensor: Whether a sensor measures the axis.
     """
 
     position_um: float | None
@@ -90,6 +93,7 @@ class AxisStatus:
     mode: str = ""
     on_target: bool = False
     motion: int = 0
+    has_sensor: bool = True
 
     @property
     def error_um(self) -> float | None:
@@ -100,7 +104,7 @@ class AxisStatus:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Status(Result):
+class Status(Result, StatusTable):
     """A stage in its newest cycle.
 
     Attributes:
@@ -123,20 +127,6 @@ class Status(Result):
     stage: str = ""
     title: str = ""
 
-    def _repr_html_(self) -> str:
-        """Return the status as notebooks show it: a line on the stage, a table of its axes."""
-        faults = ", ".join(f"{each.id} {each.name}".strip() for each in self.faults) or "none"
-        shadow = ", shadow mode" if self.shadow else ""
-        return html_table(
-            f"{self.stage or 'stage'}: {self.state}, mode {self.mode}{shadow}; faults: {faults}",
-            ("axis", "position/µm", "command/µm", "error/µm", "drive/V", "on target"),
-            (
-                (name, axis.position_um, axis.command_um, axis.error_um, axis.drive_v)
-                + ("yes" if axis.on_target else "no",)
-                for name, axis in self.axes.items()
-            ),
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class Health(Result):
@@ -158,6 +148,19 @@ class Faults(Result):
     """
 
     faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reloaded(Result):
+    """A configuration that has been read again and is in force.
+
+    Attributes:
+        changes: Paths of the values that have changed, for example "axes.x.speed_um_per_s".
+        lost: What has been lost of the parameters in use, each with its remedy; usually nothing.
+    """
+
+    changes: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
-from piezod.client.arrival import Arrival, arrival, too_late
+from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
@@ -19,6 +19,7 @@ from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,
     NDJSON,
+    SESSION,
     STREAM,
     TELEMETRY,
     TIMEOUT_S,
@@ -31,6 +32,7 @@ from piezod.client.wire import (
     recording_path,
     setpoint_line,
     telemetry_query,
+    timeout_s,
     whole_file,
 )
 
@@ -98,7 +100,9 @@ class StageClient(StageCommands, StageReports, SyncCaller):
     def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
-            response = self._http.request(call.method, call.path, json=call.body)
+            response = self._http.request(
+                call.method, call.path, json=call.body, timeout=timeout_s(call)
+            )
         return read_answer(call, response)
 
     def goto_and_wait(
@@ -120,8 +124,10 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         Raises:
             NotReachedError: If the movement ends before its target or takes too long; the text
                 has the reason.
+            RefusedError: If the axis has no sensor; then nothing moves.
             ClientError: As in every method.
         """
+        refuse_without_sensor(self.status(), axis)
         start_s = time.monotonic()
         motion = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s).motion
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
@@ -157,6 +163,23 @@ class StageClient(StageCommands, StageReports, SyncCaller):
                 if interval := reader.feed(line):
                     yield interval
         raise ended(self.socket)
+
+    @contextmanager
+    def session(self) -> Generator[None, None, None]:
+        """Return a context manager that binds the stage to this client.
+
+        In the block this client has the lease. When the block or the process ends, in whatever way,
+        the daemon stops the stage and ends a recording that this process has started.
+
+        Raises:
+            RefusedError: If another client has the lease, or another process has a session.
+            ClientError: As in every method.
+        """
+        with translated(self.socket), self._http.stream("POST", SESSION, json={}) as response:
+            if response.is_error:
+                response.read()
+            check(response)
+            yield
 
     def stream(self, setpoints_um: Iterable[Mapping[str, float]]) -> StreamEnd:
         """Let the stage follow setpoints; each takes effect when it is sent.

@@ -5,10 +5,10 @@ import ssl
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Final, TypeVar
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
 from urllib.parse import quote
 
-from piezod.client.calls import Call
+from piezod.client.calls import ANSWER_WITHIN_S, Call
 from piezod.client.errors import error_of, unexpected
 from piezod.client.results import Document
 from piezod.config.endpoints import ENDPOINTS
@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 BASE_URL: Final = "http://piezod/v1/"
 """On a unix socket the host name has no meaning."""
-TIMEOUT_S: Final = (2.0, 10.0, 10.0, 10.0)
+TIMEOUT_S: Final = (2.0, ANSWER_WITHIN_S, 10.0, 10.0)
 """To connect, read, write, and get a connection of the pool, in s."""
 TELEMETRY: Final = ENDPOINTS["telemetry"].path
 STREAM: Final = ENDPOINTS["stream"].path
+SESSION: Final = ENDPOINTS["session"].path
 NDJSON: Final = {"Content-Type": "application/x-ndjson"}
 WAITING_RATE_HZ: Final = 20.0
 """Rate of telemetry while a method waits for a movement, in Hz."""
@@ -38,6 +39,12 @@ def no_tls() -> ssl.SSLContext:
 def headers(name: str) -> dict[str, str]:
     """Return the headers of every request of a client."""
     return {"X-Piezod-Client": name}
+
+
+def timeout_s(call: Call[Any]) -> tuple[float, float, float, float]:
+    """Return the time-outs of a call, in the order of `TIMEOUT_S`."""
+    connect_s, _, write_s, pool_s = TIMEOUT_S
+    return connect_s, call.answer_within_s, write_s, pool_s
 
 
 def telemetry_query(rate_hz: float, axes: Sequence[str]) -> dict[str, str]:

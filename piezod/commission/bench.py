@@ -93,6 +93,11 @@ def one_axis(
         DeviceError: If a device cannot be opened, or the voltage in force is unknown.
     """
     one, clock = config.axes[axis], clock or MonotonicClock()
+    if one.sensor is None:
+        raise DeviceError(
+            f"axis {axis} has no sensor, and commissioning measures its displacement: configure "
+            "one, borrowed if need be"
+        )
     pairs = {axis: pairs_of(config.axes)[axis]}
     # Devices of other axes stay closed; a dict, because one device may serve both roles.
     names = dict.fromkeys((one.sensor.device, one.amplifier.device))

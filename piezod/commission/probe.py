@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.placement import IN_CYCLE_PART, RoundTrips, cost_ns
 from piezod.devices import registry
+from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import (
     Amplifier,
     Capabilities,
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 EXCHANGES: Final = 200
 """Exchanges per device and kind: enough for a 99th percentile, and a few seconds at most."""
+TRACED_EXCHANGES: Final = 3
+"""Exchanges per device and kind if people look at their bytes."""
 ALL_PCT: Final = 100.0
 
 
@@ -81,14 +84,38 @@ class Probed(NamedTuple):
 
 
 def probe(
-    config: "DaemonConfig", axes: Mapping[str, ChannelPair], clock: Clock
+    config: "DaemonConfig",
+    axes: Mapping[str, ChannelPair],
+    clock: Clock,
+    exchanges: int = EXCHANGES,
 ) -> dict[str, Probed]:
     """Inspect each device of a stage; an absent device does not prevent the others.
+
+    Args:
+        config: The configuration.
+        axes: Channels of each axis.
+        clock: Measures the exchanges.
+        exchanges: Exchanges per device and kind.
 
     Raises:
         RegistryError: If a driver cannot be loaded.
     """
-    return {name: _probed(config, name, wiring_of(name, axes), clock) for name in config.devices}
+    return {
+        name: _probed(config, name, wiring_of(name, axes), Timing(clock, exchanges))
+        for name in config.devices
+    }
+
+
+class Timing(NamedTuple):
+    """How exchanges are timed.
+
+    Attributes:
+        clock: The clock.
+        exchanges: Number of exchanges.
+    """
+
+    clock: Clock
+    exchanges: int
 
 
 def together_hz(found: Iterable[Probed]) -> float:
@@ -112,32 +139,39 @@ def _used(units: ChannelUnits | None, wiring: Wiring) -> ChannelUnits:
     )
 
 
-def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> Probed:
+def _probed(config: "DaemonConfig", name: str, wiring: Wiring, timing: Timing) -> Probed:
     device = config.devices[name]
     plugin = registry.load(device.driver)
     create = plugin.create
     found = Probed(device.driver, units=_used(plugin.channels(device.options), wiring))
+    why = ""
     try:
         with _open(create(device.options, wiring, config.seed)) as (whole, identity):
             found = found._replace(identity=identity, capabilities=whole.capabilities())
             if isinstance(whole, Amplifier) and wiring.outputs:
-                found = _look_at_outputs(found, whole, clock)
+                found = _look_at_outputs(found, whole, timing)
+            why = _last_fault(whole)
         if wiring.inputs:
             # Without outputs, activation cannot drive anything.
             alone = Wiring(wiring.inputs, ())
             with _open(create(device.options, alone, config.seed)) as (inputs, _):
-                inputs.activate(clock.now_ns())
+                inputs.activate(timing.clock.now_ns())
                 if isinstance(inputs, Sensor):
-                    found = _look_at_inputs(found, inputs, clock)
+                    found = _look_at_inputs(found, inputs, timing)
+                why = _last_fault(inputs) or why
     except DeviceError as error:
         return found._replace(error=str(error))
     trips = [trip for trip in (found.read, found.read_back) if trip is not None]
     # Only if all exchanges failed: a few lost replies do not make a device useless.
     if any(trip.failed_pct == ALL_PCT for trip in trips):
-        return found._replace(
-            error="the device answers, but gives no usable value: check its driver and options"
-        )
+        what = f"the device answers, but gives no usable value{why and ' (' + why + ')'}"
+        return found._replace(error=f"{what}: check its driver and options")
     return _rated(found)
+
+
+def _last_fault(device: Device) -> str:
+    """Return the text of the last failed exchange with a device on a wire."""
+    return device.last_fault if isinstance(device, BusDevice) else ""
 
 
 @contextmanager
@@ -148,26 +182,26 @@ def _open(device: Device) -> "Iterator[tuple[Device, Identity]]":
         device.close()
 
 
-def _look_at_outputs(found: Probed, device: Amplifier, clock: Clock) -> Probed:
+def _look_at_outputs(found: Probed, device: Amplifier, timing: Timing) -> Probed:
     able = device.capabilities()
     if not able.read_back:
         return found
-    in_force = dict(zip(able.outputs, device.read_back(clock.now_ns()), strict=True))
+    in_force = dict(zip(able.outputs, device.read_back(timing.clock.now_ns()), strict=True))
 
     def exchange(now_ns: int) -> bool:
         return all(value - value == 0.0 for value in device.read_back(now_ns))  # False for NaN
 
-    return found._replace(in_force=in_force, read_back=_round_trip(exchange, clock))
+    return found._replace(in_force=in_force, read_back=_round_trip(exchange, timing))
 
 
-def _look_at_inputs(found: Probed, device: Sensor, clock: Clock) -> Probed:
+def _look_at_inputs(found: Probed, device: Sensor, timing: Timing) -> Probed:
     names = device.capabilities().inputs
 
     def exchange(now_ns: int) -> bool:
         return all(sample.valid for sample in device.read(now_ns))
 
-    trip = _round_trip(exchange, clock)
-    samples = device.read(clock.now_ns())
+    trip = _round_trip(exchange, timing)
+    samples = device.read(timing.clock.now_ns())
     readings = {
         name: sample.position_um if sample.valid else float("nan")
         for name, sample in zip(names, samples, strict=True)
@@ -175,16 +209,17 @@ def _look_at_inputs(found: Probed, device: Sensor, clock: Clock) -> Probed:
     return found._replace(readings=readings, read=trip)
 
 
-def _round_trip(exchange: Callable[[int], bool], clock: Clock) -> RoundTrip:
+def _round_trip(exchange: Callable[[int], bool], timing: Timing) -> RoundTrip:
+    clock, exchanges = timing
     took_us, failed = [], 0
-    for _ in range(EXCHANGES):
+    for _ in range(exchanges):
         begin_ns = clock.now_ns()
         failed += not exchange(begin_ns)
         took_us.append((clock.now_ns() - begin_ns) / 1e3)
     took_us.sort()
     last = len(took_us) - 1
     p50, p90, p99 = (took_us[round(part * last)] for part in (0.5, 0.9, 0.99))
-    return RoundTrip(p50, p90, p99, 100.0 * failed / EXCHANGES)
+    return RoundTrip(p50, p90, p99, 100.0 * failed / exchanges)
 
 
 def _rated(found: Probed) -> Probed:

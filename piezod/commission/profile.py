@@ -6,6 +6,7 @@ from typing import Any, Final
 import yaml
 
 from piezod.commission.procedure import Findings
+from piezod.config.channels import InputConfig
 from piezod.config.daemon import DaemonConfig, StageAxisConfig
 from piezod.control.guard import read_back_tolerance_v
 from piezod.devices.interface import Identity
@@ -98,8 +99,8 @@ def _axis(
     limits["slew_v_per_s"] = max(1.0, min(config.limits.slew_v_per_s, wanted_v_per_s))
     found["limits"] = limits
     found["command_range_um"] = [0.0, round(RANGE_PART * abs(travel.travel_um), 2)]
-    if travel.um_per_v < 0:
-        found["sensor"] = _reversed_sensor(config)
+    if travel.um_per_v < 0 and config.sensor is not None:
+        found["sensor"] = _reversed_sensor(config.sensor)
     found.pop("model", None)  # of another stage; `piezod identify --live` makes a new one
     compensator = dict(found.get("compensator", {}))
     if findings.response is not None and findings.response.found:
@@ -125,9 +126,9 @@ def _clamped(drive_v: float, limits: dict[str, float]) -> float:
     return min(max(drive_v, limits["drive_min_v"]), limits["drive_max_v"])
 
 
-def _reversed_sensor(config: StageAxisConfig) -> dict[str, Any]:
+def _reversed_sensor(config: InputConfig) -> dict[str, Any]:
     """Return the sensor with reversed sign, so that the position rises with the drive."""
-    sensor = config.sensor.model_dump(mode="json", exclude_none=True)
+    sensor = config.model_dump(mode="json", exclude_none=True)
     calibration = sensor["calibration"]
     match calibration["kind"]:
         case "line":

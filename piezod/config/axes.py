@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self, TypeAlias
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
 
 from piezod.config.channels import Input, InputConfig, Output, OutputConfig
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, context_of, raise_rules
 from piezod.config.files import ExistingFile
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.quantities import DriveV, PositionUm
@@ -82,8 +82,9 @@ class CompensatorConfig(ConfigModel):
         default=False, description="Whether creep is identified and compensated too."
     )
     identifier: Literal["lms", "nlms", "rls"] = Field(
-        default="lms",
-        description="Online identifier: the paper's LMS, normalised LMS, or least squares.",
+        default="rls",
+        description="Online identifier: the paper's LMS, normalised LMS, or least squares; "
+        "default: rls, or lms if lms_gain is given.",
     )
     lms_gain: Annotated[float, Quantity(0, 1)] = Field(
         default=0.1, description="Gain of an LMS identifier: γ of the paper, μ if normalised."
@@ -98,6 +99,16 @@ class CompensatorConfig(ConfigModel):
     sensor_delay_s: Annotated[float, Quantity(0, 0.1, "s")] = Field(
         default=0.0, description="Part of that delay that is due to the sensor and its filter, s."
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lms_if_it_has_a_gain(cls, data: Any, info: ValidationInfo) -> Any:
+        # Files that give a gain without an identifier are from a time when LMS was the default.
+        if isinstance(data, dict) and "lms_gain" in data and "identifier" not in data:
+            # Messages look up the mapping of the file, not the copy.
+            context_of(info).known_keys[id(data)] = tuple(cls.model_fields)
+            return {**data, "identifier": "lms"}
+        return data
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:
@@ -119,8 +130,10 @@ class AxisConfig(ConfigModel):
     amplifier: Output = Field(
         description="Amplifier: name of a device, or a channel of it with its calibration."
     )
-    sensor: Input = Field(
-        description="Sensor: name of a device, or a channel of it with its calibration."
+    sensor: Input | None = Field(
+        default=None,
+        description="Sensor: name of a device, or a channel of it with its calibration; default: "
+        "the axis has none, and only the modes uncompensated and feedforward.",
     )
     command_input: Input | None = Field(
         default=None, description="Input that commands the axis in `piezod follow`."
@@ -143,7 +156,8 @@ class AxisConfig(ConfigModel):
     def channels(self) -> Iterator[tuple[str, OutputConfig | InputConfig]]:
         """Yield every channel of the axis, with its key."""
         yield "amplifier", self.amplifier
-        yield "sensor", self.sensor
+        if self.sensor is not None:
+            yield "sensor", self.sensor
         if self.command_input is not None:
             yield "command_input", self.command_input
 

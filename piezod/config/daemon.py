@@ -1,5 +1,7 @@
 """The configuration of a daemon: the devices and axes of a stage, and its loop."""
 
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -17,7 +19,7 @@ from piezod.config.fields import (
     context_of,
     raise_rules,
 )
-from piezod.config.modes import Mode
+from piezod.config.modes import SENSED, Mode
 from piezod.config.quantities import DriveV, Name, OneLine, Seed
 from piezod.config.requests import ModeName
 from piezod.config.validate import validate
@@ -143,8 +145,15 @@ class DaemonConfig(ConfigModel):
 
     @model_validator(mode="after")
     def _check_rules(self, info: ValidationInfo) -> Self:
-        raise_rules(broken_devices(self.devices, self.axes, context_of(info).drivers))
+        broken = broken_devices(self.devices, self.axes, context_of(info).drivers)
+        raise_rules(chain(self._broken_mode(), broken))
         return self
+
+    def _broken_mode(self) -> Iterator[BrokenRule]:
+        blind = [name for name, axis in self.axes.items() if axis.sensor is None]
+        if blind and self.mode in SENSED:
+            what = f"{self.mode} needs a sensor on every axis, {', '.join(blind)} has none: "
+            yield ("mode",), f"{what}use feedforward or uncompensated"
 
 
 def load_daemon(path: Path, drivers: Drivers) -> DaemonConfig:

@@ -136,6 +136,13 @@ _ROWS: Final = (
     Endpoint("audit", "GET", "audit", KEEP, "Return who requested what, newest first."),
     _get("openapi", "Return this description."),
     _post("renew_lease", "lease", MOVE, "Take or renew the lease for 30 s, as each command does."),
+    _post(
+        "session",
+        "session",
+        MOVE,
+        "Take the lease until this connection closes.\n\nThen the daemon stops the stage and ends "
+        "a recording that this process has started.",
+    ),
     Endpoint("release_lease", "DELETE", "lease", KEEP, "Release the lease for other clients."),
     _get("params", "Show the parameters in use.", Group.STORES, "params list"),
     _post(
@@ -190,7 +197,9 @@ _ROWS: Final = (
         "reload",
         CHANGE,
         "Make the daemon read its configuration again.\n\n"
-        "If the configuration is not valid, nothing changes.",
+        "If the configuration is not valid, nothing changes. Sensor zeros and learned weights "
+        "stay, except the weights of an axis whose model file has changed. Offset and scale begin "
+        "at zero.",
         "reload",
     ),
 )

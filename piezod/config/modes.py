@@ -1,6 +1,7 @@
 """The modes of compensation, by the names in files, commands and records."""
 
 from enum import StrEnum
+from typing import Final
 
 
 class Mode(StrEnum):
@@ -14,3 +15,7 @@ class Mode(StrEnum):
     """The inverse model with parameters that follow the identifier at each step."""
     TRIMMED = "trimmed"
     """An inverse model plus a slow integral of the measured error."""
+
+
+SENSED: Final = frozenset({Mode.ADAPTIVE, Mode.TRIMMED})
+"""Modes that need the sensor."""

@@ -29,6 +29,7 @@ def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Itera
     names = [case.name for case in experiment.cases]
     return chain(
         broken_devices(experiment.devices, experiment.axes, drivers),
+        _without_sensor(experiment),
         _identification(experiment),
         _duplicates(("modes",), experiment.modes),
         _duplicates(("metrics",), experiment.metrics),
@@ -42,6 +43,15 @@ def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Itera
             for index, case in enumerate(experiment.cases)
         ),
     )
+
+
+def _without_sensor(experiment: ExperimentFields) -> Iterator[BrokenRule]:
+    for name, axis in experiment.axes.items():
+        if axis.sensor is None:
+            yield (
+                ("axes", name, "sensor"),
+                "needs a `sensor`: an experiment measures the errors of each axis",
+            )
 
 
 def _identification(experiment: ExperimentFields) -> Iterator[BrokenRule]:

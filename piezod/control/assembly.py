@@ -18,12 +18,15 @@ from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
 from piezod.control.stage.parts import StageParts, WatchedAxis
 from piezod.control.stage.stage import Stage
+from piezod.control.watch.absent_sensor import AbsentSensor
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.control.watch.amplifier import AmplifierWatch
 from piezod.control.watch.axis import AxisWatch
 from piezod.control.watch.bus import BusWatch
+from piezod.control.watch.loop import LoopWatch
 from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Capabilities
+from piezod.errors import ModelError
 from piezod.hysteresis import AffineRange, even_thresholds, new_bank
 from piezod.units import NS_PER_S, s_to_ns
 
@@ -31,12 +34,21 @@ from piezod.units import NS_PER_S, s_to_ns
 def check_stage(config: DaemonConfig) -> None:
     """Refuse gains that are not safe, before any device is opened.
 
+    A command can select mode `trimmed` at any time, so that a trim in the file is checked whatever
+    its mode. The default gain must not stop a stage that never uses it: it is checked when the mode
+    is selected.
+
     Raises:
         ConfigError: If a model file cannot be used.
         DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
-    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
+    trimmed = {
+        name
+        for name, axis in config.axes.items()
+        if config.mode is Mode.TRIMMED or "gain_per_s" in axis.trim.model_fields_set
+    }
+    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=trimmed)
     for name, axis in config.axes.items():
         _model_of(name, axis)
 
@@ -48,7 +60,8 @@ def assemble(
     on_output_lost: Callable[[], None] | None = None,
 ) -> StageController:
     """Return the controller of a stage; arguments and errors are those of `make_stage`."""
-    return StageController(make_stage(config, devices, capabilities, on_output_lost))
+    stage = make_stage(config, devices, capabilities, on_output_lost)
+    return StageController(stage, LoopWatch(stage.period_ns, strict=config.loop.strict_rt))
 
 
 def make_stage(
@@ -139,17 +152,27 @@ def _build_axis(
     law = compensated_axis(
         axis, law_model, creep, mode, lambda _t_s: law_model.position_um.low, start
     )
+    if mode is Mode.TRIMMED and law.trim.refusal:
+        raise ModelError(f"axis {name}: {law.trim.refusal}")
     delay_ns = s_to_ns(law_model.delay_s)
     index = list(config.axes).index(name)
     # The watches compare with the identified model, which `law_model` replaces if there is none.
     adaptation = law.identifier.adaptation
     watches = AxisWatch(
         BusWatch(index),
-        SensorWatch(index, WatchedSensor.of(axis, model), period_ns),
+        _sensor_watch(axis, model, index, period_ns),
         AmplifierWatch(index, law.limits, delay_ns, period_ns, lag_ns),
-        AdaptationWatch(index, adaptation, model, law_model.position_um, period_ns),
+        AdaptationWatch(index, adaptation, law.proof, model, law_model.position_um, period_ns),
     )
     return WatchedAxis(StageAxis(name, axis, law, period_ns), watches)
+
+
+def _sensor_watch(
+    axis: StageAxisConfig, model: StageModel | None, index: int, period_ns: int
+) -> SensorWatch | AbsentSensor:
+    if axis.sensor is None:
+        return AbsentSensor()
+    return SensorWatch(index, WatchedSensor.of(axis, model), period_ns)
 
 
 def _at_rest(model: StageModel, period_s: float) -> CreepState:

@@ -12,7 +12,7 @@ from piezod.config.faults import Fault
 from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.cycle import CycleParts, run_cycle
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.guard import Guard
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
@@ -45,13 +45,13 @@ class StageController:
 
     Args:
         stage: The stage.
+        loop_watch: The watch of its loop.
     """
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: Stage, loop_watch: LoopWatch) -> None:
         self._stage = stage
         period_s = stage.period_ns / NS_PER_S
         guard = Guard([axis.law.limits for axis in stage.axes], longest_s=period_s)
-        loop_watch = LoopWatch(stage.period_ns)
         parts = CycleParts(stage.boundary, stage.axes, guard, period_s, stage, loop_watch)
         self.cycle: Callable[[int, CycleTiming], CycleRecord] = partial(run_cycle, parts)
         """Runs one cycle, from its instant in ns and the timing of the loop."""
@@ -107,6 +107,23 @@ class StageController:
     def report(self, detection: Detection) -> None:
         """Take a fault that the loop process detected, for the next cycle."""
         self._stage.report(detection)
+
+    def restore_faults(self, latched: int, *, stopped: bool) -> None:
+        """Take over the latched faults of the loop that this one replaces, in BOOT.
+
+        Args:
+            latched: The faults, as a bit mask.
+            stopped: Whether faults had stopped the stage.
+        """
+        self._stage.register.restore(latched, stopped=stopped)
+
+    def stay_in_boot(self, stays: bool) -> None:
+        """Stay in BOOT while cycles are only measured, which run faster than their period."""
+        self._stage.self_test().waits = stays
+
+    def ramp_first(self) -> None:
+        """Ramp down after the self-test: the last daemon did not end in order."""
+        self._stage.self_test().ramps_first = True
 
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.

@@ -10,13 +10,14 @@ from math import inf, nan
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
+from piezod.config.modes import SENSED
 from piezod.config.states import State
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.guard import Admitted, Guard
 from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.progress import advance, overloaded_axes, react
-from piezod.control.stage.stage import DRIVEN, SENSED, Stage
+from piezod.control.stage.stage import DRIVEN, Stage
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
@@ -150,8 +151,10 @@ def _watch_axes(
     detections: list[Detection],
 ) -> Sequence[Sample]:
     """Add the faults of all axes; return the samples that may be used."""
-    for axis in stage.axes:
-        axis.law.pause_learning(timing.skipped > 0)  # the sample is more than one period old
+    if timing.skipped:
+        for axis, watch in zip(stage.axes, stage.watches, strict=True):
+            axis.law.pause_learning()
+            watch.amplifier.after_gap(timing.skipped)
     if not stage.boundary.active:
         return samples
     flags, n_axes = stage.boundary.status(t_ns), len(samples)

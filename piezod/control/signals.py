@@ -243,3 +243,26 @@ class NoiseLevel:
         # A rise counts up to a factor of two, so that the usual level follows slowly.
         self._usual += (min(self.variance, 2.0 * self._usual) - self._usual) / self._cycles
         return square > SPIKE_SIGMAS**2 * variance
+
+
+class OnTarget:
+    """Decides whether the measured position of one axis has reached its target. Real-time safe.
+
+    Args:
+        tolerance_um: Largest error, in µm.
+        settle_cycles: Cycles for which the error must stay within the tolerance.
+    """
+
+    def __init__(self, tolerance_um: float, settle_cycles: int) -> None:
+        self._tolerance_um, self._settle_cycles = tolerance_um, settle_cycles
+        self._cycles = 0
+
+    def restart(self) -> None:
+        """Wait for another target."""
+        self._cycles = 0
+
+    def update(self, error_um: float) -> bool:
+        """Take the error of a cycle, in µm, NaN for none; return whether the target is reached."""
+        close = abs(error_um) <= self._tolerance_um
+        self._cycles = self._cycles + 1 if close else 0
+        return self._cycles > self._settle_cycles

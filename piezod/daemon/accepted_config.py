@@ -18,6 +18,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.fields import Context
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import parse_yaml
+from piezod.errors import naming
 
 
 def document(config: DaemonConfig) -> dict[str, Any]:
@@ -50,10 +51,12 @@ def keep(config: DaemonConfig, folder: Path, name: str) -> Path:
     for axis, axis_config in config.axes.items():
         if axis_config.model is not None:
             copy = (folder / f"model-{axis}.yaml").absolute()
-            shutil.copyfile(axis_config.model, copy)
+            with naming(copy):
+                copy.write_bytes(axis_config.model.read_bytes())
             text["axes"][axis]["model"] = str(copy)
     path = folder / f"{name}.yaml"
-    path.write_text(json.dumps(text, indent=1, ensure_ascii=False), encoding="utf-8")
+    with naming(path):
+        path.write_text(json.dumps(text, indent=1, ensure_ascii=False), encoding="utf-8")
     return path
 
 

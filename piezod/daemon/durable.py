@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from piezod.errors import naming
+
 _TEMPORARY = ".part"
 
 
@@ -23,7 +25,8 @@ def write_durably(path: Path, content: bytes) -> None:
     # In the same folder, because a rename cannot cross file systems.
     temporary = path.with_name(f".{path.name}.{os.getpid()}{_TEMPORARY}")
     try:
-        _write_and_sync(temporary, content)
+        with naming(path):
+            _write_and_sync(temporary, content)
         os.rename(temporary, path)  # noqa: PTH104 - like os.fsync, which pathlib does not have
     except BaseException:  # Ctrl-C included
         temporary.unlink(missing_ok=True)

@@ -27,6 +27,14 @@ class LastOutput(NamedTuple):
     t_ns: int
 
 
+def _allocate(file: int, size: int, path: Path) -> None:
+    """Allocate the memory of a file: else a full disk would raise SIGBUS later."""
+    try:
+        os.posix_fallocate(file, 0, size)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
 class LastOutputWriter:
     """Writes the file; there is one writer.
 
@@ -47,7 +55,7 @@ class LastOutputWriter:
             kept = os.fstat(file).st_size == size
             if not kept:
                 os.ftruncate(file, 0)
-            os.posix_fallocate(file, 0, size)  # else a full disk would raise SIGBUS later
+            _allocate(file, size, path)
             memory = mmap.mmap(file, size, mmap.MAP_SHARED)
         finally:
             os.close(file)

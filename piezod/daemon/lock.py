@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from piezod.errors import AlreadyRunningError
+from piezod.errors import AlreadyRunningError, naming
 
 POLL_S: Final = 0.05
 _RUNS: Final = (
@@ -60,8 +60,13 @@ class Lock:
             what = self._refusal.format(holder=holder or "(not known)")
             raise AlreadyRunningError(f"{self._path}: {what}") from error
         # Only now: if the lock is refused, the file must keep the process id of its holder.
-        os.ftruncate(self._file, 0)
-        os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)
+        try:
+            with naming(self._path):
+                os.ftruncate(self._file, 0)
+                os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)
+        except OSError:
+            self.release()
+            raise
 
     def release(self) -> None:
         """Release the lock; a second release does nothing."""

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from datetime import datetime
-from typing import Any, Final, TextIO
+from typing import Any, Final, Protocol, TextIO, cast
 
 import structlog
 from structlog.typing import EventDict, Processor, WrappedLogger
@@ -48,7 +48,29 @@ class EventRateLimit:
         return event
 
 
-def set_up_logging(stream: TextIO | None = None, environ: Mapping[str, str] = os.environ) -> None:
+class LogStream(Protocol):
+    """What the log needs of a stream."""
+
+    def write(self, text: str, /) -> int:
+        """Write a text."""
+        ...
+
+    def flush(self) -> None:
+        """Bring written texts to their reader."""
+        ...
+
+    def fileno(self) -> int:
+        """Return the file descriptor."""
+        ...
+
+    def isatty(self) -> bool:
+        """Return whether the reader is a terminal."""
+        ...
+
+
+def set_up_logging(
+    stream: LogStream | None = None, environ: Mapping[str, str] = os.environ
+) -> None:
     """Send the log of this process to a stream, in the form for its reader.
 
     Warnings and errors of libraries go there too.
@@ -68,7 +90,7 @@ def set_up_logging(stream: TextIO | None = None, environ: Mapping[str, str] = os
         # The limit first, because a dropped line should cost nothing more.
         processors=[EventRateLimit(), *shared, *last],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
-        logger_factory=structlog.WriteLoggerFactory(stream),
+        logger_factory=structlog.WriteLoggerFactory(cast("TextIO", stream)),
         cache_logger_on_first_use=False,
     )
     handler = logging.StreamHandler(stream)
@@ -86,7 +108,7 @@ def logger(room: str) -> Any:
     return structlog.get_logger(room=room)
 
 
-def _is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
+def _is_journal(stream: LogStream, environ: Mapping[str, str]) -> bool:
     """Return whether a stream leads to the journal, which systemd names by device and inode."""
     try:
         found = os.fstat(stream.fileno())
@@ -95,7 +117,7 @@ def _is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
     return environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
 
 
-def _for_people(stream: TextIO) -> list[Processor]:
+def _for_people(stream: LogStream) -> list[Processor]:
     return [
         _for_readers,
         structlog.dev.ConsoleRenderer(

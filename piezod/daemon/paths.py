@@ -16,7 +16,6 @@ from piezod.errors import ConfigError, Problem
 
 # The address of a unix socket has 108 bytes, the last of which is zero.
 LONGEST_SOCKET_PATH: Final = 107
-LOOP_LOCK: Final = "loop.lock"
 IDENTITIES: Final = "identities.json"
 
 
@@ -35,13 +34,16 @@ class StagePaths(NamedTuple):
 
     @property
     def lock(self) -> Path:
-        """The file that the supervisor locks until its end, with its process id."""
-        return self.runtime / "lock"
+        """The file that the supervisor locks until its end, with its process id.
+
+        It is where the state is: a daemon with another runtime folder has the same stage.
+        """
+        return self.state / "lock"
 
     @property
     def loop_lock(self) -> Path:
         """The file that the present user of the devices locks: a loop process or `piezod safe`."""
-        return self.runtime / LOOP_LOCK
+        return self.state / "loop.lock"
 
     @property
     def api_socket(self) -> Path:

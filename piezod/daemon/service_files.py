@@ -5,8 +5,10 @@ replaces that by the present command.
 """
 
 import errno
+import grp
 import os
 import stat
+import subprocess
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +22,8 @@ TARGETS: Final = {
 }
 """Path of each file, below the root."""
 PACKAGED: Final = "/usr/bin/piezod"
+SERIAL_GROUPS: Final = ("dialout", "uucp")
+"""Names of the group of serial ports; the first one is in the shipped file, Arch has the second."""
 _HIDDEN: Final = (Path("/home"), Path("/root"), Path("/run/user"))
 """Folders that ProtectHome= of the unit hides."""
 
@@ -43,6 +47,7 @@ def install(source: Path, root: Path, command: Path) -> list[Path]:
     # Read all before the first is written: a missing file must not leave half an installation.
     texts = {name: (source / name).read_text(encoding="utf-8") for name in TARGETS}
     texts["piezod@.service"] = texts["piezod@.service"].replace(PACKAGED, str(command))
+    texts["piezod.sysusers"] = texts["piezod.sysusers"].replace(SERIAL_GROUPS[0], serial_group())
     written = []
     for name, target in TARGETS.items():
         with replacing(root / target) as temporary:
@@ -62,6 +67,23 @@ def uninstall(root: Path) -> list[Path]:
     for path in found:
         path.unlink()
     return found
+
+
+def serial_group() -> str:
+    """Return the group of the serial ports of this machine."""
+    present = {group.gr_name for group in grp.getgrall()}
+    return next((name for name in SERIAL_GROUPS if name in present), SERIAL_GROUPS[0])
+
+
+def running_instances() -> list[str]:
+    """Return the units of the stages that run as a service of this machine."""
+    states = "--state=activating,active,reloading,deactivating"
+    command = ("systemctl", "list-units", "--plain", "--no-legend", states, "piezod@*.service")
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - constant
+    except FileNotFoundError:  # a machine without systemd
+        return []
+    return [line.split()[0] for line in done.stdout.splitlines() if line.strip()]
 
 
 def check_root(root: Path) -> None:

@@ -30,20 +30,12 @@ channel calibrates them to µm and V (`devices.calibration`). A simulated device
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import (
-    TYPE_CHECKING,
-    Final,
-    Generic,
-    NamedTuple,
-    Protocol,
-    Self,
-    TypeVar,
-    runtime_checkable,
-)
+from typing import Final, Generic, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
-if TYPE_CHECKING:
+if typing.TYPE_CHECKING:
     from pydantic import BaseModel
 
 OptionsT = TypeVar("OptionsT", bound="BaseModel")

@@ -1,8 +1,12 @@
-"""A device that a thread opens again after its loss; the loop runs on without it."""
+"""A device that a thread opens again after its loss; the loop runs on without it.
+
+A device that answers nothing any more counts as lost, too: its time-outs would delay each cycle.
+"""
 
 import threading
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from math import isfinite
+from typing import Final, Protocol, runtime_checkable
 
 from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.interface import Device, Identity, Sample, is_same
@@ -10,6 +14,11 @@ from piezod.devices.status import DeviceFlag, Flags
 from piezod.devices.waits import FIRST_WAIT_S, LONGEST_WAIT_S, waits_s
 from piezod.devices.wrapper import DeviceWrapper
 from piezod.errors import DeviceError
+from piezod.units import NS_PER_S
+
+SILENT_NS: Final = NS_PER_S // 2
+SILENT_CYCLES: Final = 5
+"""A device is lost if it answers nothing for this time, in ns, and in so many cycles."""
 
 
 @runtime_checkable
@@ -58,6 +67,7 @@ class ReconnectingDevice(DeviceWrapper):
         self._now_ns = 0
         self._flags_at_loss: Sequence[Flags] | None = None
         self._lost_flags = self._flags_while_lost = self._no_flags
+        self._silence = _Silence()
         self._lost, self._ended = threading.Event(), threading.Event()
         self.thread = threading.Thread(target=self._reconnect, name="reconnect", daemon=True)
         """Thread that opens the device again; the creator of this object starts it."""
@@ -98,6 +108,7 @@ class ReconnectingDevice(DeviceWrapper):
         if not self._is_there(now_ns):
             return self._no_samples(now_ns)
         samples = super().read(now_ns)
+        self._silence.answered |= any(sample.valid for sample in samples)
         self._check_lost(now_ns)
         return samples
 
@@ -106,6 +117,7 @@ class ReconnectingDevice(DeviceWrapper):
         if not self._is_there(now_ns):
             return False
         accepted = super().write(drive_v, now_ns)
+        self._silence.answered |= accepted
         self._check_lost(now_ns)
         return accepted
 
@@ -114,6 +126,7 @@ class ReconnectingDevice(DeviceWrapper):
         if not self._is_there(now_ns):
             return False, self._no_samples(now_ns)
         answer = super().exchange(drive_v, now_ns)
+        self._silence.answered |= answer[0]
         self._check_lost(now_ns)
         return answer
 
@@ -122,6 +135,8 @@ class ReconnectingDevice(DeviceWrapper):
         if not self._is_there(now_ns):
             return self._unknown
         values = super().read_back(now_ns)
+        # Without a read-back the values are the written ones, whether it answers or not.
+        self._silence.answered |= self._able.read_back and any(map(isfinite, values))
         self._check_lost(now_ns)
         return values
 
@@ -130,7 +145,14 @@ class ReconnectingDevice(DeviceWrapper):
         if self._flags_at_loss is not None:  # reported once, then only the lasting ones
             flags, self._flags_at_loss = self._flags_at_loss, None
             return flags
-        return super().status(now_ns) if self._is_there(now_ns) else self._flags_while_lost
+        if not self._is_there(now_ns):
+            return self._flags_while_lost
+        flags = super().status(now_ns)
+        if self._silence.lasts(flags, now_ns):
+            self._hand_over(flags)
+            self._flags_at_loss = None  # they are returned here
+            return [each | lost for each, lost in zip(flags, self._lost_flags, strict=True)]
+        return flags
 
     def _is_there(self, now_ns: int) -> bool:
         self._now_ns = now_ns
@@ -167,7 +189,14 @@ class ReconnectingDevice(DeviceWrapper):
         """Hand the device over to the thread if it has just been lost."""
         if not self._link.lost:
             return
-        flags = super().status(now_ns)
+        self._hand_over(super().status(now_ns))
+
+    def _hand_over(self, flags: Sequence[Flags]) -> None:
+        """Hand the device over to the thread.
+
+        Args:
+            flags: Its flags at the loss.
+        """
         self._lost_flags = [each & LOSING or frozenset({DeviceFlag.DISCONNECTED}) for each in flags]
         self._flags_at_loss, self._flags_while_lost = flags, self._lost_flags
         # The order matters: from here on the loop must not touch the device.
@@ -215,3 +244,30 @@ class ReconnectingDevice(DeviceWrapper):
             super().close()
         except Exception as error:  # noqa: BLE001 - a failure must not end the thread
             self.absent = self.absent or str(error)
+
+
+class _Silence:
+    """Detects that a device answers nothing any more, call by call.
+
+    Attributes:
+        answered: Whether an exchange of this cycle succeeded; the device sets it.
+    """
+
+    def __init__(self) -> None:
+        self.answered = False
+        self._since_ns, self._cycles = 0, 0
+
+    def lasts(self, flags: Sequence[Flags], now_ns: int) -> bool:
+        """Return whether the silence lasts too long. Call once per cycle. Real-time safe."""
+        silent = not self.answered and any(DeviceFlag.LATE_REPLY in each for each in flags)
+        self.answered = False
+        if not silent:
+            self._cycles = 0
+            return False
+        if not self._cycles:
+            self._since_ns = now_ns
+        self._cycles += 1
+        lasts = self._cycles > SILENT_CYCLES and now_ns - self._since_ns > SILENT_NS
+        if lasts:
+            self._cycles = 0  # for the time after the reconnection
+        return lasts

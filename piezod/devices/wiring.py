@@ -15,7 +15,7 @@ class ChannelPair(NamedTuple):
     """Channels that serve an axis.
 
     Attributes:
-        sensor: Name of the device that measures it.
+        sensor: Name of the device that measures it; None without a sensor.
         amplifier: Name of the device that drives it.
         input: Name of the sensor's channel; None for the name of the axis.
         output: Name of the amplifier's channel; None for the name of the axis.
@@ -25,7 +25,7 @@ class ChannelPair(NamedTuple):
         command: Input that commands the axis; None if there is none.
     """
 
-    sensor: str
+    sensor: str | None
     amplifier: str
     input: str | None = None
     output: str | None = None
@@ -48,19 +48,23 @@ class ChannelPair(NamedTuple):
 
 def pairs_of(axes: Mapping[str, AxisConfig]) -> dict[str, ChannelPair]:
     """Return the channels of each axis of a configuration."""
-    return {
-        name: ChannelPair(
-            axis.sensor.device,
-            axis.amplifier.device,
-            axis.sensor.channel,
-            axis.amplifier.channel,
-            axis.sensor.calibration,
-            axis.amplifier.calibration,
-            axis.sensor.light,
-            axis.command_input,
-        )
-        for name, axis in axes.items()
-    }
+    return {name: _pair_of(axis) for name, axis in axes.items()}
+
+
+def _pair_of(axis: AxisConfig) -> ChannelPair:
+    sensor, amplifier = axis.sensor, axis.amplifier
+    driven = ChannelPair(
+        None,
+        amplifier.device,
+        output=amplifier.channel,
+        to_v=amplifier.calibration,
+        command=axis.command_input,
+    )
+    if sensor is None:
+        return driven
+    return driven._replace(
+        sensor=sensor.device, input=sensor.channel, to_um=sensor.calibration, light=sensor.light
+    )
 
 
 def wiring_of(device: str, axes: Mapping[str, ChannelPair]) -> Wiring:

@@ -74,7 +74,8 @@ def _describe_experiment(path: Path) -> tuple[str, ...]:
     """Return a summary of the contents, and the warnings; so do the functions below."""
     config = load_experiment(path, registry)
     try:
-        check_gains(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
+        trimmed = config.axes if Mode.TRIMMED in config.modes else ()
+        check_gains(config.axes, 1.0 / config.rate_hz, trimmed=trimmed)
     except ModelError as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")

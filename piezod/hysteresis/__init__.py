@@ -11,7 +11,7 @@ model on one memory), `closed_form` (the model with fixed weights as two table l
 and the adaptive identifiers `lms`, `nlms` and `rls`. `metrics` computes the errors of a record.
 """
 
-from piezod.hysteresis.adaptation import AdaptiveIdentifier
+from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.bank import new_bank
 from piezod.hysteresis.creep import NO_CREEP, Creep, add_creep, remove_creep
 from piezod.hysteresis.least_squares import (
@@ -43,7 +43,12 @@ from piezod.hysteresis.slopes import (
     to_slopes,
     to_weights,
 )
-from piezod.hysteresis.thresholds import even_thresholds, graded_thresholds, placed_thresholds
+from piezod.hysteresis.thresholds import (
+    even_thresholds,
+    graded_thresholds,
+    has_even_thresholds,
+    placed_thresholds,
+)
 
 __all__ = [
     "LEAST_SLOPE",
@@ -59,6 +64,7 @@ __all__ = [
     "ExactInverse",
     "InverseMPI",
     "LMSIdentifier",
+    "LearnedModel",
     "MPIModel",
     "NLMSIdentifier",
     "RLSIdentifier",
@@ -67,6 +73,7 @@ __all__ = [
     "asymmetry",
     "even_thresholds",
     "graded_thresholds",
+    "has_even_thresholds",
     "identify_least_squares",
     "keep_invertible",
     "largest_stable_gain",

@@ -1,17 +1,15 @@
 """What every identifier that learns pair by pair offers."""
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy.typing as npt
 
 from piezod.hysteresis.memory import FloatArray
 
 
-class AdaptiveIdentifier(Protocol):
-    """Learns the weights of the inverse model pair by pair. Real-time safe.
-
-    After every learning step the inverse of the learned model exists.
-    """
+class Adaptable(Protocol):
+    """A model of a stage that changes while the stage runs."""
 
     @property
     def weights(self) -> FloatArray:
@@ -24,6 +22,38 @@ class AdaptiveIdentifier(Protocol):
     @property
     def scale(self) -> float:
         """Relative gain of the operator input over the displacement; 0 if not learned."""
+
+
+@dataclass
+class LearnedModel:
+    """Copy of a learned model.
+
+    Attributes:
+        weights: (2 M,) weights [a^l, a^r].
+        offset: Offset of the displacement.
+        scale: Relative gain of the operator input over the displacement.
+    """
+
+    weights: FloatArray
+    offset: float = 0.0
+    scale: float = 0.0
+
+    @classmethod
+    def of(cls, source: Adaptable) -> Self:
+        """Return a copy of a model."""
+        return cls(source.weights.copy(), source.offset, source.scale)
+
+    def assign(self, source: "Adaptable | LearnedModel") -> None:
+        """Take over another model. Real-time safe."""
+        self.weights[:] = source.weights
+        self.offset, self.scale = source.offset, source.scale
+
+
+class AdaptiveIdentifier(Adaptable, Protocol):
+    """Learns the weights of the inverse model pair by pair. Real-time safe.
+
+    After every learning step the inverse of the learned model exists.
+    """
 
     @property
     def position(self) -> float:

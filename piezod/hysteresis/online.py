@@ -2,13 +2,12 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from piezod.errors import ModelError
-from piezod.hysteresis.adaptation import AdaptiveIdentifier
+from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.bank import checked_deadband, checked_pairs, new_bank_memory
 from piezod.hysteresis.learner import (
     OFFSET,
@@ -142,23 +141,6 @@ class OnlineIdentifier(ABC):
         return int(self._memory.counts[MERGED])
 
 
-@dataclass
-class _LearnedModel:
-    """Copy of a learned model: weights, offset and scale."""
-
-    weights: FloatArray
-    offset: float
-    scale: float
-
-    @classmethod
-    def of(cls, source: AdaptiveIdentifier) -> "_LearnedModel":
-        return cls(source.weights.copy(), source.offset, source.scale)
-
-    def assign(self, source: "AdaptiveIdentifier | _LearnedModel") -> None:
-        self.weights[:] = source.weights
-        self.offset, self.scale = source.offset, source.scale
-
-
 class Shadowed:
     """Identifier that returns to its last good model if learning made it predict worse.
 
@@ -188,8 +170,8 @@ class Shadowed:
             raise ModelError(message)
         self._identifier = identifier
         self._window, self._tolerance = window, tolerance
-        self._shadow = _LearnedModel.of(identifier)
-        self._candidate = _LearnedModel.of(identifier)  # the model at the start of the window
+        self._shadow = LearnedModel.of(identifier)
+        self._candidate = LearnedModel.of(identifier)  # the model at the start of the window
         self._pairs, self._squares, self._shadow_squares = 0, 0.0, 0.0
         self.restored = 0
         """Number of times that the last good model was restored."""

@@ -19,6 +19,8 @@ up.
 Source: Ljung, System Identification, 2nd ed., section 11.2 (the Kalman filter interpretation).
 """
 
+from typing import Self
+
 import numpy as np
 import numpy.typing as npt
 
@@ -63,6 +65,11 @@ from piezod.hysteresis.memory import (
 from piezod.hysteresis.online import OnlineIdentifier
 from piezod.hysteresis.slopes import fill_slopes, fill_weights, keep_invertible
 from piezod.jit import compiled
+
+WEIGHT_WALK, OFFSET_WALK, SCALE_WALK = 1e-8, 3e-9, 3e-10
+"""Variances that each slope, the offset and the scale gain per learning step."""
+MEASUREMENT_VARIANCE = 1e-6
+"""R: variance of the error that no model explains."""
 
 
 @compiled
@@ -225,10 +232,10 @@ class RLSIdentifier(OnlineIdentifier):
         bank: FloatArray,
         weights: npt.ArrayLike,
         *,
-        weight_walk: float = 1e-8,
-        offset_walk: float = 3e-9,
-        scale_walk: float = 3e-10,
-        measurement_variance: float = 1e-6,
+        weight_walk: float = WEIGHT_WALK,
+        offset_walk: float = OFFSET_WALK,
+        scale_walk: float = SCALE_WALK,
+        measurement_variance: float = MEASUREMENT_VARIANCE,
         deadband: float = 0.0,
         capacity: int = DEFAULT_CAPACITY,
     ) -> None:
@@ -287,6 +294,24 @@ class RLSIdentifier(OnlineIdentifier):
         """
         super().adopt(weights, offset, scale)
         self._covariance[:] = self._start
+
+    @classmethod
+    def paced(
+        cls, bank: FloatArray, weights: npt.ArrayLike, pace: float, *, deadband: float
+    ) -> Self:
+        """Return an identifier that learns at a share of the usual pace, above 0 to 1.
+
+        It is for more frequent pairs: each has less information, and leaves less time for a change.
+        """
+        return cls(
+            bank,
+            weights,
+            weight_walk=WEIGHT_WALK * pace,
+            offset_walk=OFFSET_WALK * pace,
+            scale_walk=SCALE_WALK * pace,
+            measurement_variance=MEASUREMENT_VARIANCE / pace,
+            deadband=deadband,
+        )
 
     @property
     def covariance(self) -> FloatArray:

@@ -8,7 +8,7 @@ denser at both ends therefore fit clearly better than evenly spaced ones.
 import numpy as np
 
 from piezod.errors import ModelError
-from piezod.hysteresis.bank import new_bank
+from piezod.hysteresis.bank import THRESHOLDS, new_bank
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.slopes import cells, to_slopes
 
@@ -40,6 +40,12 @@ def graded_thresholds(order: int) -> FloatArray:
     even = even_thresholds(order)
     from_nearest_end = 0.5 * (2.0 * np.minimum(even, 1.0 - even)) ** GRADE
     return np.where(even < 0.5, from_nearest_end, 1.0 - from_nearest_end)
+
+
+def has_even_thresholds(bank: FloatArray) -> bool:
+    """Return whether both sides of a bank have even thresholds."""
+    even = even_thresholds(bank.shape[1] // 2)
+    return bool(np.allclose(bank[THRESHOLDS].reshape(2, -1), even, rtol=0.0, atol=1e-9))
 
 
 def placed_thresholds(bank: FloatArray, weights: FloatArray, order: int) -> FloatArray:

@@ -14,6 +14,7 @@
         <axis>_<case>_<mode>/     NXdata   @signal=position_um @axes=t_s @axis @case @mode
           t_s, drive_v, position_um, command_um, uncompensated_v, true_um     likewise
           weights, weights_t_s                       likewise
+          late_t_s                                   likewise, if samples were late
           metrics/                NXcollection of attributes
 """
 
@@ -48,6 +49,7 @@ _LONG_NAMES: Final = {
     "predicted_v": "voltage predicted by the model",
     "weights": "parameters of the compensator, those of the right operators first",
     "weights_t_s": "time of the parameters",
+    "late_t_s": "time of samples just after a stall of the loop",
 }
 
 
@@ -128,6 +130,8 @@ def _write_recording(entry: h5py.Group, recording: Recording) -> str:
     group.attrs["first_metric_index"] = recording.first_metric_index
     _write_array(group, "weights", recording.weights, "")
     _write_array(group, "weights_t_s", recording.weights_t_s, "s")
+    if recording.late_t_s.size:
+        _write_array(group, "late_t_s", recording.late_t_s, "s")
     _write_attributes(group, "metrics", recording.metrics)
     return _base_name(group)
 
@@ -221,6 +225,7 @@ def _read_recording(group: h5py.Group) -> Recording:
         weights_t_s=group["weights_t_s"][()],
         metrics=_read_attributes(group["metrics"]),
         first_metric_index=int(group.attrs["first_metric_index"]),
+        late_t_s=group["late_t_s"][()] if "late_t_s" in group else np.empty(0),
         **{name: group[name][()] for name in COLUMN_NAMES},
     )
 

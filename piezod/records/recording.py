@@ -49,6 +49,7 @@ class Recording(Comparable):
         weights_t_s: Instants of the snapshots in s, shape (n_snapshots,).
         metrics: Errors by name; the name ends in the unit.
         first_metric_index: Samples before this index are left out of the metrics.
+        late_t_s: Instants of the samples just after a stall of the loop, in s, shape (n_late,).
     """
 
     axis: str
@@ -65,6 +66,7 @@ class Recording(Comparable):
     weights_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
     metrics: Mapping[str, float] = field(default_factory=dict)
     first_metric_index: int = 0
+    late_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes.
@@ -76,6 +78,7 @@ class Recording(Comparable):
         freeze_columns(self, COLUMN_NAMES, where)
         freeze(self, "weights", 2, where)
         freeze(self, "weights_t_s", 1, where)
+        freeze(self, "late_t_s", 1, where)
         freeze_mapping(self, "metrics")
         if not self.t_s.size:
             raise DataError(f"{where}: there are no samples; allowed is one or more")

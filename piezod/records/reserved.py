@@ -7,11 +7,8 @@ disk is full, that is an error before HDF5 is involved.
 
 import os
 from pathlib import Path
-from typing import Final
 
-_HDF5_MAGIC: Final = b"\x89HDF\r\n\x1a\n"
-_END_OF_FILE: Final = slice(28, 36)
-"""Bytes of the superblock, version 2 or 3, with the end-of-file address."""
+from piezod.records.repair import END_OF_FILE, HDF5_MAGIC, lock_for_writing
 
 
 class Reserved:
@@ -27,6 +24,7 @@ class Reserved:
     def __init__(self, path: Path) -> None:
         flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_NOFOLLOW
         self._descriptor = os.open(path, flags, 0o640)
+        lock_for_writing(self._descriptor)
 
     def reserve(self, size_bytes: int) -> None:
         """Reserve space up to a file size, in bytes.
@@ -44,10 +42,10 @@ class Reserved:
         Do not call any method after this one.
         """
         try:
-            superblock = os.pread(self._descriptor, _END_OF_FILE.stop, 0)
+            superblock = os.pread(self._descriptor, END_OF_FILE.stop, 0)
             # HDF5 knows where its content ends; the reserved space lies behind it.
-            if superblock.startswith(_HDF5_MAGIC) and superblock[8] in (2, 3):
-                end = int.from_bytes(superblock[_END_OF_FILE], "little")
+            if superblock.startswith(HDF5_MAGIC) and superblock[8] in (2, 3):
+                end = int.from_bytes(superblock[END_OF_FILE], "little")
                 if end < os.fstat(self._descriptor).st_size:
                     os.ftruncate(self._descriptor, end)
             os.fsync(self._descriptor)  # after this a power failure does not lose the file

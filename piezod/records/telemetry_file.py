@@ -18,8 +18,8 @@ Each dataset has @units and @description, an enumeration @values, a bit mask @bi
 data has a @description, so that the file explains itself.
 
 The file is in HDF5's SWMR mode. It can be read while it is written, and up to the last second or so
-after the writer was killed or the disk was full. Viewers then need that mode too, in Python
-`h5py.File(path, "r", swmr=True)`.
+after the writer was killed or the disk was full. Until it is closed, viewers need that mode too, in
+Python `h5py.File(path, "r", swmr=True)`. After a kill `repair` closes it.
 """
 
 from pathlib import Path
@@ -36,6 +36,8 @@ from piezod.records.telemetry_header import TelemetryHeader
 
 _CHUNK_RANGE: Final = (10, 8192)
 """Records per write; about one second of records, which a crash loses at most."""
+_FIRST_PARTS: Final = 32
+"""The first records are written when there is this part of a chunk."""
 _SPARE_BYTES: Final = 64 * 1024
 """Space for the administrative data of HDF5, per column."""
 
@@ -61,6 +63,7 @@ class TelemetryWriter:
         """Number of appended records."""
         self.lost = 0
         """Number of records lost before or between them."""
+        self._written = 0
         self._chunk = int(np.clip(round(header.rate_hz), *_CHUNK_RANGE))
         self._pending = np.empty(0, dtype)
         self._gaps: list[tuple[int, int]] = []
@@ -101,10 +104,18 @@ class TelemetryWriter:
             self.lost += lost
         self.records += len(records)
         self._pending = np.concatenate((self._pending, records))
-        # Whole chunks only, because HDF5 compresses a chunk again at each write to it.
-        whole = len(self._pending) // self._chunk * self._chunk
-        if whole:
-            self._write(whole)
+        if count := self._due():
+            self._write(count)
+
+    def _due(self) -> int:
+        """Return how many of the pending records to write now."""
+        total = self._written + len(self._pending)
+        if total >= self._chunk:
+            # Whole chunks only, because HDF5 compresses a chunk again at each write to it.
+            return total // self._chunk * self._chunk - self._written
+        # The first chunk in a few growing parts, so that a recording is never empty after a kill.
+        early = max(2 * self._written, self._chunk // _FIRST_PARTS, 1)
+        return len(self._pending) if total >= early else 0
 
     def append_weights(self, axis: str, t_ns: int, weights: npt.ArrayLike) -> None:
         """Add the weights of an axis at an instant; they are written with the next records.
@@ -154,7 +165,7 @@ class TelemetryWriter:
             self._file.flush()
         except RuntimeError as error:  # h5py raises this for some disk errors
             raise OSError(f"{self._file.filename}: {error}") from error
-        self._pending = rest
+        self._pending, self._written = rest, self._written + count
 
 
 def _spare_bytes(header: TelemetryHeader, dtype: np.dtype[np.void]) -> int:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezod.errors import PiezodError
+from piezod.errors import PiezodError, naming
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.words import Word
 
@@ -76,9 +76,13 @@ def create(path: Path, layout: Layout) -> SharedMap:
     unfinished.unlink(missing_ok=True)
     file = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     try:
-        # Allocate the memory now: a sparse file would kill the loop when memory runs out later.
-        os.posix_fallocate(file, 0, layout.size)
-        memory = mmap.mmap(file, layout.size, mmap.MAP_SHARED)
+        with naming(path):
+            # Allocate the memory now: a sparse file would kill the loop when memory runs out later.
+            os.posix_fallocate(file, 0, layout.size)
+            memory = mmap.mmap(file, layout.size, mmap.MAP_SHARED)
+    except OSError:
+        unfinished.unlink()
+        raise
     finally:
         os.close(file)
     text = layout.dump()

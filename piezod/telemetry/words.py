@@ -5,6 +5,9 @@ atomic. `struct.pack_into` is not atomic, because it clears the bytes before it 
 """
 
 from enum import IntEnum
+from typing import Final
+
+from piezod.config.faults import Fault
 
 
 class Word(IntEnum):
@@ -63,3 +66,18 @@ class Word(IntEnum):
     """Number of the newest emergency stop. It is a level, so there is always room for it."""
     ESTOP_DONE = 25
     """Number of the newest emergency stop that was answered."""
+    SUPERVISOR_FAULTS = 26
+    """Faults that the supervisor finds now, one bit for each entry of `SUPERVISOR_FAULTS`."""
+    SUCCEEDS = 27
+    """0 in the first loop of a daemon; 1 if the loop replaces another one, 2 if faults had stopped
+    that one. See `telemetry.succession`."""
+    LATCHED_LOW = 28
+    """Latched faults of the loop before, bits 0 to 31."""
+    LATCHED_MIDDLE = 29
+    """Likewise, bits 32 to 63."""
+    LATCHED_HIGH = 30
+    """Likewise, from bit 64."""
+
+
+SUPERVISOR_FAULTS: Final = (Fault.D8, Fault.P6)
+"""Faults that only the supervisor can find, because the loop uses no disk."""

@@ -2,10 +2,13 @@
 
 import json
 import os
+import pty
 import re
 import signal
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+import threading
+import tty
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -74,6 +77,46 @@ def test_probe_says_which_device_is_absent(piezod: Command, config: Path) -> Non
 
     assert outcome.code == 69
     assert "device rig:" in outcome.err
+
+
+@pytest.fixture
+def talking_port(config: Path) -> Iterator[Path]:
+    """Yield the configuration of a sensor at a pty, which answers `P?` by `hello`."""
+    far_end, slave = pty.openpty()
+    tty.setraw(slave)
+
+    def answer() -> None:
+        with suppress(OSError):  # the end of the test closes the pty
+            while os.read(far_end, 100):
+                os.write(far_end, b"hello\r\n")
+
+    thread = threading.Thread(target=answer, daemon=True)
+    thread.start()
+    options = {
+        "port": os.ttyname(slave),
+        "inputs": {"x": {}},
+        "read": [{"send": "P?", "reply": r"(?P<x>[\d.]+)"}],
+        "timeout_ms": 1,
+    }
+    document = yaml.safe_load(config.read_text(encoding="utf-8"))
+    document["devices"]["gauge"] = {"driver": "ascii", "options": options}
+    document["axes"]["x"]["sensor"] = {"device": "gauge", "channel": "x"}
+    config.write_text(yaml.safe_dump(document), encoding="utf-8")
+    yield config
+    os.close(slave)
+    os.close(far_end)
+    thread.join(10.0)
+
+
+def test_probe_shows_the_bytes_on_the_line(piezod: Command, talking_port: Path) -> None:
+    """With --trace each message is on stderr; a reply that does not fit is in the error as well."""
+    outcome = piezod("probe", str(talking_port), "--trace")
+
+    assert outcome.code == 69
+    assert r"sent 'P?\n' (50 3F 0A)" in outcome.err
+    assert r"got  'hello\r\n' (68 65 6C 6C 6F 0D 0A)" in outcome.err
+    assert "'hello" in next(line for line in outcome.out.splitlines() if "ERROR" in line)
+    assert " sent " not in outcome.out
 
 
 def test_commission_leaves_a_sheet_and_a_configuration_that_runs(

@@ -1,12 +1,15 @@
 """`piezod drivers`."""
 
 import json
+from importlib.metadata import EntryPoint
 
 import pytest
 
 import piezod as package
+from piezod.devices.evidence import evidence_of
 from piezod.errors import RegistryError
 from tests.cli.conftest import Command
+from tests.evidence import WORDS
 
 
 def test_list_for_people(process: Command) -> None:
@@ -31,6 +34,7 @@ def test_list_for_programs(process: Command) -> None:
         "summary": "a simulated stage with amplifier and sensor",
         "confirmed_on_hardware": False,
         "sees": [],
+        "evidence": {},
         "error": None,
     }
 
@@ -73,3 +77,23 @@ def test_document_lists_the_faults_that_a_driver_sees(piezod: Command) -> None:
 
     assert {"B1", "B5"} <= set(row["sees"])
     assert row["sees"].index("B5") < row["sees"].index("B14")
+
+
+def test_each_profile_has_the_word_of_its_evidence(piezod: Command) -> None:
+    """Both forms of the list show what each profile was checked against."""
+    expected = json.loads(WORDS.read_text(encoding="utf-8"))
+    rows = json.loads(piezod("drivers", "--json").out)["drivers"]
+    lines = [line.split() for line in piezod("drivers").out.splitlines()]
+
+    assert {row["name"]: row["evidence"] for row in rows if row["evidence"]} == expected
+    for driver, words in expected.items():
+        for profile, word in words.items():
+            assert [driver, profile, word] in lines
+
+
+def test_driver_without_a_statement_has_no_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver that is one module, is gone, or does not state it, has none."""
+    for module in ("json.tool", "string", "no_such_module", "piezod.errors"):
+        point = EntryPoint("acme", f"{module}:PLUGIN", "piezod.drivers")
+        monkeypatch.setattr("piezod.devices.evidence.entry_points", lambda p=point, **_: [p])
+        assert evidence_of("acme") == {}

@@ -1,5 +1,6 @@
 """`piezod install-service`: written files, and refusals."""
 
+import grp
 import json
 import os
 import stat
@@ -168,3 +169,47 @@ def test_homes_are_out_of_reach(path: str) -> None:
 def test_what_everybody_can_run_is_reachable() -> None:
     """A file is reachable if all its folders are open to all users."""
     assert why_unreachable(Path("/usr/bin/env")) == ""
+
+
+@pytest.mark.parametrize(
+    ("present", "group"), [(["dialout", "uucp"], "dialout"), (["uucp"], "uucp"), ([], "dialout")]
+)
+def test_user_of_the_service_gets_the_group_of_the_serial_ports(
+    piezod: Command,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    present: list[str],
+    group: str,
+) -> None:
+    """The group has another name on some systems, and must not be made beside it."""
+    found = [grp.struct_group((name, "x", 20, [])) for name in present]
+    monkeypatch.setattr(grp, "getgrall", lambda: found)
+    install(piezod, folder, "--piezod", COMMAND)
+
+    lines = (folder / TARGETS["piezod.sysusers"]).read_text().splitlines()
+    assert [line for line in lines if line.startswith("m ")] == [f"m piezod {group}"]
+
+
+def test_uninstall_is_refused_while_stages_run(
+    piezod: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without its unit a running stage would not be ramped down after a failure."""
+    systemctl = tmp_path / "systemctl"
+    systemctl.write_text("#!/bin/sh\necho piezod@a.service loaded active running piezo stage a\n")
+    systemctl.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    removed: list[Path] = []
+    monkeypatch.setattr(service_files, "uninstall", removed.append)
+
+    code, out, err = piezod("install-service", "--uninstall")
+
+    assert (code, out, removed) == (1, "", [])
+    assert "piezod@a.service still running: `systemctl disable --now piezod@a.service`" in err
+
+
+def test_machine_without_systemd_runs_no_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without `systemctl` there is nothing to stop."""
+    monkeypatch.setenv("PATH", "")
+
+    assert service_files.running_instances() == []

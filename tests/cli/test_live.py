@@ -78,10 +78,12 @@ def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def as_new(rig: Daemon) -> None:
-    """Give the stage a new loop process, without faults and with a known hysteresis memory."""
+    """Start the daemon again, without faults and with a known hysteresis memory."""
     eventually(lambda: rig.status().get("state") in {"SAFE", "FAULT"})
-    rig.do("reload")
-    rig.until("SAFE")
+    rig.do("shutdown")
+    rig.exit_code()
+    rig.start()
+    rig.up()
 
 
 def punctual(rig: Daemon, attempt: Callable[[], Outcome]) -> Outcome:
@@ -160,6 +162,34 @@ def test_interrupt_stops_the_stage(
     assert (code, err) == (INTERRUPTED, "interrupted\n")
     rig.until("SAFE")
     assert rig.ask("GET", "recordings").json()["running"] is None
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_killed_identification_leaves_nothing_driven(
+    rig: Daemon, socket: tuple[str, str], folder: Path, number: signal.Signals
+) -> None:
+    """The daemon stops the stage and ends the recording of a command that is killed."""
+    (folder / "drive.yaml").write_text(DRIVE.replace("duration_s: 4", "duration_s: 60"))
+    what = ("identify", "--live", "--drive", "drive.yaml", *socket)
+    command = [sys.executable, "-m", "piezod.cli.main", *what]
+
+    def killed() -> Outcome:
+        with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
+            eventually(
+                lambda: rig.status().get("state") == "IDENT" or process.poll() is not None, 60.0
+            )
+            process.send_signal(number)
+            _, err = process.communicate()
+        return Outcome(process.returncode if process.returncode != -number else 0, "", err)
+
+    code, _, err = punctual(rig, killed)
+
+    assert code in {0, INTERRUPTED}, err
+    rig.until("SAFE")
+    eventually(lambda: rig.ask("GET", "recordings").json()["running"] is None)
+    assert "session ended: stop" in [
+        each["what"] for each in rig.ask("GET", "audit").json()["audit"]
+    ]
 
 
 def test_identify_and_adopt(

@@ -39,6 +39,20 @@ def test_stage_that_runs_already(piezod: Command, config: Path) -> None:
     assert "this stage is already running" in err
 
 
+@pytest.mark.fault("P9")
+def test_stage_that_runs_with_another_runtime_folder(
+    piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    """A second daemon of the same stage is refused, whatever its runtime folder is."""
+    paths = stage_paths(config)
+    paths.make_folders()
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder / "another"))
+    with Lock(paths.lock):
+        code, _, err = piezod("run", config)
+
+    assert (code, str(paths.lock) in err) == (75, True)
+
+
 def test_missing_file(piezod: Command, config: Path) -> None:
     """A missing file exits with 2, as for every command."""
     assert piezod("run", config.with_name("other.yaml")).code == 2

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from piezod.cli.outcome import outcome
+from piezod.config.states import State
 from tests.cli.conftest import Command
 from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, interval
 
@@ -49,6 +51,46 @@ def test_command(
     assert [(each.what, each.body) for each in daemon.asked] == [(f"POST {what}", body)]
     assert text in out
     assert out.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("verb", "state", "text"),
+    [
+        ("stop", "RAMP", "ramping to the safe voltage"),
+        ("stop", "SAFE", "no change, the stage is in SAFE: nothing is driven"),
+        (
+            "stop",
+            "FAULT",
+            "no change, the stage is in FAULT: nothing is written; `piezod faults` shows the cause",
+        ),
+        (
+            "hold",
+            "RAMP",
+            "no change, the stage is in RAMP: the ramp to the safe voltage goes on",
+        ),
+        (
+            "estop",
+            "BLIND",
+            "no change, the stage is in BLIND: nothing can be sent to the amplifier; "
+            "`piezod faults` shows the cause",
+        ),
+        ("estop", "ESTOP", "emergency stop; `piezod reset` ends it"),
+        ("resume", "READY", "continuing from the present position"),
+    ],
+)
+def test_request_towards_safety_prints_what_happens(
+    piezod: Command, daemon: FakeDaemon, verb: str, state: str, text: str
+) -> None:
+    """What is printed depends on the state after the request."""
+    daemon.answers[f"POST {verb}"] = {**ACCEPTED, "state": state}
+
+    assert piezod(verb) == (0, f"{text}\n", "")
+
+
+@pytest.mark.parametrize("state", State)
+def test_every_state_has_a_text(state: State) -> None:
+    """A stop is explained in every state."""
+    assert str(state) in outcome("stop", "", state) or state is State.RAMP
 
 
 @pytest.mark.usefixtures("daemon")

@@ -7,6 +7,7 @@ import pytest
 
 from tests.cli.conftest import Command
 from tests.client.fake_daemon import FakeDaemon, Raw
+from tests.records.killed import killed
 
 NAME = "20261121T120000Z"
 HISTORY = {
@@ -138,3 +139,16 @@ def test_label_is_checked_before_it_is_sent(piezod: Command, daemon: FakeDaemon)
     assert code == 2
     assert "up to 32 letters, digits, _ and -" in " ".join(err.split())
     assert daemon.asked == []
+
+
+def test_record_repair_needs_no_daemon(piezod: Command, tmp_path: Path) -> None:
+    """A recording of a killed daemon is repaired, once; a file of another kind is an error."""
+    file, text = tmp_path / "killed.h5", tmp_path / "text.h5"
+    killed(file, 50)
+    text.write_text("text", encoding="utf-8")
+
+    assert piezod("record", "repair", str(file)) == (0, f"{file}: repaired\n", "")
+    assert piezod("record", "repair", str(file)) == (0, f"{file}: nothing to repair\n", "")
+    code, out, err = piezod("record", "repair", str(text))
+    assert (code, out) == (1, "")
+    assert "it is not a recording" in err

@@ -53,7 +53,7 @@ class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
         super().__init__(str(socket), _Handler)
         self.socket_path = socket
         self.asked: list[Asked] = []
-        self.answers: dict[str, Document | Raw] = {}
+        self.answers: dict[str, Document | Raw] = {"GET status": STATUS}
         self.telemetry: list[Document] = []
         self.answering = threading.Event()
         self.answering.set()

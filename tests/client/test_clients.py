@@ -228,6 +228,16 @@ def test_goto_that_does_not_arrive(
     assert caught.value.code == code
 
 
+def test_waiting_without_a_sensor_is_refused(stage: StageClient, daemon: FakeDaemon) -> None:
+    """Nothing would see the position; the stage does not move."""
+    axis = {"position_um": None, "command_um": 1.0, "drive_v": 0.0, "has_sensor": False}
+    daemon.answers["GET status"] = {**STATUS, "axes": {"x": axis}}
+
+    with pytest.raises(RefusedError, match=r"axis x has no sensor to see .* move without waiting"):
+        stage.goto_and_wait(12.5)
+    assert [each.what for each in daemon.asked] == ["GET status"]
+
+
 def test_goto_that_takes_too_long(stage: StageClient, daemon: FakeDaemon) -> None:
     """After the time-out the error has the remaining distance."""
     daemon.telemetry = [interval()]
@@ -302,6 +312,7 @@ def test_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path) -> None:
     asyncio.run(use())
 
     assert [each.what for each in daemon.asked] == [
+        "GET status",
         "GET status",
         "POST goto",
         "GET telemetry?rate_hz=20",

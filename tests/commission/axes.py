@@ -20,7 +20,7 @@ T0_NS = 1_000_000_000
 
 def configured(options: dict[str, Any] | None = None, seed: int = 1) -> DaemonConfig:
     """Return the shipped configuration with other options of its rig."""
-    config = load_daemon(CONFIG, registry)
+    config = load_daemon(CONFIG, registry).model_copy(update={"rate_hz": 1000.0})
     model = registry.load("simulated").options_model
     rig = config.devices["rig"].model_copy(update={"options": model.model_validate(options or {})})
     return config.model_copy(update={"devices": {"rig": rig}, "seed": seed})

@@ -11,6 +11,7 @@ from math import inf, nan, sin
 import numpy as np
 import pytest
 
+from piezod.commission.bench import one_axis
 from piezod.commission.session import PATIENCE_S, Session
 from piezod.commission.session_trace import SessionTrace, joined
 from piezod.control.guard import Limits
@@ -20,7 +21,7 @@ from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
 from piezod.testing.faulty import FaultyDevice, FaultyError
 from piezod.testing.injections import Injection, InjectionKind
-from tests.commission.axes import T0_NS, resting_at, session
+from tests.commission.axes import T0_NS, configured, resting_at, session
 from tests.daemon.waiting import eventually
 
 SOON_NS = T0_NS + 2_100_000_000
@@ -346,4 +347,17 @@ def test_without_read_back_the_voltage_must_be_given() -> None:
         return device
 
     with pytest.raises(DeviceError, match="`piezod commission --output-v`"), session(wrap=silent):
+        pass
+
+
+def test_axis_without_a_sensor_is_not_commissioned() -> None:
+    """No device is opened: every step measures the displacement."""
+    config = configured()
+    axis = config.axes["x"].model_copy(update={"sensor": None})
+    blind = config.model_copy(update={"axes": {"x": axis}})
+
+    with (
+        pytest.raises(DeviceError, match="axis x has no sensor, and commissioning"),
+        one_axis(blind, "x"),
+    ):
         pass

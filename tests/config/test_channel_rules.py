@@ -180,9 +180,10 @@ def test_a_channel_that_cannot_be_used_is_refused(old: str, new: str, problem: s
 
 def test_a_calibration_that_is_written_down_is_meant() -> None:
     """A calibration without effect is accepted: 1 V may be 1 µm."""
-    axes = load(("{kind: line, gain: 4}", "{kind: line}")).axes
+    sensor = load(("{kind: line, gain: 4}", "{kind: line}")).axes["y"].sensor
 
-    assert axes["y"].sensor.calibration == LineCalibration()
+    assert sensor is not None
+    assert sensor.calibration == LineCalibration()
 
 
 def test_light_and_command_are_read_from_the_file() -> None:
@@ -193,10 +194,10 @@ def test_light_and_command_are_read_from_the_file() -> None:
         ("    sensor: {device: gauge", "    command_input: gauge\n    sensor: {device: gauge"),
         ("  x:\n", "  out:\n"),
     ).axes
+    sensor = axes["y"].sensor
 
-    assert axes["y"].sensor.light == LightConfig(
-        channel="AIN1", nominal=2.0, least=1.0, divides=False
-    )
+    assert sensor is not None
+    assert sensor.light == LightConfig(channel="AIN1", nominal=2.0, least=1.0, divides=False)
     assert axes["out"].command_input == InputConfig(device="gauge")
 
 
@@ -207,3 +208,20 @@ def test_two_devices_cannot_have_one_port() -> None:
             ("daq: {driver: daq}", "daq: {driver: daq, options: {port: /dev/a}}"),
             ("gauge: {driver: gauge}", "gauge: {driver: gauge, options: {port: /dev/a}}"),
         )
+
+
+NO_SENSOR = ("    sensor: {device: daq, channel: AIN0, calibration: {kind: line, gain: 4}}\n", "")
+
+
+def test_axis_needs_no_sensor() -> None:
+    """An amplifier alone is enough."""
+    axes = load(NO_SENSOR).axes
+
+    assert axes["y"].sensor is None
+    assert [key for key, _ in axes["y"].channels()] == ["amplifier"]
+
+
+def test_mode_that_needs_a_sensor_is_refused_without_one() -> None:
+    """The message names the axis."""
+    with pytest.raises(ConfigError, match="mode: adaptive needs a sensor on every axis, y has"):
+        load(NO_SENSOR, ("rate_hz: 1000\n", "rate_hz: 1000\nmode: adaptive\n"))

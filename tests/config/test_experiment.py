@@ -267,8 +267,8 @@ COMPENSATOR = "operators: 19, lms_gain: 0.1"
     [
         ("identifier: rls, lms_gain: 0.1", "12:46: axes.x.compensator.lms_gain: not used, "
          "identifier rls has no gain, leave it out"),
-        ("thresholds: graded", "12:31: axes.x.compensator.thresholds: graded needs identifier rls "
-         "(identifier is lms)"),
+        ("lms_gain: 0.1, thresholds: graded", "12:46: axes.x.compensator.thresholds: graded needs "
+         "identifier rls (identifier is lms)"),
         ("thresholds: odd", "12:31: axes.x.compensator.thresholds: unknown value (got 'odd'), "
          "allowed: even, graded, placed"),
         ("creep: 1", "12:26: axes.x.compensator.creep: must be true or false (got 1)"),
@@ -279,6 +279,26 @@ def test_compensator_that_cannot_be(
 ) -> None:
     """Ignored keys and contradictions are refused."""
     assert problems_of((COMPENSATOR, compensator)) == [f"test.yaml:{problem}"]
+
+
+@pytest.mark.parametrize(
+    ("compensator", "identifier"),
+    [("", "rls"), ("thresholds: graded", "rls"), ("lms_gain: 0.1", "lms")],
+)
+def test_default_identifier_works_with_any_model(
+    load: Load, compensator: str, identifier: str
+) -> None:
+    """Without the key it is least squares; a gain alone still means LMS."""
+    config = load((COMPENSATOR, compensator))
+
+    assert config.axes["x"].compensator.identifier == identifier
+
+
+def test_unknown_key_beside_a_gain_has_a_suggestion(problems_of: ProblemsOf) -> None:
+    """The identifier that the gain implies does not hide the known keys."""
+    assert problems_of((COMPENSATOR, "lms_gain: 0.1, creeps: true")) == [
+        "test.yaml:12:34: axes.x.compensator.creeps: unknown key, did you mean 'creep'?"
+    ]
 
 
 def test_creep_needs_least_squares(problems_of: ProblemsOf, load: Load) -> None:

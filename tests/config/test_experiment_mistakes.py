@@ -11,6 +11,11 @@ ProblemsOf = Callable[..., list[str]]
     ("old", "new", "expected"),
     [
         (
+            "    sensor: rig\n",
+            "",
+            "7:3: axes.x: needs a `sensor`: an experiment measures the errors of each axis",
+        ),
+        (
             "rate_hz: 1000",
             "rate_hz: fast",
             "1:10: rate_hz: must be a number (got 'fast'), allowed range 10 to 20000 Hz",

@@ -8,7 +8,7 @@ from piezod.config.modes import Mode
 from piezod.control.law.axis import AxisOutput
 from piezod.control.law.identifier import LearningGate
 from piezod.control.law.trim import Trim
-from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, Flags
 from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
 from piezod.telemetry.record import AxisRecord
@@ -30,21 +30,10 @@ class FakeDevices:
         self.refuses = False
         self.drive_v: Sequence[float] = (0.0, 0.0)
 
-    def open(self) -> Identity:
-        """Return an identity."""
-        return Identity("piezod", "fake", "0", "0")
-
-    def capabilities(self) -> Capabilities:
-        """Return the capabilities of two axes."""
-        return Capabilities(("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1e3)
-
     def activate(self, now_ns: int) -> None:
         """Do nothing."""
 
     def deactivate(self, now_ns: int) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
         """Do nothing."""
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:

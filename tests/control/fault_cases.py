@@ -25,6 +25,7 @@ class SwingingStage(FaultyStage):
         holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
         reads_back: Whether the amplifier reports its voltage.
         tells_restart: Whether the amplifier reports a restart.
+        strict_rt: Whether a single stall stops the stage.
     """
 
     def __init__(
@@ -34,9 +35,15 @@ class SwingingStage(FaultyStage):
         holds: bool = False,
         reads_back: bool = True,
         tells_restart: bool = False,
+        strict_rt: bool = False,
     ) -> None:
+        config = quick_config()
+        loop = config.loop.model_copy(update={"strict_rt": strict_rt})
         super().__init__(
-            quick_config(), holds=holds, reads_back=reads_back, tells_restart=tells_restart
+            config.model_copy(update={"loop": loop}),
+            holds=holds,
+            reads_back=reads_back,
+            tells_restart=tells_restart,
         )
         self.cycle()
         self.do(rq.Arm(confirm_output=True), rq.SelectMode(mode=mode), SWING)

@@ -1,7 +1,8 @@
 """A fault register for tests: it runs cycles with faults and collects the changes."""
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection, FaultRegister
+from piezod.control.faults.detection import Detection
+from piezod.control.faults.register import FaultRegister
 from piezod.control.faults.table import Reaction, ids
 
 PERIOD_NS = 1_000_000

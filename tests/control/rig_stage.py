@@ -11,7 +11,7 @@ from piezod.config.requests import Request
 from piezod.control.assembly import make_stage
 from piezod.control.controller import StageController
 from piezod.control.stage.answer import Answer
-from piezod.control.watch.loop import CycleTiming
+from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device
@@ -31,8 +31,8 @@ Wrap = Callable[[Device], Device]
 
 @cache
 def shipped_config() -> DaemonConfig:
-    """Return the configuration in the repository; it is read once, and immutable."""
-    return load_daemon(CONFIG, registry)
+    """Return the configuration in the repository, at 1 kHz; it is read once, and immutable."""
+    return load_daemon(CONFIG, registry).model_copy(update={"rate_hz": 1000.0})
 
 
 @cache
@@ -100,7 +100,9 @@ class RigStage:
         self.stage = make_stage(
             self.config, self.channels, able, lambda: self.output_lost_ns.append(self.t_ns)
         )
-        self.controller = StageController(self.stage)
+        self.controller = StageController(
+            self.stage, LoopWatch(self.period_ns, strict=self.config.loop.strict_rt)
+        )
         self.events: list[StageEvent] = []
         self.records: list[CycleRecord] = []
 

@@ -339,6 +339,10 @@ def test_shadow_computes_everything_and_writes_nothing(stage: RigStage) -> None:
             rq.Goto(position_um=26.5),
             "position out of range (got 26.5 µm), allowed range 0 to 26 µm",
         ),
+        (
+            rq.Goto(position_um=26.0000001),
+            "position out of range (got 26.0000001 µm), allowed range 0 to 26 µm",
+        ),
         (rq.Goto(position_um=1.0, axis="y"), "no axis 'y'; this stage has x"),
         (
             rq.Wave(
@@ -358,6 +362,7 @@ def test_commands_out_of_range_are_refused_and_move_nothing(
     answer = stage.ask(request_)
 
     assert (answer.accepted, answer.why, stage.state) == (False, why, State.READY)
+    assert answer.out_of_range == ("range" in why)
 
 
 @pytest.mark.fault("C13")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, Flags

@@ -56,21 +56,34 @@ class Bench:
         return result
 
     def record(
-        self, state: State, present: int = 0, *, shadow: bool = False, **axis: float
+        self,
+        state: State,
+        present: int = 0,
+        *,
+        latched: int = 0,
+        shadow: bool = False,
+        **axis: float,
     ) -> None:
         """Write a record like a loop; numbers that are not given are NaN."""
-        write_record(self.loop.shared, state, present, shadow=shadow, **axis)
+        write_record(self.loop.shared, state, present, latched=latched, shadow=shadow, **axis)
 
     async def _reload(self, peer: Peer) -> dict[str, Any]:
         return {"by": peer.user}
 
 
 def write_record(
-    shared: SharedMap, state: State, present: int = 0, *, shadow: bool = False, **axis: float
+    shared: SharedMap,
+    state: State,
+    present: int = 0,
+    *,
+    latched: int = 0,
+    shadow: bool = False,
+    **axis: float,
 ) -> None:
     """Write a record of a stage with one axis; numbers that are not given are NaN."""
     shared.words[Word.LOOP_STATE] = list(State).index(state)
-    cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64, 0, 0]
+    cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64]
+    cycle += [latched & (2**64 - 1), latched >> 64]
     numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
     numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
     mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)

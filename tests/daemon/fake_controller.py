@@ -6,7 +6,7 @@ from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.requests import Request, Shutdown
 from piezod.config.states import State
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.loop.timed_channels import TimedChannels

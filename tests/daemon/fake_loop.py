@@ -1,7 +1,8 @@
 """A loop without devices: it counts healthy cycles and answers requests.
 
-As a process, `python fake_loop.py RUNTIME CONFIG COPY`, it accepts the configuration like a real
-loop process. If the title of the configuration is "broken", it ends with code 3 when it is started.
+As a process, `python fake_loop.py RUNTIME CONFIG COPY LOCK`, it accepts the configuration like a
+real loop process. If the title of the configuration is "broken", it ends with code 3 when it is
+started.
 """
 
 import json
@@ -46,6 +47,7 @@ class FakeLoop(threading.Thread):
         words[Word.LOOP_ASKABLE] = 1
         while not self._ending.wait(0.001):
             words[Word.HEALTHY_CYCLES] += 1
+            words[Word.LOOP_BEAT_NS] = time.monotonic_ns()
             if number := mailbox.take_estop():
                 self.requests.append(Estop())
                 mailbox.answer_estop(number, **self.answer._asdict())

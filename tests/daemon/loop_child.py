@@ -57,7 +57,12 @@ class LoopChild:
         self._beating = threading.Thread(target=beat, args=(self.shared, self.silent))
         self._beating.start()
         module, copy = "piezod.daemon.loop.process", runtime / "config" / config.name
-        command = [sys.executable, "-m", module, str(runtime), str(config), str(copy)]
+        command = [
+            sys.executable,
+            "-m",
+            module,
+            *map(str, (runtime, config, copy, runtime / "loop.lock")),
+        ]
         self.process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,

@@ -1,6 +1,8 @@
 """The copy of an accepted configuration."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -75,3 +77,22 @@ def test_unsafe_gain_is_a_mistake_of_the_configuration(tmp_path: Path) -> None:
 
     with pytest.raises(ConfigError, match=r"unsafe\.yaml"):
         accept.load(unsafe)
+
+
+@pytest.mark.fault("P6")
+def test_copy_that_cannot_be_written_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The supervisor gets number, text and file of the error."""
+
+    def full(_path: Path, _content: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(os, "dup2", lambda *_: None)
+    copy = tmp_path / "kept" / "simulated.yaml"
+
+    assert accept.accept(SHIPPED, copy, strict_rt=False) is None
+    model = str(copy.parent / "model-x.yaml")
+    failed = {"failed": [errno.ENOSPC, "No space left on device", model]}
+    assert json.loads(capfd.readouterr().out) == failed

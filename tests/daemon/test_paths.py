@@ -28,7 +28,7 @@ def test_users_own_folders_have_the_name_of_the_stage() -> None:
 
     paths = stage_paths(CONFIG, environ)
 
-    assert paths.lock == Path("/run/user/7/piezod/lab/lock")
+    assert paths.lock == Path("/home/me/state/piezod/lab/lock")
     assert paths.audit == Path("/home/me/state/piezod/lab/audit.jsonl")
 
 

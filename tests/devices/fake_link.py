@@ -17,13 +17,14 @@ class FakeLink:
     Attributes:
         who: Identity of the device that answers.
         pulled: Whether the wire is pulled.
+        silent: Whether the device answers nothing, on a wire that is all right.
         done: Calls, without reads.
         drive_v: Voltage in force.
         reads: Number of reads.
     """
 
     def __init__(self) -> None:
-        self.who, self.pulled = WHO, False
+        self.who, self.pulled, self.silent = WHO, False, False
         self.lost = ""
         self.done: list[str] = []
         self.drive_v: Sequence[float] = [0.0]
@@ -33,7 +34,7 @@ class FakeLink:
 
     def open(self) -> Identity:
         self.done.append("open")
-        if self.pulled:
+        if self.pulled or self.silent:
             raise DeviceUnavailableError("nobody there")
         self.is_open, self.lost = True, ""
         return self.who
@@ -53,7 +54,7 @@ class FakeLink:
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         self.reads += 1
-        return [Sample(now_ns, nan if self._fails() else 1.0, not self.pulled)]
+        return [Sample(now_ns, nan if self._fails() else 1.0, not (self.pulled or self.silent))]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         if self._fails():
@@ -81,4 +82,6 @@ class FakeLink:
         if self.pulled and not self.lost:
             self.lost = "the wire is pulled"
             self._events.add(DeviceFlag.HALF_OPEN)
-        return bool(self.lost)
+        if self.silent:
+            self._events.add(DeviceFlag.LATE_REPLY)
+        return self.silent or bool(self.lost)

@@ -6,7 +6,12 @@ from math import isnan
 import pytest
 
 from piezod.devices.interface import Sample
-from piezod.devices.reconnecting import CanBeLost, ReconnectingDevice
+from piezod.devices.reconnecting import (
+    SILENT_CYCLES,
+    SILENT_NS,
+    CanBeLost,
+    ReconnectingDevice,
+)
 from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.devices.wrapper import CombinedExchange
 from piezod.errors import DeviceError, DeviceUnavailableError
@@ -289,3 +294,41 @@ def test_samples_from_before_a_pause_are_dropped(link: FakeLink) -> None:
     combined.deactivate(2)
 
     assert combined.read(9) == [Sample(9, 1.0, True)]
+
+
+def cycle(reconnecting: ReconnectingDevice, now_ns: int) -> set[DeviceFlag]:
+    """Use a device as a cycle does; return its flags."""
+    reconnecting.read(now_ns)
+    reconnecting.read_back(now_ns)
+    return set().union(*reconnecting.status(now_ns))
+
+
+def test_a_silent_device_is_lost_and_delays_no_cycle(
+    link: FakeLink, reconnecting: ReconnectingDevice
+) -> None:
+    """After half a second without an answer the thread opens it again; until then it is tried."""
+    link.silent = True
+    step_ns = SILENT_NS // SILENT_CYCLES
+    flags = [cycle(reconnecting, step * step_ns) for step in range(SILENT_CYCLES + 2)]
+    reads = link.reads
+    away = [cycle(reconnecting, 10 * SILENT_NS + step) for step in range(3)]
+
+    assert flags[:-1] == [{DeviceFlag.LATE_REPLY}] * (SILENT_CYCLES + 1)
+    assert flags[-1] == {DeviceFlag.LATE_REPLY, DeviceFlag.DISCONNECTED}
+    assert away == [{DeviceFlag.DISCONNECTED}] * 3
+    assert link.reads == reads
+    eventually(lambda: reconnecting.absent)
+    link.silent = False
+    eventually(lambda: reconnecting.there)
+    assert reconnecting.read(61) == [Sample(61, 1.0, True)]
+
+
+def test_a_device_that_answers_now_and_then_is_not_lost(
+    link: FakeLink, reconnecting: ReconnectingDevice
+) -> None:
+    """One answer begins the time anew."""
+    for step in range(10 * SILENT_CYCLES):
+        link.silent = step % SILENT_CYCLES > 0
+        cycle(reconnecting, step * SILENT_NS)
+
+    assert reconnecting.there

@@ -1,6 +1,7 @@
 """A fake of a running stage, with its states and its own time."""
 
 from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,7 +25,8 @@ Document = dict[str, Any]
 
 def stage_document(**axis: object) -> Document:
     """Return the configuration of a stage as its daemon reports it, with other keys of axis x."""
-    document = accepted_config.document(load_daemon(CONFIG, registry))
+    config = load_daemon(CONFIG, registry).model_copy(update={"rate_hz": 1000.0})
+    document = accepted_config.document(config)
     document["axes"]["x"] |= axis
     return document
 
@@ -60,6 +62,19 @@ class FakeStage(StageClient):
         if what in self.refused:
             raise RefusedError(self.refused[what], "a remedy", "state")
         return call.read(self._answer(call.path, call.body or {}))
+
+    @contextmanager
+    def session(self) -> Generator[None, None, None]:
+        """Record begin and end of the session."""
+        self.asked.append("session")
+        self.bodies.append({})
+        if "session" in self.refused:
+            raise RefusedError(self.refused["session"], "a remedy", "lease_held")
+        try:
+            yield
+        finally:
+            self.asked.append("end of the session")
+            self.bodies.append(None)
 
     def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()

@@ -30,7 +30,7 @@ def test_stage_is_described() -> None:
     """The configuration of the repository is a stage with safe gains."""
     kind, contents, error, _ = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
 
-    assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 1000 Hz", None)
+    assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 200 Hz", None)
 
 
 @pytest.mark.parametrize(

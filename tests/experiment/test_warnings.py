@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
 from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.warnings import run_warnings

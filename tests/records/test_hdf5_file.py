@@ -189,3 +189,19 @@ def test_warnings_come_back(file: Path, result: ExperimentResult) -> None:
     warned = replace(result, warnings=("1 % of x; zürück.", "", "0 µm"))
 
     assert _written(file, warned) == warned
+
+
+def test_late_samples_come_back(file: Path, result: ExperimentResult) -> None:
+    """Their instants are stored, with unit and meaning, in recordings that have some."""
+    first, *others = result.recordings
+    marked = replace(result, recordings=(replace(first, late_t_s=first.t_s[3:9]), *others))
+
+    assert _written(file, marked) == marked
+    with h5py.File(file) as root:
+        (late,) = [
+            group["late_t_s"]
+            for group in root["experiment"].values()
+            if isinstance(group, h5py.Group) and "late_t_s" in group
+        ]
+        assert late.attrs["units"] == "s"
+        assert "stall" in late.attrs["long_name"]

@@ -50,7 +50,7 @@ class InstalledStage:
         self.machine.root(f"{PIEZOD} init /etc/piezod")
         text = self.machine.root("cat /etc/piezod/emulated.yaml")
         # A low rate and a long time-out, because the machine may be busy.
-        text = text.replace("rate_hz: 1000", "rate_hz: 100")
+        text = text.replace("rate_hz: 200", "rate_hz: 100")
         text = text.replace("ramp_v_per_s: 50", f"ramp_v_per_s: {RAMP_V_PER_S:g}")
         text = text.replace("rig.sock", f"{RIG}/rig.sock, deadline_ms: 500")
         self.configuration = text

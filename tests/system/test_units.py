@@ -90,6 +90,27 @@ def test_exit_codes_without_a_restart() -> None:
     assert section("Service")["RestartPreventExitStatus"] == [" ".join(map(str, codes))]
 
 
+@pytest.mark.fault("P5")
+def test_service_that_ends_repeatedly_is_given_up() -> None:
+    """Each end ramps the stage down; after three in five minutes somebody must look at it."""
+    start, service = section("Unit"), section("Service")
+
+    assert (start["StartLimitBurst"], start["StartLimitIntervalSec"]) == (["3"], ["300"])
+    assert service["Restart"] == ["on-failure"]
+    assert float(service["RestartSec"][0]) * 3 < 300
+    assert service["ExecStopPost"] == ["/usr/bin/piezod safe /etc/piezod/%i.yaml --unless-clean"]
+
+
+@pytest.mark.fault("P14")
+def test_shutdown_of_the_machine_is_a_sigterm() -> None:
+    """The unit keeps systemd's defaults: it is stopped before the shutdown, by SIGTERM, in time."""
+    unit, service = section("Unit"), section("Service")
+
+    assert not {"DefaultDependencies", "IgnoreOnIsolate", "SurviveFinalKillSignal"} & set(unit)
+    assert not {"KillSignal", "KillMode", "SendSIGKILL", "ExecStop"} & set(service)
+    assert float(service["TimeoutStopSec"][0]) > END_GRACE_S + RAMP_DOWN_PATIENCE_S
+
+
 def test_supervisor_has_time_to_end_gently() -> None:
     """The time-outs of the service manager are longer than those of the supervisor."""
     service = section("Service")

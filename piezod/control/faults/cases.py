@@ -33,6 +33,8 @@ class Case(StrEnum):
     """The device rejects a request as wrong."""
     BUSY = "busy"
     """The device, or a gateway, is busy repeatedly."""
+    STRICT = "with strict_rt"
+    """The configuration requests a punctual loop."""
 
 
 COUNTED_FLAGS: Final = {
@@ -75,6 +77,11 @@ def _sensor_rule(rule: FaultRule) -> FaultRule:
     return rule._replace(reaction=Reaction.HOLD, latch=Latch.L1, escalation=escalation)
 
 
+def _strict_rule(fault: Fault, reaction: Reaction) -> FaultRule:
+    """Return the rule with `loop.strict_rt`: a person ends the fault."""
+    return FAULTS[INDEX[fault]]._replace(reaction=reaction, latch=Latch.L1)
+
+
 _OTHER_CASES: Final = {
     (Fault.B10, Case.REQUEST): FaultRule(
         Fault.B10,
@@ -108,6 +115,11 @@ _OTHER_CASES: Final = {
 CASES: Final[Mapping[tuple[Fault, Case], FaultRule]] = {
     **{(fault, Case.SINGLE): _single_rule(FAULTS[INDEX[fault]]) for fault in _COUNTED_FAULTS},
     **{(fault, Case.SENSOR): _sensor_rule(FAULTS[INDEX[fault]]) for fault in UNREACHABLE},
+    (Fault.L2, Case.STRICT): _strict_rule(Fault.L2, Reaction.HOLD)._replace(
+        name="cycles repeatedly late"
+    ),
+    (Fault.L5, Case.STRICT): _strict_rule(Fault.L5, Reaction.RAMP),
+    (Fault.L7, Case.STRICT): _strict_rule(Fault.L7, Reaction.DEGRADE),
     **_OTHER_CASES,
 }
 """Rules that replace the rule in the table."""

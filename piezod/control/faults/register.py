@@ -4,19 +4,12 @@ It separates causes from consequences and returns the reaction of each cycle.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.control.faults.cases import Case, rule_of
-from piezod.control.faults.table import (
-    FAULTS,
-    INDEX,
-    FaultRule,
-    Latch,
-    Reaction,
-    Source,
-    mask,
-)
+from piezod.control.faults.cases import CASES, rule_of
+from piezod.control.faults.detection import Detection, News
+from piezod.control.faults.table import FAULTS, INDEX, FaultRule, Latch, Reaction, Source, mask
 
 GOOD_CYCLES: Final = 20
 """A fault is gone after this many cycles in a row without a detection."""
@@ -25,41 +18,9 @@ CAUSE_CYCLES: Final = 10
 _TRIPPED: Final = mask([Fault.A9])
 _DEGRADING: Final = mask(
     rule.id
-    for rule in FAULTS
+    for rule in (*FAULTS, *CASES.values())
     if Reaction.DEGRADE in (rule.reaction, rule.escalation and rule.escalation.reaction)
 )
-
-
-class Detection(NamedTuple):
-    """A fault that a watch detects in this cycle; reported in every cycle in which it is there.
-
-    Attributes:
-        fault: The fault.
-        axis: Index of the axis, -1 if the fault concerns all.
-        measured: Measured value, NaN if there is none.
-        limit: Limit of that value, NaN if there is none.
-        case: Case of the fault.
-    """
-
-    fault: Fault
-    axis: int = -1
-    measured: float = float("nan")
-    limit: float = float("nan")
-    case: Case = Case.USUAL
-
-
-class News(NamedTuple):
-    """A fault that appeared, escalated or ended.
-
-    Attributes:
-        rule: Rule that holds now; after an escalation with the worse reaction and latch.
-        detection: The last detection.
-        appeared: Whether the fault appeared or escalated. Otherwise it is gone, and not latched.
-    """
-
-    rule: FaultRule
-    detection: Detection
-    appeared: bool
 
 
 class FaultRegister:
@@ -143,13 +104,23 @@ class FaultRegister:
         return self._select(self.latched, Latch.L2)
 
     @property
+    def stopping(self) -> int:
+        """Bit mask of the present and latched faults that stop the stage."""
+        return self._select(self.present | self.latched, Latch.L0)
+
+    @property
+    def needs_person(self) -> bool:
+        """Whether one of the faults that stop the stage does not end by itself."""
+        return bool(self._select(self.present | self.latched, Latch.L1))
+
+    @property
     def no_entry(self) -> str:
         """Most severe fault that stops the stage, as a text; empty if there is none."""
-        return self._describe_worst(self._select(self.latched, Latch.L1))
+        return self._describe_worst(self.stopping)
 
     def resume(self) -> str:
         """Drop the faults that `resume` ends and that are gone; return why not, empty if done."""
-        stopping = self._select(self.present, Latch.L1) | self.blocking
+        stopping = self._select(self.present, Latch.L0) | self.blocking
         if not stopping:
             for index in _positions(self.latched & ~self.present):
                 if self._rules[index].latch is Latch.L1:
@@ -175,6 +146,16 @@ class FaultRegister:
                 self._drop(index)
         stopping = self._select(self.latched, Latch.L1)
         return self._describe_worst(stopping or (self.latched if self.latched == before else 0))
+
+    def restore(self, latched: int, *, stopped: bool) -> None:
+        """Latch the faults of the loop before; if they had stopped the stage, as escalated ones."""
+        self.latched |= latched
+        for index in _positions(latched):
+            rule, self._axes[index] = self._rules[index], -1  # the axes are not known any more
+            if stopped and rule.escalation is not None:
+                worse = rule.escalation
+                rule = rule._replace(reaction=worse.reaction, latch=max(rule.latch, worse.latch))
+            self._rules[index] = rule
 
     def _add(self, detection: Detection, t_ns: int) -> Reaction:
         """Add one detection; return its reaction."""

@@ -11,9 +11,11 @@ from piezod.config.modes import Mode
 from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.identifier import DriveHistory, Identifier
+from piezod.control.law.proof import ModelProof
 from piezod.control.law.trim import Trim
 from piezod.control.reference.motion import CornerFilter
 from piezod.devices.interface import Sample
+from piezod.hysteresis import LearnedModel
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
@@ -66,6 +68,7 @@ class CompensatedAxis:
         sensor_delay_ns: Part of that delay that lies in the sensor: the age of the displacement
             that a sample shows, in ns.
         trim: Integral of the measured error, for mode `trimmed`.
+        proof: Keeps the last learned model that has proved itself.
         first_mode_hz: Frequency of the first mode, in Hz; None if it is unknown.
     """
 
@@ -85,6 +88,7 @@ class CompensatedAxis:
         delay_ns: int,
         sensor_delay_ns: int,
         trim: Trim,
+        proof: ModelProof,
         first_mode_hz: float | None = None,
     ) -> None:
         self._reference_um = reference_um
@@ -99,14 +103,14 @@ class CompensatedAxis:
         # A voltage that is written in this cycle shows one period and one delay later.
         self._lookahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
-        self.trim = trim
+        self.trim, self.proof = trim, proof
         self._forced_v = nan
         self.switch(compensator.mode)
 
     def switch(self, mode: Mode) -> None:
         """Change the mode; the drive changes over without a jump."""
         if mode is not self.compensator.mode:
-            self.compensator.switch(mode)
+            self.compensator.switch(mode, self.proof.proven)
         if mode is Mode.TRIMMED:
             self.trim.enable()
         else:
@@ -116,9 +120,9 @@ class CompensatedAxis:
         """Trim and learn with half the gain, or with the full gain again."""
         self.trim.gain_halved = self.identifier.gain_halved = halved
 
-    def pause_learning(self, paused: bool) -> None:
-        """Learn nothing from the next sample, or learn again."""
-        self.identifier.gate.skipped = paused
+    def pause_learning(self) -> None:
+        """Learn nothing from the next samples: periods were skipped, so the drive came late."""
+        self.identifier.gate.skip()
 
     @property
     def limits(self) -> Limits:
@@ -193,14 +197,17 @@ class CompensatedAxis:
         limited, expected = self.compensator.limited, self.compensator.position
         self.identifier.learn(t_ns, sample, limited=limited, expected=expected)
         # Paper, section 3, switch turned off: copy the parameters once they have converged.
-        if self.identifier.converged:
-            self.compensator.adopt_first(self.identifier.weights)
+        if self.identifier.converged and self.compensator.adopt_first(self.identifier.weights):
+            self.proof.restart(LearnedModel(self.identifier.weights))
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
         forced = self._forced_v == self._forced_v
         # The error of a forced voltage, or of a write that was not applied, is no error of the
         # model.
-        credible = self.identifier.gate.credible and not (not_applied or forced)
+        gate = self.identifier.gate
+        credible = gate.credible and not (gate.skipped or not_applied or forced)
+        if self.compensator.learns_in_use and not (forced or not_applied):
+            self._prove_model(command_um, sample)
         trim = 0.0
         if self.trim.active:
             trim = self.trim.step(
@@ -270,6 +277,16 @@ class CompensatedAxis:
             on_target,
             motion,
         )
+
+    def _prove_model(self, command_um: float, sample: Sample) -> None:
+        """Compare the learned model with the first one, and go back to that if it was worse."""
+        if not self.identifier.gate.comparable:
+            return
+        command, first = self._position_um.to_unit(command_um), self.proof.first
+        errors = self._error_of(sample), self.identifier.error_of(first)
+        if self.proof.add(command, *errors, self.compensator):
+            self.identifier.adaptation.adopt(first.weights, first.offset, first.scale)
+            self.compensator.fade()
 
     def _error_of(self, sample: Sample) -> float:
         """Return the error at the instant that a sample shows, in units of the range."""

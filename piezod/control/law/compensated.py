@@ -12,15 +12,21 @@ from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
 from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
 from piezod.control.law.model import StageModel
+from piezod.control.law.pace import FOLLOWED_SHARE, RLS_SHARE, learning_pace
+from piezod.control.law.proof import ModelProof
 from piezod.control.law.stability import refuse_unstable
 from piezod.control.law.trim import Trim
+from piezod.errors import ModelError
 from piezod.hysteresis import (
     AdaptiveIdentifier,
     Convergence,
+    LearnedModel,
     LMSIdentifier,
     NLMSIdentifier,
     RLSIdentifier,
     Shadowed,
+    has_even_thresholds,
+    largest_stable_gain,
 )
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns
@@ -34,6 +40,11 @@ CONVERGED_FOR_S = 1.0
 """The differences must stay that small for this long; the paper asks for a single one."""
 SHADOW_WINDOW_S = 1.0
 """The learned model is compared with the last good one after this time of learning."""
+PROOF_WINDOW_S = 1.0
+"""The tracking error with the learned model is judged after this time of following a command."""
+LAG_CYCLES = 3
+"""Delay beyond that of the stage that explains a tracking error, in cycles: hold, mode, rounding of
+corners."""
 SPARE_ENTRIES = 4
 """Entries that the drive history keeps beyond the delay: for both ends, and for late samples."""
 
@@ -59,13 +70,13 @@ class Start(NamedTuple):
 
 
 def check_identifier(config: AxisConfig, bank: FloatArray) -> None:
-    """Refuse a gain with which the identifier could diverge.
+    """Refuse a gain, and thresholds, with which the identifier could diverge.
 
     Raises:
-        ModelError: If the gain is not safe for these thresholds.
+        ModelError: If the gain is not safe for these thresholds, or if the identifier needs others.
     """
     # The identifiers check their gain when they are built.
-    _adaptation(config, bank, np.zeros(bank.shape[1]))
+    _adaptation(config, bank, np.zeros(bank.shape[1]), 1.0)
 
 
 def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
@@ -111,9 +122,9 @@ def compensated_axis(
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
-    adaptation = _adaptation(config, model.bank, model.weights)
+    pace = _pace(config, model.bank, period_ns)
     identifier = Identifier(
-        Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns)),
+        _shadowed(config, model, pace, period_ns),
         model.drive_v,
         model.position_um,
         history,
@@ -128,6 +139,7 @@ def compensated_axis(
         model.weights,
         mode=mode,
         fade_cycles=_cycles(FADE_S, period_ns),
+        share=FOLLOWED_SHARE * pace,
         creep=creep,
         trimmed_follows=config.trim.base == "adaptive",
     )
@@ -144,7 +156,8 @@ def compensated_axis(
         period_ns=period_ns,
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
-        trim=_trim(config, period_ns),
+        trim=_trim(config, model, period_ns),
+        proof=_proof(model, period_ns),
         first_mode_hz=config.first_mode.frequency_hz if config.first_mode else None,
     )
 
@@ -153,26 +166,60 @@ def _convergence(period_ns: int) -> Convergence:
     return Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns))
 
 
-def _adaptation(config: AxisConfig, bank: FloatArray, weights: FloatArray) -> AdaptiveIdentifier:
+def _shadowed(config: AxisConfig, model: StageModel, pace: float, period_ns: int) -> Shadowed:
+    adaptation = _adaptation(config, model.bank, model.weights, pace)
+    return Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns))
+
+
+def _adaptation(
+    config: AxisConfig, bank: FloatArray, weights: FloatArray, pace: float
+) -> AdaptiveIdentifier:
     settings = config.compensator
     deadband = settings.deadband_pct / 100.0
     # RLS has no gain to configure.
     if settings.identifier == "rls":
-        return RLSIdentifier(bank, weights, deadband=deadband)
+        return RLSIdentifier.paced(bank, weights, pace, deadband=deadband)
+    if not has_even_thresholds(bank):
+        # With thresholds close to 0, LMS amplifies the noise of the sensor and diverges.
+        raise ModelError(
+            f"identifier {settings.identifier} needs even thresholds, and the model has others: "
+            "use `identifier: rls`, or identify the stage with `--thresholds even`"
+        )
     kind = LMSIdentifier if settings.identifier == "lms" else NLMSIdentifier
-    identifier = kind(bank, gain=settings.lms_gain, deadband=deadband)
+    identifier = kind(bank, gain=settings.lms_gain * pace, deadband=deadband)
     identifier.adopt(weights)
     return identifier
 
 
-def _trim(config: AxisConfig, period_ns: int) -> Trim:
-    trim = config.trim
-    return Trim(
-        trim.gain_per_s,
-        period_ns / NS_PER_S,
-        trim.authority_pct / 100.0,
-        _cycles(FADE_S, period_ns),
+def _pace(config: AxisConfig, bank: FloatArray, period_ns: int) -> float:
+    """Return the pace of learning, from the share of its error that the identifier removes."""
+    settings = config.compensator
+    match settings.identifier:
+        case "rls":
+            share = RLS_SHARE
+        case "nlms":
+            share = settings.lms_gain
+        case "lms":  # it removes 2 γ ‖E - x‖², and its largest stable gain is 1 / ‖E - x‖²
+            share = 2.0 * settings.lms_gain / largest_stable_gain(bank)
+    return learning_pace(period_ns / NS_PER_S, config.first_mode, share)
+
+
+def _proof(model: StageModel, period_ns: int) -> ModelProof:
+    return ModelProof(
+        LearnedModel(model.weights.copy()),
+        window_cycles=_cycles(PROOF_WINDOW_S, period_ns),
+        lag_cycles=s_to_ns(model.delay_s) // period_ns + LAG_CYCLES,
     )
+
+
+def _trim(config: AxisConfig, model: StageModel, period_ns: int) -> Trim:
+    trim, period_s, refusal = config.trim, period_ns / NS_PER_S, ""
+    try:
+        check_trim(config, period_s, model.delay_s)
+    except ModelError as error:
+        refusal = str(error)
+    fade_cycles = _cycles(FADE_S, period_ns)
+    return Trim(trim.gain_per_s, period_s, trim.authority_pct / 100.0, fade_cycles, refusal)
 
 
 def _cycles(duration_s: float, period_ns: int) -> int:

@@ -20,13 +20,11 @@ import numpy as np
 
 from piezod.config.modes import Mode
 from piezod.control.law.creep import AT_REST, CreepState
+from piezod.control.law.pace import FOLLOWED_SHARE
 from piezod.control.law.step import BEYOND, OUTSIDE, POSITION, step
+from piezod.hysteresis import LearnedModel
 from piezod.hysteresis.bank import new_bank_memory
 from piezod.hysteresis.memory import MERGED, SEEN, FloatArray
-
-ADAPTIVE_SHARE = 0.3
-"""Share of the distance to the identifier's weights that mode `adaptive` moves in each cycle. The
-full distance, as in the paper, would pass the sensor noise on to the drive."""
 
 
 class Compensator:
@@ -37,6 +35,8 @@ class Compensator:
         weights: (2 M,) initial weights [a^l, a^r]; all zero if the stage is not yet identified.
         mode: The mode in which it starts.
         fade_cycles: Cycles over which a change of mode or of weights is faded; at least 1.
+        share: Share of the distance to the identifier's weights that mode `adaptive` moves in each
+            cycle, above 0 to 1.
         creep: Creep so far, and the displacement.
         trimmed_follows: Whether mode `trimmed` is based on `adaptive` instead of `feedforward`.
     """
@@ -48,20 +48,21 @@ class Compensator:
         *,
         mode: Mode,
         fade_cycles: int,
+        share: float = FOLLOWED_SHARE,
         creep: CreepState = AT_REST,
         trimmed_follows: bool = False,
     ) -> None:
         self.weights: FloatArray = weights.copy()
         """Weights in use, shape (2 M,); they change in place if they follow the identifier."""
-        self._target = self.weights.copy()
-        self._fade_cycles = fade_cycles
+        self._offset, self._scale = 0.0, 0.0
+        self._target = LearnedModel(weights.copy())
+        self._fade_cycles, self._share = fade_cycles, share
         self._has_model = bool(np.any(weights))
         self._memory = new_bank_memory(bank)
         self._adaptive = {Mode.ADAPTIVE, Mode.TRIMMED} if trimmed_follows else {Mode.ADAPTIVE}
         self._following = False
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
-        self._offset, self._scale = 0.0, 0.0
         self._zeroed, self._lags = creep.zeroed, creep.lags.copy()
         self._creep_weights = creep.creep.weights
         self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
@@ -81,6 +82,21 @@ class Compensator:
     def mode(self) -> Mode:
         """The present mode."""
         return self._mode
+
+    @property
+    def offset(self) -> float:
+        """Offset of the displacement in use, in units of the range."""
+        return self._offset
+
+    @property
+    def scale(self) -> float:
+        """Relative gain of the hysteresis input over the displacement in use."""
+        return self._scale
+
+    @property
+    def learns_in_use(self) -> bool:
+        """Whether it follows the identifier alone: no fade is left of an earlier model."""
+        return self._following and not self._fading
 
     @property
     def limited(self) -> bool:
@@ -104,26 +120,41 @@ class Compensator:
         """Number of pairs of extrema that a full memory has removed."""
         return int(self._memory.counts[MERGED])
 
-    def switch(self, mode: Mode) -> None:
-        """Change the mode; the drive changes over without a jump."""
+    def switch(self, mode: Mode, proven: LearnedModel | None = None) -> None:
+        """Change the mode; the drive changes over without a jump.
+
+        Args:
+            mode: The mode.
+            proven: Model to use when the mode no longer follows the identifier; None for the one
+                in use.
+        """
         self._mode = mode
         self._strength_aim = 0.0 if mode is Mode.UNCOMPENSATED else 1.0
         if self._following:
-            # The weights stay where the identifier has brought them.
-            self._target[:] = self.weights
+            self._target.assign(proven or self)
         self._following = mode in self._adaptive
+        self.fade()
+
+    def fade(self) -> None:
+        """Approach the weights evenly from now on, without a jump."""
         self._fading = self._fade_cycles
+        in_use = float(self.weights.sum()) + self._offset + self._scale
+        if not isfinite(in_use):  # a fade would keep NaN
+            self.weights[:] = self._target.weights
+            self._offset, self._scale = self._target.offset, self._target.scale
 
     def adopt(self, weights: FloatArray) -> None:
         """Change over to other weights, shape (2 M,), without a jump."""
-        self._target[:] = weights
+        self._target.weights[:] = weights
         self._fading = self._fade_cycles
         self._has_model = True
 
-    def adopt_first(self, weights: FloatArray) -> None:
-        """Adopt converged weights if there are none yet."""
-        if not self._has_model:
-            self.adopt(weights)
+    def adopt_first(self, weights: FloatArray) -> bool:
+        """Adopt converged weights if there are none yet; return whether it did."""
+        if self._has_model:
+            return False
+        self.adopt(weights)
+        return True
 
     def zero(self) -> None:
         """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
@@ -171,16 +202,17 @@ class Compensator:
             scale: Scale of the identifier, followed likewise.
             trim: Displacement to add, in units of the range.
         """
-        target = identified if self._following else self._target
+        target = identified
+        if not self._following:
+            target, offset, scale = self._target.weights, self._target.offset, self._target.scale
         # With n cycles left, 1/n of the remaining distance in each makes a straight fade that ends
         # exactly.
-        share = 1.0 / self._fading if self._fading else self._following * ADAPTIVE_SHARE
+        share = 1.0 / self._fading if self._fading else self._following * self._share
         if self._fading:
             self._strength += (self._strength_aim - self._strength) * share
             self._fading -= 1
-        if self._following:
-            self._offset += share * (offset - self._offset)
-            self._scale += share * (scale - self._scale)
+        self._offset += share * (offset - self._offset)
+        self._scale += share * (scale - self._scale)
         stretch = 1.0 + self._scale
         # The sensor's zero contains the creep at that instant, so it is added to the command.
         added = stretch * self._zeroed - self._offset + trim

@@ -1,6 +1,6 @@
 """Refuses gains that are not safe, as soon as the properties that decide about them are known."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -12,7 +12,9 @@ from piezod.hysteresis import even_thresholds, new_bank
 from piezod.hysteresis.memory import FloatArray
 
 
-def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: bool) -> None:
+def check_gains(
+    axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: Container[str]
+) -> None:
     """Check the gains of all axes, as far as possible before anything moves.
 
     The delay is in the model file, or in the configuration. Without either, the trim is checked
@@ -21,7 +23,7 @@ def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: boo
     Args:
         axes: The axes, by name.
         period_s: Period of the loop, in s.
-        trimmed: Whether mode `trimmed` is used.
+        trimmed: Names of the axes that may use mode `trimmed`; any trim is allowed on others.
 
     Raises:
         ConfigError: If a model file cannot be used.
@@ -31,13 +33,13 @@ def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: boo
         if axis.model is not None:
             model, _ = read_model(axis.model)
             properties = LoopProperties(model.bank, model.delay_s, period_s)
-            check_axis_gains(name, axis, properties, trimmed=trimmed)
+            check_axis_gains(name, axis, properties, trimmed=name in trimmed)
             continue
         thresholds = even_thresholds(axis.compensator.operators)
         delay_s = axis.compensator.delay_s
         configured_s = None if delay_s == "auto" else delay_s
         properties = LoopProperties(new_bank(thresholds, thresholds), configured_s, period_s)
-        check_axis_gains(name, axis, properties, trimmed=trimmed)
+        check_axis_gains(name, axis, properties, trimmed=name in trimmed)
 
 
 class LoopProperties(NamedTuple):

@@ -7,7 +7,7 @@ from piezod.config.gate_reasons import GateReason
 from piezod.control.law.creep import AT_REST, CreepState
 from piezod.control.signals import NoiseLevel, SlidingRange, StuckSensor
 from piezod.devices.interface import Sample
-from piezod.hysteresis.adaptation import AdaptiveIdentifier
+from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.lms import Convergence
 from piezod.hysteresis.memory import FloatArray
@@ -17,14 +17,16 @@ from piezod.units import NS_PER_S
 WINDOW_S, LEAST_SWING = 1.0, 0.02
 """Excitation: within this window the drive must swing by this share of its range."""
 LIMITED_CYCLES: Final = 5
-"""The gate stays closed for this many cycles after the drive was limited: samples come late, and
-the stage still reacts to the part that was cut off."""
+"""The gate stays closed for this many cycles after the drive was limited or periods were skipped:
+samples come late, and the stage still reacts to the part that was cut off."""
 SPIKE_CYCLES: Final = 20
 """The gate stays closed for this many cycles after a spike: noise that grows first looks like
 spikes, one in two samples, until the noise level has followed."""
 STUCK_SWING: Final = 0.01
 """A sensor is stuck if its samples are equal while the drive moves by more than this share of its
 range."""
+
+_COMPARABLE: Final = frozenset({GateReason.OPEN, GateReason.QUIET, GateReason.REPEATED})
 
 
 class LearningGate:
@@ -38,9 +40,7 @@ class LearningGate:
     def __init__(self, period_ns: int, latency_ns: int = 0) -> None:
         self._late_ns = latency_ns + period_ns
         self._drive_swing = SlidingRange(round(WINDOW_S * NS_PER_S / period_ns))
-        self._limited_cycles = self._spike_cycles = 0
-        self.skipped = False
-        """Whether periods were skipped just before this cycle: the stage moved meanwhile."""
+        self._limited_cycles = self._spike_cycles = self._skipped_cycles = 0
         self._stuck = StuckSensor(STUCK_SWING)
         self._noise = NoiseLevel()
         self.reason = GateReason.QUIET
@@ -52,6 +52,20 @@ class LearningGate:
         it."""
         self.counts = dict.fromkeys(GateReason, 0)
         """Number of cycles with each decision."""
+
+    @property
+    def comparable(self) -> bool:
+        """Whether the last sample shows how well the stage follows: usable, and no limit acts."""
+        return self.reason in _COMPARABLE
+
+    @property
+    def skipped(self) -> bool:
+        """Whether periods were skipped shortly before this cycle."""
+        return self._skipped_cycles > 0
+
+    def skip(self) -> None:
+        """Close the gate for some cycles, from the next sample on: periods were skipped."""
+        self._skipped_cycles = LIMITED_CYCLES + 2  # each decision counts down first
 
     def admits(
         self, *, valid: bool, age_ns: int, limited: bool, drive: float, position: float
@@ -76,6 +90,7 @@ class LearningGate:
         # Whatever the decision, everything that spans several cycles must be updated first.
         quiet = self._drive_swing.add(drive) < LEAST_SWING
         self._limited_cycles = LIMITED_CYCLES + 1 if limited else max(self._limited_cycles - 1, 0)
+        self._skipped_cycles = max(self._skipped_cycles - 1, 0)
         self.credible = self.accurate = False
         if not (valid and isfinite(position)):
             return GateReason.INVALID
@@ -86,8 +101,8 @@ class LearningGate:
         self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
         self.credible = not (stuck or spike)
         self.accurate = not (stuck or self._spike_cycles or self._noise.unusual)
-        if self.skipped or self._limited_cycles:
-            return GateReason.SKIPPED if self.skipped else GateReason.LIMITED
+        if self._skipped_cycles or self._limited_cycles:
+            return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
         if not self.accurate:
             return self._inaccuracy(stuck)
         if quiet:
@@ -180,6 +195,7 @@ class Identifier:
         self._lags, self._quick = creep.lags.copy(), creep.quick
         self.gain_halved = self._skipped_last = False
         """Whether only every second sample is learned from."""
+        self._drive = 0.0
         self.converged = False
         """Whether the weights have converged, over a window that ends with the last sample."""
 
@@ -203,6 +219,10 @@ class Identifier:
         """Number of pairs of extrema that a full memory has removed."""
         return self.adaptation.merged_pairs
 
+    def error_of(self, model: LearnedModel) -> float:
+        """Return the drive of the last sample minus its prediction by another model, normalised."""
+        return self._drive - self.adaptation.predict(model.weights, model.offset, model.scale)
+
     def zero(self) -> None:
         """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
         self._zeroed = float(self._creep.weights @ self._lags)
@@ -224,6 +244,7 @@ class Identifier:
         position = self._position_um.to_unit(sample.position_um)
         # The sample answers the voltage that was in force one delay before it.
         drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
+        self._drive = drive
         learns = self.gate.admits(
             valid=sample.valid,
             age_ns=t_ns - sample.t_ns,

@@ -60,7 +60,7 @@ def _position(
 
 
 @compiled
-def step(
+def step(  # noqa: D417 - arguments are described in groups
     levels: FloatArray,
     values: FloatArray,
     now: FloatArray,
@@ -85,31 +85,24 @@ def step(
     """Return the drive for a command. Real-time safe.
 
     The memory and the lags first advance to the displacement that the last drive has caused. All
-    quantities are normalised. The first five arguments are the arrays of a `Memory`: numba takes
-    them one by one, and positional arguments cost least.
+    quantities are normalised. Positional arguments and single arrays cost least in numba.
 
     Args:
-        bank: (2, 2 M) thresholds and gains of the stops.
-        plays: (2 M,) buffer for the plays.
+        levels, values, now, last, counts: Arrays of a `Memory`.
+        bank, plays: (2, 2 M) thresholds and gains of the stops; (2 M,) buffer for the plays.
         pending: (4,) values that are carried from one step to the next.
-        weights: (2 M,) weights in use.
-        lags: (K,) lags of the creep.
-        creep_gains: (K,) gains of the creep.
-        creep_weights: (K,) weights of the creep.
-        target: (2 M,) weights that the weights in use approach.
-        share: Share of the remaining distance that they move in this step.
+        weights, target, share: (2 M,) weights in use; the weights that they approach; share of the
+            remaining distance that they move in this step.
+        lags, creep_gains, creep_weights: (K,) lags, gains and weights of the creep.
         strength: 0 for a drive in proportion to the command, 1 for a compensated drive.
-        command: Command.
-        stretch: Factor of the command before it is compensated.
-        added: Displacement that is then added.
-        low: Lowest drive.
-        high: Highest drive.
+        command, stretch, added: Command; its factor, and the displacement added to the product,
+            before it is compensated.
+        low, high: Lowest and highest drive.
     """
     memory = Memory(levels, values, now, last, counts)
     if pending[POSITION] == pending[POSITION]:
         advance_plays(memory, bank, 0.0, pending[POSITION])
-    # The creep of the displacement so far is subtracted: the hysteresis only has to make the
-    # remainder.
+    # The hysteresis only has to make what the creep has not yet made.
     crept = advance_creep(lags, creep_gains, creep_weights, memory.last[SEEN])
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])

@@ -17,15 +17,23 @@ class Trim:
         period_s: Period of the loop, in s.
         authority: Largest trim in either direction, as a share of the range.
         fade_cycles: Cycles over which the full authority fades after `disable`; at least 1.
+        refusal: Why this gain is not safe on this axis; empty if it is.
     """
 
     def __init__(
-        self, gain_per_s: float, period_s: float, authority: float, fade_cycles: int
+        self,
+        gain_per_s: float,
+        period_s: float,
+        authority: float,
+        fade_cycles: int,
+        refusal: str = "",
     ) -> None:
         self._gain_per_cycle = gain_per_s * period_s
         self._authority = authority
         self._fade_per_cycle = authority / fade_cycles
         self._enabled = False
+        self.refusal = refusal
+        """Why mode `trimmed` must not be selected; empty if it may."""
         self.gain_halved = False
         """Whether it integrates with half its gain."""
         self.active = False

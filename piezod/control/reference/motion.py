@@ -120,9 +120,10 @@ class MotionLimits(NamedTuple):
         slack_um = 1e-9 * (self.high_um - self.low_um)  # bounds are sums, with rounding errors
         if low_um >= self.low_um - slack_um and high_um <= self.high_um + slack_um:
             return ""
-        got = f"{low_um:g} µm" if low_um == high_um else f"{low_um:g} to {high_um:g} µm"
+        # With all digits: a value that is hardly too large would look like the bound.
+        got = f"{low_um:.12g}" if low_um == high_um else f"{low_um:.12g} to {high_um:.12g}"
         allowed = f"allowed range {self.low_um:g} to {self.high_um:g} µm"
-        return f"position out of range (got {got}), {allowed}"
+        return f"position out of range (got {got} µm), {allowed}"
 
 
 def rest_at(position_um: float) -> Motion:
@@ -166,6 +167,30 @@ def smooth_motion(
         return min(max(start_um + moved_um, limits.low_um), limits.high_um)
 
     return Motion(reference_um, duration_s, target_um)
+
+
+def rejoin(motion: Motion, elapsed_s: float, start_um: float, limits: MotionLimits) -> Motion:
+    """Return the rest of a movement, from a position that is off its reference.
+
+    The offset fades with the least jerk, so that position and speed are continuous.
+
+    Args:
+        motion: The movement.
+        elapsed_s: Time since its start, in s.
+        start_um: Position now, in µm.
+        limits: Limits of the motion.
+    """
+    offset_um = start_um - motion.reference_um(elapsed_s)
+    fade_s = max(_PEAK * abs(offset_um) / limits.speed_um_per_s, limits.shortest_s)
+
+    def reference_um(t_s: float) -> float:
+        planned_um, part = motion.reference_um(elapsed_s + t_s), t_s / fade_s
+        if part >= 1.0:
+            return planned_um
+        faded = 1.0 - part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        return min(max(planned_um + offset_um * faded, limits.low_um), limits.high_um)
+
+    return Motion(reference_um, max(motion.duration_s - elapsed_s, fade_s), motion.target_um)
 
 
 def waveform_motion(

@@ -7,11 +7,10 @@ Rounding never moves a value out of the range that the configuration promises.
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Final, TypeAlias
 
 from piezod.config.envelopes import ConstantEnvelope, Envelope, ModulatedEnvelope
-from piezod.config.waveforms import Multisine, Periodic, Staircase
+from piezod.config.waveforms import Multisine, Periodic
 
 Value: TypeAlias = Callable[[float], float]
 Point: TypeAlias = tuple[float, float]
@@ -69,34 +68,35 @@ def multisine(config: Multisine) -> Value:
     return value
 
 
-def staircase(config: Staircase) -> Value:
-    """Return a waveform that steps from level to level."""
-    levels, dwell_s = config.levels, config.dwell_s
-    edges_s = [dwell_s * count for count in range(1, len(levels))]
+def staircase(edges_s: Sequence[float], levels: Sequence[float]) -> Value:
+    """Return a waveform that steps from level to level.
+
+    Args:
+        edges_s: Times in s, increasing, at which one level follows another.
+        levels: Levels, one more than edges.
+    """
     return lambda t_s: levels[bisect_right(edges_s, t_s)]
 
 
-def polyline(points: Sequence[Point]) -> Value:
+def polyline(times_s: Sequence[float], levels: Sequence[float]) -> Value:
     """Return straight lines between points; before and after them the value is constant.
 
     Args:
-        points: Times in s, increasing, each with its value; at least one.
+        times_s: Times in s, increasing; at least one.
+        levels: The value at each of them.
     """
-    times_s = [time_s for time_s, _ in points]
-    levels = [level for _, level in points]
-    slopes = [
-        (end - start) / (end_s - start_s) for (start_s, start), (end_s, end) in pairwise(points)
-    ]
-    lowest, highest = min(levels), max(levels)
+    last = len(times_s) - 1
 
     def value(t_s: float) -> float:
         index = bisect_right(times_s, t_s) - 1
         if index < 0:
             return levels[0]
-        if index == len(slopes):
+        if index == last:
             return levels[-1]
-        level = levels[index] + slopes[index] * (t_s - times_s[index])
-        return min(max(level, lowest), highest)
+        start_s, start, end = times_s[index], levels[index], levels[index + 1]
+        level = start + (end - start) / (times_s[index + 1] - start_s) * (t_s - start_s)
+        # Rounding may carry the last bit beyond the end of the line.
+        return min(max(level, min(start, end)), max(start, end))
 
     return value
 

@@ -14,7 +14,9 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from piezod.config.combined_waveforms import Sequence, Sum, WaveformConfig
+from piezod.config.combined_waveforms import Sequence, Sum
+from piezod.config.packed_waveforms import LoopWaveform, PackedPath
+from piezod.config.random_path import random_path
 from piezod.config.waveforms import (
     Csv,
     Multisine,
@@ -26,7 +28,6 @@ from piezod.config.waveforms import (
     Triangle,
 )
 from piezod.control.reference import shapes
-from piezod.control.reference.random_path import random_path
 
 Value: TypeAlias = Callable[[float], float]
 
@@ -57,8 +58,8 @@ class Waveform:
         return np.fromiter(map(self.value, t_s.tolist()), np.float64, t_s.size)
 
 
-def build_waveform(config: WaveformConfig, duration_s: float) -> Waveform:
-    """Return the waveform of a configuration.
+def build_waveform(config: LoopWaveform, duration_s: float) -> Waveform:
+    """Return the waveform of a configuration; real-time safe if it was packed.
 
     Args:
         config: Its configuration.
@@ -69,8 +70,10 @@ def build_waveform(config: WaveformConfig, duration_s: float) -> Waveform:
     return Waveform(_value(config, duration_s), low, high)
 
 
-def _value(config: WaveformConfig, duration_s: float) -> Value:
+def _value(config: LoopWaveform, duration_s: float) -> Value:
     match config:
+        case PackedPath(times_s=times_s, levels=levels, stepped=stepped):
+            value = (shapes.staircase if stepped else shapes.polyline)(times_s, levels)
         case Setpoint(level=level):
             value = shapes.setpoint(level)
         case Sine():
@@ -79,12 +82,13 @@ def _value(config: WaveformConfig, duration_s: float) -> Value:
             value = shapes.periodic(config, shapes.raised_triangle)
         case Multisine():
             value = shapes.multisine(config)
-        case Staircase():
-            value = shapes.staircase(config)
+        case Staircase(levels=levels, dwell_s=dwell_s):
+            edges_s = [dwell_s * count for count in range(1, len(levels))]
+            value = shapes.staircase(edges_s, levels)
         case Reversals():
-            value = shapes.polyline(random_path(config, duration_s))
+            value = shapes.polyline(*zip(*random_path(config, duration_s), strict=True))
         case Csv(points=points) | Points(points=points):
-            value = shapes.polyline(points)
+            value = shapes.polyline(*zip(*points, strict=True))
         case Sum():
             value = _sum([_value(part, duration_s) for part in config.parts])
         case _:

@@ -15,3 +15,8 @@ class Answer(NamedTuple):
     accepted: bool
     why: str = ""
     motion: int = 0
+
+    @property
+    def out_of_range(self) -> bool:
+        """Whether a value of the request is the reason of the refusal, and not the state."""
+        return "out of range (got" in self.why

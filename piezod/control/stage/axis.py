@@ -6,6 +6,7 @@ law, so that its hysteresis memory follows, and a later command starts without a
 
 from collections.abc import Callable
 from math import ceil, isfinite, nan
+from typing import NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
@@ -14,39 +15,17 @@ from piezod.control.reference.motion import (
     Motion,
     MotionLimits,
     StreamedReference,
+    rejoin,
     rest_at,
     smooth_motion,
     waveform_motion,
 )
 from piezod.control.reference.programs import VoltageProgram
 from piezod.control.reference.waveforms import Waveform
+from piezod.control.signals import OnTarget
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S, s_to_ns
-
-
-class OnTarget:
-    """Decides whether the measured position of one axis has reached its target. Real-time safe.
-
-    Args:
-        tolerance_um: Largest error, in µm.
-        settle_cycles: Cycles for which the error must stay within the tolerance.
-    """
-
-    def __init__(self, tolerance_um: float, settle_cycles: int) -> None:
-        self._tolerance_um, self._settle_cycles = tolerance_um, settle_cycles
-        self._cycles = 0
-
-    def restart(self) -> None:
-        """Wait for another target."""
-        self._cycles = 0
-
-    def update(self, error_um: float) -> bool:
-        """Take the error of a cycle, in µm, NaN for none; return whether the target is reached."""
-        close = abs(error_um) <= self._tolerance_um
-        self._cycles = self._cycles + 1 if close else 0
-        return self._cycles > self._settle_cycles
-
 
 SHORTEST_MOTION_PERIODS = 3.0
 """Shortest duration of a movement, in periods of the first mode."""
@@ -54,6 +33,16 @@ SHORTEST_MOTION_CYCLES = 10
 """Shortest duration of a movement, in cycles."""
 ROUNDING_V = 1e-6
 """Two voltages are equal within this, in V."""
+
+
+class _Movement(NamedTuple):
+    """A movement of an axis, kept while its voltage is held."""
+
+    motion: Motion
+    started_ns: int
+    number: int
+    stream: StreamedReference | None
+    follows_input: bool
 
 
 class StageAxis:
@@ -90,6 +79,7 @@ class StageAxis:
         settle = s_to_ns(config.on_target.settle_s) // period_ns
         self._on_target = OnTarget(config.on_target.tolerance_um, settle)
         self._is_on_target = False
+        self._paused: _Movement | None = None
         self.crash: Exception | None = None
         """Exception of the control law, if it raised one; the voltage is held meanwhile."""
 
@@ -97,6 +87,11 @@ class StageAxis:
     def mode(self) -> Mode:
         """Mode in which the drive is made from the command."""
         return self.law.compensator.mode
+
+    @property
+    def has_sensor(self) -> bool:
+        """Whether a sensor measures the axis."""
+        return self.config.sensor is not None
 
     @property
     def following(self) -> bool:
@@ -113,6 +108,15 @@ class StageAxis:
         """Hold the voltage in force."""
         held_v = self.law.in_force_v
         self._force(lambda _t_ns: held_v, 0)
+
+    def pause(self) -> None:
+        """Hold the voltage in force, and keep the movement for `rejoin`."""
+        movement = _Movement(
+            self._motion, self._started_ns, self.motion, self.stream, self.follows_input
+        )
+        followed = self.following
+        self.hold()
+        self._paused = movement if followed else None
 
     def track(self, drive_v: float) -> None:
         """Take over a read-back voltage, in V, while nothing is written."""
@@ -154,13 +158,27 @@ class StageAxis:
         self._voltage, self._forced, self._ends_ns = voltage, True, ends_ns
         self._ramps_to_v = nan
         self._motion, self.stream, self._is_on_target = rest_at(nan), None, False
-        self.follows_input = False
+        self.follows_input, self._paused = False, None
 
     # ------------------------------------------------------------------ movements
 
     def stay(self, t_ns: int) -> None:
         """Follow a constant command that leaves the drive as it is."""
         self._move(rest_at(self.law.holding_command_um), t_ns)
+
+    def rejoin(self, t_ns: int) -> None:
+        """Go on with the movement that was paused, where it would be now; without a jump."""
+        paused = self._paused
+        if paused is None:
+            self.stay(t_ns)
+        elif paused.stream is not None:
+            self.follow_stream(t_ns)
+            self.follows_input = paused.follows_input
+        else:
+            elapsed_s, start_um = (t_ns - paused.started_ns) / NS_PER_S, self.law.holding_command_um
+            self._move(rejoin(paused.motion, elapsed_s, start_um, self.motion_limits), t_ns)
+        if paused is not None:
+            self.motion = paused.number  # for clients it is the same movement
 
     def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> int:
         """Move to a position; return the number of the movement."""

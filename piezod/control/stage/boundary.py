@@ -10,14 +10,37 @@ from math import isfinite, nan
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
-from piezod.devices.interface import Amplifier, Sample, Sensor
+from piezod.control.faults.detection import Detection
+from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 from piezod.units import s_to_ns
 
 
-class StageDevices(Sensor, Amplifier, TellsStatus, Protocol):
-    """All devices of a stage as one; implemented by `devices.channels.Channels`."""
+class StageDevices(TellsStatus, Protocol):
+    """The open devices of a stage as one; implemented by `devices.channels.Channels`.
+
+    The methods are those of `Sensor` and `Amplifier`, with one value per axis.
+    """
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Return one sample of each axis. Real-time safe."""
+        ...
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Return the read-back voltage of each axis, in V. Real-time safe."""
+        ...
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Set the voltage of every axis, in V; return whether that succeeded. Real-time safe."""
+        ...
+
+    def activate(self, now_ns: int) -> None:
+        """Make every device ready for cyclic calls."""
+        ...
+
+    def deactivate(self, now_ns: int) -> None:
+        """Bring the outputs of every device to rest."""
+        ...
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         """Count displacements from these zeros from now on, in µm."""
@@ -162,6 +185,8 @@ class OutputKnowledge:
         """Whether the voltage in force is known on every axis."""
         self.known_when_lost = False
         """Whether the voltage in force was known when the amplifier was lost."""
+        self.written_v: Sequence[float] = ()
+        """Voltage of each axis that was written last before the loss, in V; NaN if none was."""
         self._on_lost = on_lost
         self._silent_cycles = self._losses = 0
 
@@ -183,14 +208,16 @@ class OutputKnowledge:
             return None
         return Detection(Fault.A1, -1, self._silent_cycles, SILENT_CYCLES)
 
-    def lose(self, *, traceable: bool) -> None:
+    def lose(self, written_v: Sequence[float], *, traceable: bool) -> None:
         """Note that the amplifier was lost. Real-time safe.
 
         Args:
+            written_v: Voltage of each axis that was written last, in V; NaN if none was.
             traceable: Whether the voltage in force can be found out later, from a read-back or
                 because the amplifier reports a restart.
         """
         self.known_when_lost, self.known = self.known, False
+        self.written_v = written_v
         self._losses += 1
         if not traceable and self._on_lost is not None:
             self._on_lost()

@@ -5,12 +5,12 @@ from math import isfinite
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.config.modes import Mode
+from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
-from piezod.control.faults.register import Detection, News
+from piezod.control.faults.detection import Detection, News
 from piezod.control.faults.table import Reaction, mask
-from piezod.control.stage.stage import SENSED, Stage
-from piezod.control.stage.states import Event
+from piezod.control.stage.stage import Stage
+from piezod.control.stage.states import Event, HoldCause
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import StageEvent
 from piezod.units import s_to_ns
@@ -26,7 +26,6 @@ _OUTPUT_FELL, _LOCAL_MODE = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
 _WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND})
 _OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
 _EVENTS: Final = {
-    Reaction.HOLD: Event.FAULT_HOLD,
     Reaction.RAMP: Event.FAULT_RAMP,
     Reaction.BLIND: Event.FAULT_BLIND,
     Reaction.CUT: Event.FAULT_CUT,
@@ -42,12 +41,16 @@ def react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
     active_faults = register.present | register.latched
     if active_faults or register.news:
         _halve_gains(stage, register.axes_of(Fault.D6) if active_faults & _OSCILLATING else 0)
-    if reaction in {Reaction.DEGRADE, Reaction.HOLD} or (
-        active_faults and not register.adapt_allowed
-    ):
+    if reaction is Reaction.HOLD and not register.needs_person:
+        stage.hold(HoldCause.LATENESS, t_ns)  # the mode stays: the stage will go on
+        return
+    degrades = active_faults and not register.adapt_allowed
+    if degrades or reaction in {Reaction.DEGRADE, Reaction.HOLD}:
         for axis in stage.axes:
             if axis.mode in SENSED:
                 axis.select(Mode.FEEDFORWARD)
+    if reaction is Reaction.HOLD:
+        stage.hold(HoldCause.FAULT, t_ns)
     event = _EVENTS.get(reaction)
     if event is Event.FAULT_CUT and not stage.cut(t_ns):
         event = Event.FAULT_RAMP
@@ -104,7 +107,7 @@ def advance(
     """
     match stage.state:
         case State.BOOT:
-            _boot(stage, t_ns)
+            _boot(stage, t_ns, read_back_v)
         case State.HOLD:
             _hold(stage, t_ns, read_back_v)
         case State.RUN:
@@ -123,11 +126,12 @@ def advance(
         _zero(stage, t_ns, samples)
 
 
-def _boot(stage: Stage, t_ns: int) -> None:
+def _boot(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End the self-test: configuration and devices were checked before the first cycle."""
     if stage.boundary.reads_back and not stage.output.known:
         stage.go(Event.FAULT_BLIND, t_ns)
     else:
+        stage.track(read_back_v)  # a ramp that follows starts there
         stage.end_self_test(t_ns)
 
 
@@ -142,7 +146,11 @@ def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         stage.restart_hold(t_ns)
     elif withheld_before and not stage.output.known:
         stage.go(Event.FAULT_BLIND, t_ns)
-    elif stage.hold_expires() and stage.time_in_state_ns(t_ns) >= HOLD_NS:
+    elif stage.hold_cause() is HoldCause.LATENESS:
+        if not stage.register.stopping and not stage.go(Event.RESUME, t_ns):
+            text = "the cycles are punctual again: the stage goes on"
+            stage.note(StageEvent(t_ns, "info", "lateness", text))
+    elif stage.hold_cause() is HoldCause.FAULT and stage.time_in_state_ns(t_ns) >= HOLD_NS:
         stage.go(Event.HOLD_EXPIRED, t_ns)
 
 
@@ -163,13 +171,14 @@ def _run(stage: Stage, t_ns: int) -> None:
             )
         stage.note(StageEvent(t_ns, "warning", "stream", text, axis=axis.name))
         # Like a requested hold, it does not expire: no fault is present, and `resume` continues.
-        stage.hold_on_request(t_ns)
+        stage.hold(HoldCause.REQUEST, t_ns)
         return
 
 
 def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Take over a lost amplifier from its read-back, after a pause that grows with each loss.
 
+    If the read-back is unlike the last write, the sensor decides between them, if it can.
     An amplifier without read-back is taken over from its last acknowledged write, if there was one,
     if it holds its output by itself, and if it reports restarts and has not reported one. Otherwise
     the start of a ramp is unknown.
@@ -179,7 +188,7 @@ def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     if stage.boundary.reads_back:
         if not all(map(isfinite, read_back_v)):
             return
-        stage.track(read_back_v)
+        stage.resync(read_back_v, t_ns)
     elif not _still_at_last_write(stage):
         stage.release_estop()
         text = (

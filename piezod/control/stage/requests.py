@@ -3,15 +3,15 @@
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
-from piezod.config import requests
-from piezod.config.frequencies import too_fast
-from piezod.config.modes import Mode
+from piezod.config import frequencies, requests
+from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.answer import Answer
-from piezod.control.stage.stage import SENSED, Stage
-from piezod.control.stage.states import Event
+from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
+from piezod.control.stage.stage import Stage
+from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
 from piezod.units import NS_PER_S, s_to_ns
 
@@ -44,16 +44,16 @@ def _stop(stage: Stage, _: requests.Stop, t_ns: int) -> Answer:
 
 
 def _hold(stage: Stage, _: requests.Hold, t_ns: int) -> Answer:
-    return _answer(stage.hold_on_request(t_ns))
+    return _answer(stage.hold(HoldCause.REQUEST, t_ns))
 
 
 def _resume(stage: Stage, _: requests.Resume, t_ns: int) -> Answer:
-    why = stage.refusal(Event.RESUME) or stage.register.resume()
+    why = stage.refusal(Event.RESUME, t_ns) or stage.register.resume()
     return _answer(why or stage.go(Event.RESUME, t_ns))
 
 
 def _reset(stage: Stage, request: requests.Reset, t_ns: int) -> Answer:
-    why = stage.refusal(Event.RESET) or stage.register.reset(request.engineer)
+    why = stage.refusal(Event.RESET, t_ns) or stage.register.reset(request.engineer)
     if why:
         return Answer(False, why)
     if not stage.boundary.active:  # the outputs were cut
@@ -77,7 +77,8 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
     if stage.state is not State.SAFE:
         refusal = stage.go(Event.ARM, t_ns)  # armed already, or refused
         if not refusal and request.shadow != stage.boundary.shadow:
-            refusal = f"the stage is armed {_shadow_text(stage)}: `piezod disarm` first"
+            how = "in shadow" if stage.boundary.shadow else "and not in shadow"
+            refusal = f"the stage is armed {how}: `piezod disarm` first"
         return _answer(refusal)
     stage.register.resume()  # faults that only held the stage, and are gone, end here
     stage.boundary.shadow = request.shadow
@@ -93,15 +94,16 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
     return _condition_axes(stage, to_condition, t_ns) if to_condition else Answer(True)
 
 
-def _shadow_text(stage: Stage) -> str:
-    return "in shadow" if stage.boundary.shadow else "and not in shadow"
-
-
 # ---------------------------------------------------------------------- movements
 
 
 def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
+    if not why and request.mode in SENSED:
+        why = without_sensor(stage, axes, f"mode {request.mode}")
+    if not why and request.mode is Mode.TRIMMED:
+        refusals = ((stage.axes[i].name, stage.axes[i].law.trim.refusal) for i in axes)
+        why = "; ".join(f"axis {name}: {refusal}" for name, refusal in refusals if refusal)
     if why:
         return Answer(False, why)
     if stage.state is not State.SAFE:  # in SAFE the mode is set for later
@@ -114,9 +116,9 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
 
 
 def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {_names(stage)}: a position is for one axis"
+        why = f"axis must be one of {axis_names(stage)}: a position is for one axis"
     if why:
         return Answer(False, why)
     axis, position_um = stage.axes[axes[0]], request.position_um
@@ -136,18 +138,14 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
 def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
     waveforms: dict[int, Waveform] = {}
     for name, config in request.command_um.items():
-        axes, why = _axes_named(stage, name)
+        axes, why = axes_named(stage, name)
         if why:
             return Answer(False, why)
-        waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
-        limits = stage.axes[axes[0]].motion_limits
-        why = too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
-            waveform.low, waveform.high
-        )
-        if why:
+        waveforms[axes[0]] = build_waveform(config, request.duration_s)
+        limits, rate_hz = stage.axes[axes[0]].motion_limits, NS_PER_S / stage.period_ns
+        if why := frequencies.too_fast(config, rate_hz) or limits.refusal(*config.bounds()):
             return Answer(False, why)
-    why = _start_running(stage, t_ns)
-    if why:
+    if why := _start_running(stage, t_ns):
         return Answer(False, why)
     motions = [
         stage.axes[i].follow(waveform, request.duration_s, t_ns)
@@ -159,7 +157,7 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
     axes = {axis.name: axis for axis in stage.axes}
     unknown = [name for name in request.axes if name not in axes]
-    why = _unknown_axis(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
+    why = unknown_axis(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
     motions = [axes[name].follow_stream(t_ns) for name in request.axes]
@@ -167,10 +165,10 @@ def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
 
 
 def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     commanded = [i for i in axes if stage.axes[i].config.command_input is not None]
     if not (why or commanded):
-        whose = request.axis or _names(stage)
+        whose = request.axis or axis_names(stage)
         why = f"there is nothing to follow: the configuration has no `command_input` for {whose}"
     why = why or _start_running(stage, t_ns)
     if why:
@@ -194,7 +192,7 @@ def _run_event(mode: Mode) -> Event:
 
 
 def _condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     return Answer(False, why) if why else _condition_axes(stage, axes, t_ns)
 
 
@@ -209,12 +207,11 @@ def _condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
 def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
     drives: dict[int, VoltageProgram] = {}
     for name, config in request.drive_v.items():
-        axes, why = _axes_named(stage, name)
-        if why:
+        axes, why = axes_named(stage, name)
+        why = why or without_sensor(stage, axes, "the identification")
+        if why := why or frequencies.too_fast(config, NS_PER_S / stage.period_ns):
             return Answer(False, why)
         limits = stage.axes[axes[0]].config.limits
-        if why := too_fast(config, NS_PER_S / stage.period_ns):
-            return Answer(False, f"axis {name}: drive_v {why}")
         waveform = build_waveform(config, request.duration_s)
         if waveform.low < limits.drive_min_v or waveform.high > limits.drive_max_v:
             return Answer(
@@ -239,7 +236,8 @@ def _start_ident(
 
 
 def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
+    why = why or without_sensor(stage, axes, "zeroing")
     if why:
         return Answer(False, why)
     if stage.state not in {State.SAFE, State.READY}:
@@ -261,9 +259,9 @@ def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
 
 
 def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {_names(stage)}: a model is for one axis"
+        why = f"axis must be one of {axis_names(stage)}: a model is for one axis"
     if not why and stage.state not in {State.SAFE, State.FAULT}:
         why = (
             f"the stage is in {stage.state}; a model can be changed in SAFE: `piezod disarm` first"
@@ -278,27 +276,6 @@ def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
     if request.zero_um is not None:
         stage.zero.set_um(index, request.zero_um)
     return Answer(True)
-
-
-# ---------------------------------------------------------------------- axes
-
-
-def _axes_named(stage: Stage, name: str | None) -> tuple[list[int], str]:
-    """Return the indices of the named axes, all if the name is None; or why there are none."""
-    names = [axis.name for axis in stage.axes]
-    if name is None:
-        return list(range(len(names))), ""
-    if name not in names:
-        return [], _unknown_axis(stage, name)
-    return [names.index(name)], ""
-
-
-def _unknown_axis(stage: Stage, name: str) -> str:
-    return f"no axis {name!r}; this stage has {_names(stage)}"
-
-
-def _names(stage: Stage) -> str:
-    return ", ".join(axis.name for axis in stage.axes)
 
 
 HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answer]]] = {

@@ -1,16 +1,21 @@
 """A stage: its axes, its devices, its state, and the actions at a change of state."""
 
 from collections.abc import Callable, Sequence
+from math import nan
 from typing import Final
 
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.faults.register import Detection, FaultRegister
+from piezod.control.faults.detection import Detection
+from piezod.control.faults.register import FaultRegister
 from piezod.control.stage.boundary import OutputKnowledge
+from piezod.control.stage.causes import cause_of, explained
 from piezod.control.stage.parts import StageParts
+from piezod.control.stage.self_test import SelfTest
 from piezod.control.stage.sequence import DriveSequence, DriveStep
-from piezod.control.stage.states import Event, Facts, step
+from piezod.control.stage.states import Event, Facts, HoldCause, step
+from piezod.control.stage.takeover import OutputJudge
 from piezod.control.stage.zeroing import SensorZero
 from piezod.telemetry.record import StageEvent
 
@@ -18,10 +23,7 @@ DRIVEN: Final = frozenset(
     {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
 )
 """States in which voltages are written."""
-SENSED: Final = frozenset({Mode.ADAPTIVE, Mode.TRIMMED})
-"""Modes that need the sensor."""
 _ALARMING: Final = frozenset({State.HOLD, State.BLIND, State.FAULT, State.ESTOP})
-_NOT_HELD: Final = frozenset({State.RUN, State.IDENT, State.RAMP, State.ESTOP})
 _COMPENSATING: Final = frozenset({State.READY, State.RUN, State.HOLD})
 
 
@@ -62,14 +64,14 @@ class Stage:
         self.output = OutputKnowledge(on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self._rebuild = parts.rebuild
-        self._since_ns = 0
-        self._state_before, self._driven_when_lost = State.BOOT, False
+        self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
         self._memory_known, self._was_driven = memory_known, False
         self._sequence = DriveSequence()
-        self._reported: list[Detection] = []
-        self._events: list[StageEvent] = []
-        self._self_tested, self._no_entry = False, ""
-        self._shutting_down = self._estop_pressed = self._held_by_request = False
+        self._reported, self._events = list[Detection](), list[StageEvent]()
+        self._self_test, self._no_entry = SelfTest(), ""
+        self._shutting_down = self._estop_pressed = False
+        self._hold_cause, self._since_ns = HoldCause.FAULT, 0
+        self._judge = OutputJudge(self.axes, self.watches, register, self.zero, self.note)
 
     # ------------------------------------------------------------------ state
 
@@ -81,21 +83,23 @@ class Stage:
         before = self.state
         state, refusal = step(before, event, self._facts())
         if state is not before:
+            self._cause = cause_of(event, self.register.news, self._cause)
             self.state, self._since_ns = state, t_ns
             if before is not State.HOLD:
                 self._state_before = before
             self._enter(state, before, t_ns)
             severity = "warning" if state in _ALARMING else "info"
             self.note(StageEvent(t_ns, severity, "state", f"{before} to {state}"))
-        return refusal
+        return explained(refusal, state, self._cause, self.time_in_state_ns(t_ns))
 
-    def refusal(self, event: Event) -> str:
+    def refusal(self, event: Event, t_ns: int) -> str:
         """Return why an edge would be refused, without regard to latched faults. Real-time safe.
 
         A request drops latched faults only if nothing else forbids it.
         """
         facts = self._facts()._replace(latched=False, no_entry=self._no_entry)
-        return step(self.state, event, facts).refusal
+        refusal = step(self.state, event, facts).refusal
+        return explained(refusal, self.state, self._cause, self.time_in_state_ns(t_ns))
 
     def time_in_state_ns(self, t_ns: int) -> int:
         """Return how long the stage has been in its state. Real-time safe."""
@@ -105,30 +109,41 @@ class Stage:
         """Restart the time in HOLD: another program drives the amplifier. Real-time safe."""
         self._since_ns = t_ns
 
+    def self_test(self) -> SelfTest:
+        """Return the self-test, which ends BOOT."""
+        return self._self_test
+
     def end_self_test(self, t_ns: int) -> None:
-        """Leave BOOT: to SAFE, or to FAULT if a latched fault stops the stage."""
-        passed = self._self_tested = not self.register.blocking
-        self.go(Event.SELF_TEST_PASSED if passed else Event.SELF_TEST_FAILED, t_ns)
-        self._self_tested = True
+        """Leave BOOT if the self-test has ended. Real-time safe."""
+        blocked = bool(self.register.blocking)
+        event = self._self_test.end(self.axes, blocked=blocked, output_known=self.output.known)
+        if event is not None:
+            self.go(event, t_ns)
 
     def forbid_entry(self, why: str) -> None:
-        """Refuse to arm from now on.
-
-        Args:
-            why: The reason, for people.
-        """
+        """Refuse to arm from now on, with this reason for people."""
         self._no_entry = why
 
-    def hold_on_request(self, t_ns: int) -> str:
-        """Hold until `resume` or `stop`; return why it is refused. Real-time safe."""
-        before = self.state
-        refusal = self.go(Event.HOLD, t_ns)
-        self._held_by_request |= self.state is not before
-        return refusal
+    def hold(self, cause: HoldCause, t_ns: int) -> str:
+        """Hold the voltages; return why it is refused. Real-time safe.
 
-    def hold_expires(self) -> bool:
-        """Return whether HOLD ends by itself, because a fault caused it and not a request."""
-        return not self._held_by_request
+        In HOLD, lateness changes nothing, and any other cause takes its place.
+        """
+        held = self.state is State.HOLD
+        if held and cause is HoldCause.LATENESS:
+            return ""
+        if held and self._hold_cause is HoldCause.LATENESS:
+            self._hold_cause, self._since_ns = cause, t_ns
+            for axis in self.axes:
+                axis.hold()  # the movement will not go on by itself
+            return ""
+        if not held:
+            self._hold_cause = cause
+        return self.go(Event.FAULT_HOLD if cause is HoldCause.FAULT else Event.HOLD, t_ns)
+
+    def hold_cause(self) -> HoldCause:
+        """Return the cause of the last HOLD. Real-time safe."""
+        return self._hold_cause
 
     def shut_down(self, t_ns: int) -> str:
         """Go to the safe voltage and end. Real-time safe."""
@@ -187,6 +202,10 @@ class Stage:
             if drive_v - drive_v == 0.0:  # finite
                 axis.track(drive_v)
 
+    def resync(self, read_back_v: Sequence[float], t_ns: int) -> None:
+        """Take over lost amplifiers, from finite read-backs in V. Real-time safe."""
+        self._judge.resync(read_back_v, self.output.written_v, t_ns)
+
     def memory_is_missing(self) -> bool:
         """Return whether an axis compensates without a known hysteresis memory. Real-time safe."""
         return (
@@ -231,54 +250,51 @@ class Stage:
     def _enter(self, state: State, before: State, t_ns: int) -> None:
         """Perform the actions of a new state."""
         boundary = self.boundary
-        boundary.open = state in DRIVEN
-        boundary.withheld = self._held_by_request = False
-        if state is State.RUN:
-            for axis in self.axes:
-                axis.stay(t_ns)
-        elif state in {State.RAMP, State.ESTOP}:
-            for i, axis in enumerate(self.axes):
-                self._start_ramp_at_output(i)
-                axis.ramp_to(axis.config.safe_v)
-        elif state not in _NOT_HELD:
-            for axis in self.axes:
-                axis.hold()
+        boundary.open, boundary.withheld = state in DRIVEN, False
+        self._enter_axes(state, t_ns)
+        written = before in DRIVEN and not boundary.shadow
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
             boundary.shadow = self.output.known = False  # until it is read back
         if state is State.READY and not boundary.shadow:
             self._was_driven = True
         if state is State.BLIND:
             self._driven_when_lost, self._memory_known = before in DRIVEN, False
-            self.output.lose(traceable=boundary.reads_back or boundary.reports_restart)
+            self.output.lose(
+                [axis.law.in_force_v if written else nan for axis in self.axes],
+                traceable=boundary.reads_back or boundary.reports_restart,
+            )
         elif state not in {State.RAMP, State.ESTOP}:
             self.output.settle()
         if before is State.IDENT:
             self._sequence.clear()
 
-    def _start_ramp_at_output(self, index: int) -> None:
-        """Start a ramp at the read-back if the output has fallen towards the safe voltage.
-
-        A read-back farther from the safe voltage is ignored: no ramp may start with a step away
-        from it, and a single read-back may be wrong.
-        """
-        axis, unexpected_v = self.axes[index], self.watches[index].amplifier.unexpected_v
-        safe_v = axis.config.safe_v
-        if abs(unexpected_v - safe_v) < abs(axis.law.in_force_v - safe_v):  # False for NaN
-            axis.track(unexpected_v)
-            self.boundary.forget_sent(index)
+    def _enter_axes(self, state: State, t_ns: int) -> None:
+        """Start what the axes drive in a new state."""
+        paused = state is State.HOLD and self._hold_cause is HoldCause.LATENESS
+        for i, axis in enumerate(self.axes):
+            if state is State.RUN:
+                axis.rejoin(t_ns)
+            elif paused:
+                axis.pause()
+            elif state in {State.RAMP, State.ESTOP}:
+                if self._judge.starts_at_read_back(i, t_ns):
+                    self.boundary.forget_sent(i)
+                axis.ramp_to(axis.config.safe_v)
+            elif state is not State.IDENT:
+                axis.hold()
 
     def _facts(self) -> Facts:
-        valid = [watch.sensor.sample.valid for watch in self.watches]
+        doubt = "" if self.state is not State.SAFE or self.boundary.shadow else self._judge.doubt()
         return Facts(
             output_known=self.output.known,
-            sensor_valid=self.boundary.active and all(valid),
+            sensor_valid=self.boundary.active and all(watch.sensor.ready for watch in self.watches),
             adapt_allowed=self.register.adapt_allowed,
             model_known=self._memory_known,
             latched=bool(self.register.blocking),
             shutting_down=self._shutting_down,
             estop_active=self._estop_pressed,
-            no_entry=self._no_entry or self.register.no_entry,
+            no_entry=self._no_entry or self.register.no_entry or doubt,
             was_running=self._state_before is State.RUN,
-            self_tested=self._self_tested,
+            self_tested=self._self_test.ended,
             was_driven=self._driven_when_lost,
         )

@@ -12,6 +12,8 @@ class Event(Enum):
 
     SELF_TEST_PASSED = auto()
     SELF_TEST_FAILED = auto()
+    FOUND_DRIVEN = auto()
+    """Found the voltage of a daemon that did not end in order."""
     ARM = auto()
     DISARM = auto()
     RUN = auto()
@@ -42,6 +44,17 @@ class Event(Enum):
     LINK_BACK = auto()
     OUTPUT_UNKNOWN = auto()
     """The amplifier answers again, but the voltage in force is unknown."""
+
+
+class HoldCause(Enum):
+    """Cause of a HOLD. It decides what ends it."""
+
+    FAULT = auto()
+    """A person resumes; after a while the stage ramps to the safe voltage."""
+    REQUEST = auto()
+    """A person resumes or stops."""
+    LATENESS = auto()
+    """The stage resumes by itself when its cycles are punctual again."""
 
 
 class Facts(NamedTuple):
@@ -97,9 +110,9 @@ _LIVE: Final = (_BOOT, _SAFE, *_ARMED_OR_HELD, _RAMP)
 _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
     Event.SELF_TEST_PASSED: {_BOOT: _SAFE},
     Event.SELF_TEST_FAILED: {_BOOT: _FAULT},
+    Event.FOUND_DRIVEN: {_BOOT: _RAMP},
     Event.DISARM: dict.fromkeys(_ARMED_OR_HELD, _RAMP),
     Event.IDENTIFY_DONE: {_IDENT: _READY},
-    Event.HOLD: dict.fromkeys(_ARMED, _HOLD),
     Event.STOP: dict.fromkeys(_ARMED_OR_HELD, _RAMP),
     # In BLIND nothing can be sent. The emergency stop follows when the link is back: see LINK_BACK.
     Event.ESTOP: dict.fromkeys((*_LIVE, _FAULT), _ESTOP),
@@ -128,7 +141,7 @@ _HELP: Final[Mapping[State, str]] = {
     _IDENT: "wait for the end of the waveform, or `piezod stop`",
     _HOLD: "`piezod resume` or `piezod stop` first",
     _RAMP: "wait until the safe voltage is reached",
-    _BLIND: "the amplifier does not answer: check its power and cable",
+    _BLIND: "nothing can be sent to the amplifier: `piezod faults` shows the cause",
     _FAULT: "remove the cause that `piezod faults` shows, then `piezod reset`",
     _ESTOP: "release the emergency stop first, then `piezod reset`",
     _STOPPING: "the daemon is ending: start it again",
@@ -220,6 +233,13 @@ def _identify(state: State, facts: Facts) -> Transition:
     return _start(_IDENT, state, facts, "drive a voltage waveform")
 
 
+def _hold(state: State, facts: Facts) -> Transition:  # noqa: ARG001 - as the other requests
+    if state in _ARMED_OR_HELD:
+        return Transition(_HOLD)
+    held = "nothing is driven" if state in {_BOOT, _SAFE, _FAULT, _STOPPING} else _HELP[state]
+    return _refuse(state, "hold", held)
+
+
 def _resume(state: State, facts: Facts) -> Transition:
     if state is not _HOLD:
         remedy = "nothing is held" if state in {_SAFE, *_ARMED} else _HELP[state]
@@ -261,7 +281,8 @@ _REQUESTS: Final[Mapping[Event, Callable[[State, Facts], Transition]]] = {
     Event.RUN: _run,
     Event.RUN_ADAPTIVE: _run_adaptive,
     Event.IDENTIFY: _identify,
+    Event.HOLD: _hold,
     Event.RESUME: _resume,
     Event.RESET: _reset,
 }
-"""Events that lead up, and that may be refused."""
+"""Events that may be refused: they lead up, or there is nothing to hold."""

@@ -10,8 +10,9 @@ from math import inf, isfinite
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.law.model import StageModel
+from piezod.control.law.proof import ModelProof, Verdict
 from piezod.control.signals import RecentRange
 from piezod.control.watch.drift import ModelDrift
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
@@ -105,6 +106,7 @@ class AdaptationWatch:
     Args:
         axis: Index of the axis, for the detections.
         adaptation: The learning algorithm, `identifier.adaptation`.
+        proof: Compares the learned model with the identified one, while it is in use.
         identified: The model that learning started from; None if the stage is not yet identified.
         position_um: Range of the displacement, in µm.
         period_ns: Period of the loop, in ns.
@@ -114,12 +116,13 @@ class AdaptationWatch:
         self,
         axis: int,
         adaptation: AdaptiveIdentifier,
+        proof: ModelProof,
         identified: StageModel | None,
         position_um: AffineRange,
         period_ns: int,
     ) -> None:
         self._axis, self._position_um = axis, position_um
-        self._adaptation = adaptation
+        self._adaptation, self._proof = adaptation, proof
         self._shadowed = adaptation if isinstance(adaptation, Shadowed) else None
         self._restored, self._restored_cycles = 0, [-inf] * RESTORATIONS
         self._cycles = 0
@@ -146,7 +149,7 @@ class AdaptationWatch:
         self._interval_cycles += 1
         if self._interval_cycles >= self._drift_interval_cycles:
             self._measure_drift()
-        restored = self._restored_too_often()
+        restored, worse = self._restored_too_often(), self._proof.take_verdict()
         if not closed:
             self._oscillation.forget()
             # In an open loop the learned model does not act on the drive, so only NaN is reported.
@@ -158,9 +161,9 @@ class AdaptationWatch:
                 noise_um / self._position_um.width,
             )
         drifted = self._drifted_cycles >= self._drift_cycles
-        if not (restored or drifted or self._not_finite or self._oscillation.found):
+        if not (restored or worse or drifted or self._not_finite or self._oscillation.found):
             return _NOTHING
-        return self._detections(restored, drifted)
+        return self._detections(restored, worse, drifted)
 
     def _restored_too_often(self) -> bool:
         """Return whether the last good model was restored too often within the time limit."""
@@ -180,17 +183,22 @@ class AdaptationWatch:
         self._drifted_cycles = self._drifted_cycles + self._interval_cycles if over else 0
         self._drifted, self._interval_cycles = drifted, 0
 
-    def _detections(self, restored: bool, drifted: bool) -> Sequence[Detection]:
+    def _detections(
+        self, restored: bool, worse: Verdict | None, drifted: bool
+    ) -> Sequence[Detection]:
         """Return the detections of a loop that is closed."""
-        found = []
+        found, width_um = [], self._position_um.width
         if self._not_finite:
             found.append(Detection(Fault.D2, self._axis))
-        if restored:
+        if worse:
+            measured_um, limit_um = worse.tracking * width_um, worse.limit * width_um
+            found.append(Detection(Fault.D1, self._axis, measured_um, limit_um))
+        elif restored:
             found.append(Detection(Fault.D1, self._axis, RESTORATIONS, RESTORATIONS - 1))
         if drifted:
             found.append(Detection(Fault.D5, self._axis, self._drifted, DRIFT_LIMIT))
         if self._oscillation.found:
-            width_um, wave = self._position_um.width, self._oscillation
+            wave = self._oscillation
             found.append(
                 Detection(Fault.D6, self._axis, wave.amplitude * width_um, wave.limit * width_um)
             )

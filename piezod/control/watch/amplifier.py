@@ -5,11 +5,11 @@ and is A1; the log of the driver distinguishes them.
 """
 
 from collections.abc import Sequence
-from math import nan
+from math import isnan, nan
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.guard import Limits
 from piezod.control.signals import LeakyBucket, RecentRange
 from piezod.devices.status import DeviceFlag, Flags
@@ -23,6 +23,8 @@ FLAG_FAULTS: Final = {
     DeviceFlag.LOCAL_MODE: Fault.A8,
 }
 """Faults that an amplifier reports by a flag."""
+_FALLS: Final = frozenset({DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
+"""Flags that report a fall of the output."""
 MISMATCH_CYCLES: Final = 3
 """The read-back must differ in this many cycles in a row to be A3."""
 LAG_CYCLES: Final = 3
@@ -65,11 +67,15 @@ class AmplifierWatch:
         self._mismatch_cycles = self._outside_cycles = 0
         self._range_limited_cycles = self._slew_limited_cycles = 0
         self._written = self._not_taken = self._not_finite = False
+        self._after_gap = False
         self.overloaded = False
         """Whether the amplifier reports an overload in this cycle."""
         self.unexpected_v = nan
         """Read-back of this cycle if it matches no recent write, in V. NaN if it matches, or if it
         is wrong for so long that it is A3."""
+        self.unexplained_fall = False
+        """Whether the read-back has collapsed since the last write, and the amplifier has neither
+        reported that its output fell nor been silent. The read-back itself may be wrong."""
 
     def check(self, read_back_v: float, flags: Flags) -> Sequence[Detection]:
         """Return the faults of the channel. Call once per cycle, before the write.
@@ -96,14 +102,17 @@ class AmplifierWatch:
             deviation_v = self._deviation_v(read_back_v)
             wrong |= self._has_over_voltage(read_back_v) or deviation_v > 0.0
         self.unexpected_v = nan
+        if self.unexplained_fall and (flags & _FALLS or isnan(read_back_v)):
+            self.unexplained_fall = False
+        found = self._found(flags, read_back_v, before_v, deviation_v) if wrong else _NOTHING
         if not wrong:
-            self._mismatch_cycles, self._written = 0, False
-            return _NOTHING
-        found = self._flag_faults(flags)
-        found += self._write_faults()
-        found += self._read_back_faults(read_back_v, before_v, deviation_v)
-        self._written = False
+            self._mismatch_cycles = 0
+        self._written = self._after_gap = False
         return found
+
+    def after_gap(self, skipped: int) -> None:
+        """Take the number of periods that were skipped just before this cycle."""
+        self._after_gap = skipped >= MISMATCH_CYCLES
 
     def wrote(
         self,
@@ -132,7 +141,7 @@ class AmplifierWatch:
             self._taken_v = drive_v
         else:  # without an acknowledgement either voltage may be in force
             self._written_v.add(self._taken_v)
-        self._written = True
+        self._written, self.unexplained_fall = True, False
         self._not_taken = self._refusals.update(not taken)
         self._not_finite = refused
         self._range_limited_cycles = self._range_limited_cycles + 1 if range_limited else 0
@@ -165,6 +174,13 @@ class AmplifierWatch:
         self._outside_cycles = self._outside_cycles + 1 if over and self._was_inside else 0
         return self._outside_cycles >= OVER_VOLTAGE_CYCLES
 
+    def _found(
+        self, flags: Flags, read_back_v: float, before_v: float, deviation_v: float
+    ) -> list[Detection]:
+        """Return all faults of this cycle."""
+        found = self._flag_faults(flags) + self._write_faults()
+        return found + self._read_back_faults(flags, read_back_v, before_v, deviation_v)
+
     def _flag_faults(self, flags: Flags) -> list[Detection]:
         """Return the faults that the amplifier reports by a flag."""
         return [
@@ -185,16 +201,19 @@ class AmplifierWatch:
         return found
 
     def _read_back_faults(
-        self, read_back_v: float, before_v: float, deviation_v: float
+        self, flags: Flags, read_back_v: float, before_v: float, deviation_v: float
     ) -> list[Detection]:
         """Return the faults of the read-back."""
         found = []
         if self._outside_cycles >= OVER_VOLTAGE_CYCLES:
             end_v = self._low_v if read_back_v < self._low_v else self._high_v
             found.append(Detection(Fault.A12, self._axis, read_back_v, end_v))
-        if deviation_v > COLLAPSE_V and abs(before_v) - abs(read_back_v) > COLLAPSE_V:
-            # A collapse needs a large step towards 0 V, too; otherwise the output is stuck (A3).
-            found.append(Detection(Fault.A7, self._axis, deviation_v, COLLAPSE_V))
+        # A collapse needs a large step towards 0 V, too; otherwise the output is stuck (A3). In a
+        # gap of the loop the output had time to fall by a watchdog of the device: any fall counts.
+        least_v = 0.0 if self._after_gap else COLLAPSE_V
+        if deviation_v > least_v and abs(before_v) - abs(read_back_v) > least_v:
+            found.append(Detection(Fault.A7, self._axis, deviation_v, least_v or self._tolerance_v))
+            self.unexplained_fall = not (self._after_gap or flags & _FALLS)
         self._mismatch_cycles = self._mismatch_cycles + 1 if deviation_v > 0.0 else 0
         if 0 < self._mismatch_cycles < MISMATCH_CYCLES:
             self.unexpected_v = read_back_v

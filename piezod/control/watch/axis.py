@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from piezod.control.watch.absent_sensor import AbsentSensor
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.control.watch.amplifier import AmplifierWatch
 from piezod.control.watch.bus import BusWatch
@@ -19,6 +20,6 @@ class AxisWatch(NamedTuple):
     """
 
     bus: BusWatch
-    sensor: SensorWatch
+    sensor: SensorWatch | AbsentSensor
     amplifier: AmplifierWatch
     adaptation: AdaptationWatch

@@ -10,7 +10,7 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import COUNTED_FLAGS, NOT_SENT, UNREACHABLE, Case
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.signals import LeakyBucket
 from piezod.devices.status import DeviceFlag, Flags
 

@@ -14,7 +14,7 @@ from math import exp, nan, sqrt
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.signals import LeakyBucket, NoiseLevel
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag, Flags

@@ -5,12 +5,12 @@ case a bad sample is dropped in the cycle in which it comes.
 """
 
 from collections.abc import Sequence
-from math import pi
+from math import nan, pi
 from typing import Final, NamedTuple, Self
 
 from piezod.config.axes import AxisConfig
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.law.model import StageModel
 from piezod.control.signals import (
     STILL_SAMPLES,
@@ -19,7 +19,7 @@ from piezod.control.signals import (
     StillSensor,
     StuckSensor,
 )
-from piezod.control.watch.follow import FollowWatch, Plausible
+from piezod.control.watch.follow import MARGIN, FollowWatch, Plausible
 from piezod.control.watch.screen import EXCESS_FACTOR, SPIKE_SAMPLES, JumpWatch, SampleScreen
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
@@ -109,9 +109,9 @@ class SensorWatch:
         self._screen = SampleScreen(axis, sensor.position_um, sensor.latency_ns, period_ns)
         self._jumps = JumpWatch(sensor.ringing_ns, period_ns)
         self._follow = FollowWatch(sensor.plausible, window, period_ns)
-        self._recent_v = RecentRange(window)
+        self._plausible, self._recent_v = sensor.plausible, RecentRange(window)
         self._stuck, self._still = StuckSensor(STUCK_SWING), StillSensor()
-        self.sample = Sample(0, float("nan"), False)
+        self.sample = Sample(0, nan, False)
         """The last sample for use by the control law; marked invalid if it may not be used."""
 
     def check(
@@ -160,6 +160,25 @@ class SensorWatch:
         if self._still.still:
             found = (*found, Detection(Fault.S13, self._axis, self._still.samples, STILL_SAMPLES))
         return found
+
+    @property
+    def ready(self) -> bool:
+        """Whether modes that need the sensor may be used."""
+        return self.sample.valid
+
+    def allowed_um(self, drive_v: float) -> tuple[float, float]:
+        """Return the range of positions that the stage can have at a voltage, whatever its past.
+
+        Args:
+            drive_v: The voltage, in V.
+
+        Returns:
+            Lowest and highest position, in µm; NaN without a model or a finite voltage.
+        """
+        if self._plausible is None or drive_v - drive_v != 0.0:
+            return nan, nan
+        low, high = self._plausible.bounds(drive_v, drive_v)
+        return self._position_um.from_unit(low - MARGIN), self._position_um.from_unit(high + MARGIN)
 
     @property
     def noise_um(self) -> float:

@@ -8,6 +8,7 @@ line on its standard input before it goes on; at the end of the input it ends.
 import json
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from piezod.config.daemon import DaemonConfig, load_daemon
@@ -38,26 +39,37 @@ def load(path: Path, *, strict_rt: bool = False) -> DaemonConfig:
     return config
 
 
-def accept(source: Path, copy: Path, *, strict_rt: bool) -> DaemonConfig | None:
+def accept(
+    source: Path,
+    copy: Path,
+    *,
+    strict_rt: bool,
+    prepare: Callable[[DaemonConfig], None] | None = None,
+) -> DaemonConfig | None:
     """Accept a configuration, report that, and wait for the word to go on.
 
     Args:
         source: The configuration file.
         copy: Path of the accepted copy; its folder is replaced.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
+        prepare: Called with an accepted configuration before that is reported; None for nothing.
 
     Returns:
-        The configuration; None if it was refused, or if the process is to end.
-
-    Raises:
-        OSError: If the copy cannot be written.
+        The configuration; None if it was refused, if the copy cannot be written, or if the process
+        is to end.
     """
     try:
         config = load(source, strict_rt=strict_rt)
     except ConfigError as error:
         _report({"problems": error.problems})
         return None
-    accepted_config.keep(config, copy.parent, copy.stem)
+    try:
+        accepted_config.keep(config, copy.parent, copy.stem)
+    except OSError as error:  # the disk is full
+        _report({"failed": [error.errno, error.strerror, error.filename]})
+        return None
+    if prepare is not None:
+        prepare(config)
     _report({"accepted": accepted_config.document(config)})
     return config if sys.stdin.readline() else None
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.telemetry.words import Word
 
 

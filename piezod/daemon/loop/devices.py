@@ -1,10 +1,13 @@
 """The devices of a stage, and the thread that opens them."""
 
 import threading
+from collections.abc import Mapping
+from types import MappingProxyType
 
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.clock import Clock
 from piezod.devices.channels import Channels
+from piezod.devices.interface import Identity, is_same
 from piezod.devices.waits import waits_s
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
@@ -27,11 +30,14 @@ class DeviceOpener(threading.Thread):
     Args:
         channels: The devices; until this thread has ended, only it uses them.
         clock: The clock of the loop.
+        known: Identities that devices must have, by name.
     """
 
-    def __init__(self, channels: Channels, clock: Clock) -> None:
+    def __init__(
+        self, channels: Channels, clock: Clock, known: Mapping[str, Identity] = MappingProxyType({})
+    ) -> None:
         super().__init__(name="opening", daemon=True)
-        self._channels, self._clock = channels, clock
+        self._channels, self._clock, self._known = channels, clock, known
         self._stopped = threading.Event()
         self.absent = ""
         """Why the last attempt failed; empty if none has failed."""
@@ -54,6 +60,7 @@ class DeviceOpener(threading.Thread):
     def _opened(self) -> bool:
         try:
             self._channels.open()
+            self._check_identities()
             self._channels.activate(self._clock.now_ns())
         except DeviceError as error:
             # Only a `DeviceError` may pass by itself; any other exception is a mistake in a driver.
@@ -61,3 +68,13 @@ class DeviceOpener(threading.Thread):
             self._channels.close()
             return False
         return True
+
+    def _check_identities(self) -> None:
+        for name, found in self._channels.identities.items():
+            known = self._known.get(name, found)
+            if not is_same(found, known):
+                who, wanted = (" ".join(each[:3]) for each in (found, known))
+                raise DeviceError(
+                    f"{name} is another device: {who}, expected: {wanted}; connect that one, or "
+                    "restart the daemon to use this one"
+                )

@@ -1,11 +1,11 @@
 """The loop on one screen: wait, run a cycle, publish its record, take a request."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
 from piezod.config.requests import Estop, Request, Shutdown
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.clock import Clock, clock_offsets_ns
@@ -18,12 +18,13 @@ from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamReader
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.units import NS_PER_S
 
 SUPERVISOR_LOST_NS: Final = NS_PER_S
 """If the beat of the supervisor stays unchanged for longer, the supervisor is lost."""
 _COUNTERS_PERIOD_NS: Final = NS_PER_S
+_OF_SUPERVISOR: Final = tuple(enumerate(map(Detection, SUPERVISOR_FAULTS)))
 _ESTOP: Final = Estop()  # made once, because validation costs time in the cycle
 
 
@@ -79,14 +80,17 @@ class Loop:
         self._now_ns, self._wait = clock.now_ns, pacer.wait
         self.publisher = Publisher(shared)
         self._mailbox, self._stream = MailboxReader(shared), StreamReader(shared)
-        self._supervisor = SupervisorWatch(shared)
+        self._supervisor, self._words = SupervisorWatch(shared), shared.words
         self.counters = ProcessCounters(shared.words)
         self._counted_ns = self._busy_ns = 0
+        # Answers to requests whose consequences the next record will show.
+        self._to_answer: list[tuple[Callable[..., None], int, Answer]] = []
 
     def run(self) -> None:
         """Run until a shutdown was requested and the stage is at its safe voltage."""
         while not self._controller.finished:
             self.cycle()
+        self._send_answers()
 
     def cycle(self) -> None:
         """Run one cycle. Real-time safe."""
@@ -104,6 +108,7 @@ class Loop:
         publisher.record(record, tick, timed, self._now_ns())
         publisher.events(controller.take_events())
         publisher.learned(controller)
+        self._send_answers()
         self._serve_after_write(t_ns, tick.skipped)
         self._busy_ns = self._now_ns() - t_ns
 
@@ -111,25 +116,36 @@ class Loop:
         """Do the work that can wait for the write: requests, supervisor, counters."""
         # The emergency stop has a slot of its own, so that no other request delays it.
         if number := self._mailbox.take_estop():
-            accepted, why, motion = self._controller.execute(_ESTOP, t_ns)
-            self._mailbox.answer_estop(number, accepted=accepted, motion=motion, why=why)
+            answer = self._controller.execute(_ESTOP, t_ns)
+            self._to_answer.append((self._mailbox.answer_estop, number, answer))
         taken = self._mailbox.take(t_ns)  # at most one a cycle: its duration stays bounded
         if taken is not None:
             number, payload = taken
-            accepted, why, motion = self._execute(payload, t_ns)
-            if accepted:
+            answer = self._execute(payload, t_ns)
+            if answer.accepted:
                 # Before the answer: the client may ask next for parameters that this one changed.
                 self.publisher.learned_all(self._controller)
-            self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
+            self._to_answer.append((self._mailbox.answer, number, answer))
         # Without a supervisor, do what it would request: ramp down and end.
         if self._supervisor.lost(t_ns, skipped):
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
             self._controller.report(Detection(Fault.H1, measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
+        if found := self._words[_SUPERVISOR_FAULTS]:
+            for place, detection in _OF_SUPERVISOR:
+                if found >> place & 1:
+                    self._controller.report(detection)
         if t_ns - self._counted_ns >= _COUNTERS_PERIOD_NS:
             self._counted_ns = t_ns
             for detection in self.counters.publish():
                 self._controller.report(detection)
+
+    def _send_answers(self) -> None:
+        """Answer the requests of the cycle before: the record of this one shows what they did."""
+        if self._to_answer:
+            for send, number, (accepted, why, motion) in self._to_answer:
+                send(number, accepted=accepted, motion=motion, why=why)
+            self._to_answer.clear()
 
     def _execute(self, payload: bytes, t_ns: int) -> Answer:
         try:
@@ -168,3 +184,4 @@ class SupervisorWatch:
 
 
 _SUPERVISOR_BEAT: Final = int(Word.SUPERVISOR_BEAT_NS)
+_SUPERVISOR_FAULTS: Final = int(Word.SUPERVISOR_FAULTS)

@@ -1,4 +1,7 @@
-"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY [--strict-rt]`.
+"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY LOCK [OPTIONS]`.
+
+`--strict-rt` sets `loop.strict_rt`. `--warm` compiles before the configuration is reported
+accepted, so that a loop that takes the place of another one starts soon.
 
 The supervisor starts it. It accepts the configuration and writes the copy (`loop.accept`). Then
 the supervisor makes the shared memory and lets it go on. It owns the devices and nothing else: no
@@ -9,7 +12,7 @@ safe voltage: exit code 0. After any other exit code the last voltage is still i
 
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import getpid
 from pathlib import Path
 from typing import Final
@@ -18,7 +21,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.control.assembly import assemble
 from piezod.control.controller import StageController
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
@@ -34,30 +37,42 @@ from piezod.daemon.loop.placement import (
     rate_refusal,
     start_threads,
 )
-from piezod.daemon.loop.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
+from piezod.daemon.loop.rate import (
+    kept_period_ns,
+    measure_busy_ns,
+    sustained_rate_hz,
+    usable_spin_ns,
+)
 from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
-from piezod.daemon.noted_identities import note_identities
-from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
+from piezod.daemon.noted_identities import note_identities, noted_identities
+from piezod.daemon.paths import IDENTITIES
 from piezod.devices.channels import Channels
+from piezod.devices.interface import Identity, is_same
 from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
+from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
+from piezod.units import NS_PER_S
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
 
 
-def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
+def main(
+    runtime: Path, source: Path, copy: Path, lock_file: Path, *, strict_rt: bool, warm: bool
+) -> None:
     """Run the loop of a stage until a shutdown has ended.
 
     Args:
         runtime: Folder of the runtime files.
         source: The configuration file.
         copy: Path of the accepted copy.
+        lock_file: The lock of the devices.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
+        warm: Whether to compile before the configuration is reported accepted.
 
     Raises:
         PiezodError: If configuration or shared memory cannot be used.
@@ -65,19 +80,19 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
-    config = accept(source, copy, strict_rt=strict_rt)
+    prepare = _compile if warm else None
+    config = accept(source, copy, strict_rt=strict_rt, prepare=prepare)
     if config is None:
         return
     # The supervisor has made the memory before it let this process go on.
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
-    # Compile now: compiling during a cycle would take seconds.
-    requests_codec.warm_up()
-    warm_up(config)
-    channels, clock = make_channels(config), MonotonicClock()
-    period_ns = shared.layout.period_ns
-    lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
-    if lock is None or not wait_for_devices(channels, shared, clock):
+    if not warm:
+        _compile(config)
+    channels, clock, period_ns = make_channels(config), MonotonicClock(), shared.layout.period_ns
+    lock = wait_for_lock(lock_file, shared, clock, loop_gone_within_s(config))
+    known = noted_identities(runtime / IDENTITIES)
+    if lock is None or not wait_for_devices(channels, shared, clock, known):
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
@@ -87,6 +102,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     timed = TimedChannels(channels, clock, last_output)
     capabilities = channels.capabilities()
     controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
+    controller.stay_in_boot(True)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)
@@ -96,8 +112,18 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     report = {"steps": [step._asdict() for step in steps]}
     shared.set_report(report | {"devices": [one.document() for one in placements]})
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
+    _take_over(controller, shared, channels, known)
+    period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
+    loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
+    _run(loop, realtime, clock)
+    # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
+    channels.close()
+
+
+def _run(loop: Loop, realtime: Realtime, clock: MonotonicClock) -> None:
+    """Run the loop to its end; a crash is an event before it is an error."""
     try:
         loop.run()
     except Exception as error:
@@ -106,8 +132,12 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
         raise
     finally:
         realtime.leave()
-    # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
-    channels.close()
+
+
+def _compile(config: DaemonConfig) -> None:
+    """Compile everything that a cycle uses: during a cycle that would take seconds."""
+    requests_codec.warm_up()
+    warm_up(config)
 
 
 def _check_arming(
@@ -139,11 +169,52 @@ def _check_arming(
         controller.forbid_entry(
             f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
         )
+
+
+def _take_over(
+    controller: StageController,
+    shared: SharedMap,
+    channels: Channels,
+    known: Mapping[str, Identity],
+) -> None:
+    """Take over what the loop before, or the last daemon, has left.
+
+    Args:
+        controller: The controller, in BOOT, which it may leave from now on.
+        shared: The memory shared with the supervisor.
+        channels: The devices, open.
+        known: The identities of the devices that the loop before had opened.
+    """
+    if succession := succession_of(shared):
+        controller.restore_faults(succession.latched, stopped=succession.stopped)
     # The last run did not end in order: an operator must look at the stage first.
-    if words[Word.UNCLEAN]:
+    if shared.words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
+        # `piezod safe` has failed if its voltage is still in force, as while a device was absent.
+        # Another device may be where it is for a reason.
+        if channels.identities.keys() == known.keys() and all(
+            is_same(found, known[name]) for name, found in channels.identities.items()
+        ):
+            controller.ramp_first()
+    controller.stay_in_boot(False)
+
+
+def _rate_event(config: DaemonConfig, t_ns: int, busy_ns: int, period_ns: int) -> StageEvent:
+    """Return the event that says which rate this machine keeps."""
+    kept = (
+        f"a cycle takes {busy_ns / 1e3:.0f} µs; this machine with these devices keeps at most "
+        f"{sustained_rate_hz(busy_ns):.0f} Hz"
+    )
+    if period_ns <= round(NS_PER_S / config.rate_hz):
+        return StageEvent(t_ns, "info", "rate", f"rate_hz is {config.rate_hz:g}; {kept}")
+    text = (
+        f"rate_hz is {config.rate_hz:g}: {kept}; the stage is only observed, at "
+        f"{NS_PER_S / period_ns:.0f} Hz: choose a lower rate"
+    )
+    return StageEvent(t_ns, "warning", "rate", text)
 
 
 if __name__ == "__main__":
-    paths = [Path(each) for each in sys.argv[1:4]]
-    main(paths[0], paths[1], paths[2], strict_rt="--strict-rt" in sys.argv[4:])
+    paths = [Path(each) for each in sys.argv[1:5]]
+    options = sys.argv[5:]
+    main(*paths, strict_rt="--strict-rt" in options, warm="--warm" in options)

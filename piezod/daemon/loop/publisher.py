@@ -86,11 +86,15 @@ class Publisher:
             values += encode_axis(axis)
         self._ring.append(values)
         words = self._words
-        words[_STATE] = _STATES[id(record.state)]
+        self.state(record.state)
         words[_SKIPPED], words[_BEAT] = self._skipped, record.t_ns
         if not skipped:  # the watchdog is fed with cycles that are on schedule only
             self._healthy += 1
             words[_HEALTHY] = self._healthy
+
+    def state(self, state: State) -> None:
+        """Publish the state of the stage."""
+        self._words[_STATE] = _STATES[id(state)]
 
     def events(self, events: Iterable[StageEvent]) -> None:
         """Publish events."""

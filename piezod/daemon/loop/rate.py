@@ -1,5 +1,6 @@
 """Measures the highest rate of the loop with its own devices, before anything may be armed."""
 
+from math import ceil
 from statistics import median
 from typing import Final
 
@@ -44,6 +45,19 @@ def measure_busy_ns(controller: Controller, clock: Clock, pause_ns: int = 0) -> 
 def sustained_rate_hz(busy_ns: int) -> float:
     """Return the highest rate for a measured cycle of this duration, in Hz."""
     return QUIET_PART * NS_PER_S / busy_ns
+
+
+def kept_period_ns(period_ns: int, busy_ns: int) -> int:
+    """Return the period, or the smallest multiple of it that leaves time for other programs.
+
+    A stage whose rate is too high is not armed. Its loop still observes it, and without this it
+    would take a processor for itself.
+
+    Args:
+        period_ns: Configured period, in ns.
+        busy_ns: Duration of a measured cycle, in ns.
+    """
+    return period_ns * ceil(busy_ns / (QUIET_PART * period_ns))
 
 
 def usable_spin_ns(asked_ns: int, busy_ns: int, period_ns: int) -> int:

@@ -1,6 +1,8 @@
 """The loop process before its first cycle: waits for the devices, already answers requests."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from piezod.config.faults import Fault
@@ -11,11 +13,13 @@ from piezod.daemon.loop.devices import DeviceOpener
 from piezod.daemon.loop.loop import SupervisorWatch
 from piezod.daemon.loop.publisher import Publisher
 from piezod.devices.channels import Channels
+from piezod.devices.interface import Identity
 from piezod.errors import AlreadyRunningError
 from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
 from piezod.units import s_to_ns
 
@@ -52,13 +56,20 @@ def wait_for_lock(path: Path, shared: SharedMap, clock: Clock, within_s: float) 
         clock.sleep_until_ns(now_ns + s_to_ns(_POLL_S))
 
 
-def wait_for_devices(channels: Channels, shared: SharedMap, clock: Clock) -> bool:
+def wait_for_devices(
+    channels: Channels,
+    shared: SharedMap,
+    clock: Clock,
+    known: Mapping[str, Identity] = MappingProxyType({}),
+) -> bool:
     """Open the devices; if one is absent, report that and try again.
 
     Args:
         channels: The devices.
         shared: The memory shared with the supervisor, writable.
         clock: The clock of the loop.
+        known: Identities of the devices of an earlier loop, by name. If that was a loop of the same
+            daemon, another device counts as absent.
 
     Returns:
         True when they are open and active; False if the process should end.
@@ -66,7 +77,7 @@ def wait_for_devices(channels: Channels, shared: SharedMap, clock: Clock) -> boo
     Raises:
         Exception: Any exception of a driver except `DeviceError`.
     """
-    opener = DeviceOpener(channels, clock)
+    opener = DeviceOpener(channels, clock, known if succession_of(shared) else {})
     opener.start()
     mailbox = _StartupMailbox(shared)
     while opener.is_alive():

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from piezod.control.stage.boundary import StageDevices
 from piezod.daemon.clock import Clock
 from piezod.daemon.last_output import LastOutputWriter
-from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
 
 NOT_WRITTEN = -1
@@ -73,14 +73,6 @@ class TimedChannels:
         """Return the value that commanded each axis at its last read. Real-time safe."""
         return self._devices.commands()
 
-    def open(self) -> Identity:
-        """Open every device."""
-        return self._devices.open()
-
-    def capabilities(self) -> Capabilities:
-        """Return the capabilities of all devices together."""
-        return self._devices.capabilities()
-
     def activate(self, now_ns: int) -> None:
         """Make every device ready for cyclic calls."""
         self._devices.activate(now_ns)
@@ -88,7 +80,3 @@ class TimedChannels:
     def deactivate(self, now_ns: int) -> None:
         """Bring the outputs of every device to rest."""
         self._devices.deactivate(now_ns)
-
-    def close(self) -> None:
-        """Make the outputs of every device safe, and release it."""
-        self._devices.close()

@@ -2,7 +2,7 @@
 
 import json
 import math
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
@@ -13,6 +13,8 @@ from starlette.responses import JSONResponse
 
 from piezod.config.messages import describe
 from piezod.daemon.service.stage_service import Document, StageError
+
+_NOT_ALLOWED: Final = 405
 
 
 class ErrorText(BaseModel):
@@ -90,10 +92,13 @@ def _not_valid(_request: Request, error: Exception) -> JsonAnswer:
 
 def _http_error(request: Request, error: Exception) -> JsonAnswer:
     status = cast("HTTPException", error).status_code
-    codes = {404: "not_found", 405: "method_not_allowed"}
+    codes = {404: "not_found", _NOT_ALLOWED: "method_not_allowed"}
     what = f"{request.method} {request.url.path}: {cast('HTTPException', error).detail}"
     remedy = "GET /v1/openapi lists all endpoints"
-    return _answer(status, codes.get(status, "http"), what, remedy)
+    answer = _answer(status, codes.get(status, "http"), what, remedy)
+    if status == _NOT_ALLOWED:
+        answer.headers["allow"] = ", ".join(request.app.state.methods_of(request.url.path))
+    return answer
 
 
 def internal_error_answer(error: Exception) -> JsonAnswer:

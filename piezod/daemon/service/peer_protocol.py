@@ -28,12 +28,14 @@ class ConnectionLimits(NamedTuple):
         idle_s: Longest pause between requests, in s.
         blocked_s: Longest time that an answer waits for its reader, in s.
         per_user: Connections of one user that are served; as many more can only stop the stage.
+        fresh_s: Time after which a connection without a request makes room for another one, in s.
     """
 
     message_s: float = 5.0
     idle_s: int = 60
     blocked_s: float = 5.0
     per_user: int = 16
+    fresh_s: float = 1.0
 
 
 class Credentials(NamedTuple):
@@ -50,6 +52,7 @@ class PeerProtocol(H11Protocol):
     Attributes:
         limits: Limits of time and number.
         crowded: Whether its user has too many connections.
+        since_s: Begin of the connection or end of its last request, on the clock of asyncio, in s.
         closing: Set when the connection is closed or the server ends.
     """
 
@@ -69,23 +72,17 @@ class PeerProtocol(H11Protocol):
         self._deadline: asyncio.TimerHandle | None = None
         self._blocked: asyncio.TimerHandle | None = None
         self._body_may_last = False
+        self.since_s = 0.0
         self._bad_requests_s: deque[float] = deque(maxlen=_BAD_COUNT)
         self._inner_app = self.app
         self.app = self._with_connection
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as the base
-        """Note the user, and close the connection if the user has far too many."""
+        """Note the user, and close another connection of a user that has too many."""
         super().connection_made(transport)
         self._credentials = _credentials(transport.get_extra_info("socket"))
-        mine = sum(
-            isinstance(other, PeerProtocol) and other.is_of(self._credentials)
-            for other in self.connections
-        )
-        self.crowded = mine > self.limits.per_user
-        if mine > 2 * self.limits.per_user:
-            transport.write(_response("429 Too Many Requests", "too_many", "too many connections"))
-            transport.close()
-            return
+        self.since_s = self.loop.time()
+        self.crowded = self._make_room()
         self.timeout_keep_alive_task = self.loop.call_later(
             self.limits.idle_s, self.timeout_keep_alive_handler
         )
@@ -105,7 +102,7 @@ class PeerProtocol(H11Protocol):
 
     def on_response_complete(self) -> None:
         """Continue with the next request."""
-        self._body_may_last = False
+        self._body_may_last, self.since_s = False, self.loop.time()
         super().on_response_complete()
         self._update_deadline()
 
@@ -180,6 +177,38 @@ class PeerProtocol(H11Protocol):
     async def _with_connection(self, scope: Scope, receive: Receive, send: Send) -> None:
         scope["extensions"] = {_EXTENSION: self}
         await self._inner_app(scope, receive, send)
+
+    def _make_room(self) -> bool:
+        """Return whether the user has too many other connections; close one of them if necessary.
+
+        A new connection is never refused: it may be for an emergency stop. Idle connections are
+        closed first, then those that were too many themselves, the oldest first.
+        """
+        others = [
+            other
+            for other in self.connections
+            if isinstance(other, PeerProtocol)
+            and other is not self
+            and other.is_of(self._credentials)
+            and not other.transport.is_closing()
+        ]
+        if len(others) < self.limits.per_user:
+            return False
+        before_s = self.loop.time() - self.limits.fresh_s
+        idle = [other for other in others if other.is_idle and other.since_s <= before_s]
+        crowded = [other for other in others if other.crowded]
+        if idle:
+            min(idle, key=lambda other: other.since_s).transport.close()
+            others.pop()
+        elif len(others) >= 2 * self.limits.per_user:
+            min(crowded, key=lambda other: other.since_s).abort()
+        return len(others) >= self.limits.per_user
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request has arrived in part, and none is being answered."""
+        conn = self.conn
+        return conn.our_state is conn.their_state is h11.IDLE and not conn.trailing_data[0]
 
     def _start_reader_timeout(self) -> None:
         if self._blocked is None:

@@ -44,6 +44,13 @@ class LeaseHeldError(StageError):
     code = "lease_held"
 
 
+class SupersededError(StageError):
+    """Raised when another request commands an axis of a stream."""
+
+    status = 409
+    code = "superseded"
+
+
 class TooLargeError(StageError):
     """Raised when a body or a line is too long."""
 

@@ -1,6 +1,7 @@
 """One request of one client: its user, its access rights, the lease and the audit."""
 
 from collections.abc import Awaitable, Callable
+from contextlib import nullcontext
 from typing import Annotated, Any, Final, NamedTuple, TypeVar
 
 from fastapi import Depends
@@ -8,11 +9,14 @@ from fastapi import Request as HttpRequest
 
 from piezod.config.endpoints import Access
 from piezod.config.requests import Request
+from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.open_streams import OpenStreams, commanded_axes
 from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import (
     AuditEntry,
+    BadValueError,
     NotNowError,
     Peer,
     StageError,
@@ -22,6 +26,8 @@ from piezod.daemon.service.urgent_notes import UrgentNotes
 
 ResultT = TypeVar("ResultT")
 _SHOWN: Final = 300
+_STOPPED: Final = frozenset({State.BLIND, State.FAULT})
+"""States in which faults are the reason why a request is refused."""
 
 
 class ServiceState(NamedTuple):
@@ -33,6 +39,8 @@ class ServiceState(NamedTuple):
         lease: The lease of the stage.
         downloads: Users with a download in progress.
         urgent_notes: Limits the audit entries of urgent requests.
+        streams: The setpoint streams in progress.
+        recorders: Process that started the newest recording, by the name of the recording.
     """
 
     stage: StageService
@@ -40,6 +48,8 @@ class ServiceState(NamedTuple):
     lease: Lease
     downloads: set[int]
     urgent_notes: UrgentNotes
+    streams: OpenStreams
+    recorders: dict[str, int]
 
 
 class RequestContext(NamedTuple):
@@ -80,8 +90,8 @@ class RequestContext(NamedTuple):
             StageError: If it fails.
         """
         try:
-            self.claim()
-            result = await action()
+            with self.state.lease.claimed(self.peer) if self.access.lease else nullcontext():
+                result = await action()
         except StageError as error:
             self.note(what, error.what)
             raise
@@ -97,11 +107,21 @@ class RequestContext(NamedTuple):
 
         async def accepted() -> Answer:
             answer = await self.stage.request(request, self.peer)
+            if answer.out_of_range:
+                raise BadValueError(answer.why, "send a value within the range")
             if not answer.accepted:
-                raise NotNowError(answer.why, "`piezod status` shows the state and the faults")
+                raise NotNowError(answer.why, self._remedy())
+            axes = commanded_axes(request, self.stage.axes)
+            self.state.streams.supersede(axes, f"{request.kind} of {self.peer.user}")
             return answer
 
         return await self.perform(describe(request), accepted)
+
+    def _remedy(self) -> str:
+        """Return the remedy of a refused request: that of the faults which stop the stage."""
+        if self.stage.status()["state"] in _STOPPED and (faults := self.stage.faults()):
+            return "; ".join(f"{each['id']}, {each['name']}: {each['remedy']}" for each in faults)
+        return "`piezod status` shows the state and the faults"
 
     def note(self, what: str, why: str = "") -> None:
         """Write the request to the audit; `why` is empty if it was carried out."""

@@ -5,6 +5,7 @@ import grp
 import os
 import pwd
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NamedTuple, Protocol
 
 from piezod.config.endpoints import Role
@@ -41,6 +42,8 @@ class GroupRoles:
     def __init__(self, owner_uid: int, now_s: Callable[[], float]) -> None:
         self._owner_uid, self._now_s = owner_uid, now_s
         self._known: dict[tuple[int, int], tuple[float, User]] = {}
+        # A thread of its own: those of asyncio may all wait for a disk.
+        self._threads = ThreadPoolExecutor(1, "roles")
 
     async def user(self, credentials: Credentials) -> User:
         """Return name and role of the user of a connection."""
@@ -48,7 +51,8 @@ class GroupRoles:
         until_s, user = self._known.get(key, (0.0, None))
         if user is None or self._now_s() >= until_s:
             # A directory service may be slow, hence a thread.
-            user = await asyncio.to_thread(self._look_up, *key)
+            loop = asyncio.get_running_loop()
+            user = await loop.run_in_executor(self._threads, self._look_up, *key)
             self._known[key] = self._now_s() + _KNOWN_FOR_S, user
         return user
 

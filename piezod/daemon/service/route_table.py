@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from fastapi import APIRouter
+from starlette.routing import compile_path
 
 from piezod.config.endpoints import Endpoint
 from piezod.config.requests import TABLE
@@ -17,6 +18,14 @@ ROUTES: Final[Mapping[tuple[str, str], Endpoint]] = {
 URGENT: Final = frozenset(route for route, row in ROUTES.items() if row.access.urgent)
 """The endpoints that are served at any rate and on any connection."""
 ERRORS: Final[dict[int | str, dict[str, Any]]] = {"default": {"model": ErrorDocument}}
+
+
+_PATTERNS: Final = [(compile_path(path)[0], method) for method, path in ROUTES]
+
+
+def methods_of(path: str) -> list[str]:
+    """Return the methods of the endpoints with a path, sorted."""
+    return sorted({method for pattern, method in _PATTERNS if pattern.fullmatch(path)})
 
 
 def endpoint(

@@ -13,6 +13,7 @@ from piezod.config.endpoints import Endpoint, Role
 from piezod.config.fields import ConfigModel
 from piezod.config.requests import TABLE, Request, Reset
 from piezod.daemon.service.answers import JsonAnswer
+from piezod.daemon.service.client_session import SessionAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.refusals import ForbiddenError
@@ -24,10 +25,14 @@ router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 
 class Accepted(BaseModel):
-    """The loop carries out the request; `motion` is the number of the new movement, or 0."""
+    """The loop carries out the request.
+
+    `motion` is the number of the new movement, or 0; `state` is the state of the stage then.
+    """
 
     accepted: bool = True
     motion: int
+    state: str
 
 
 class Nothing(ConfigModel):
@@ -37,7 +42,8 @@ class Nothing(ConfigModel):
 def _add_command(row: Endpoint) -> None:
     async def command_endpoint(command: Any, context: ContextOf) -> JsonAnswer:
         answer = await context.ask(_allowed(command, context))
-        return JsonAnswer({"accepted": True, "motion": answer.motion})
+        state = context.stage.status()["state"]
+        return JsonAnswer({"accepted": True, "motion": answer.motion, "state": state})
 
     command_endpoint.__annotations__["command"] = row.request
     responses = {200: {"model": Accepted}, **ERRORS}
@@ -59,11 +65,33 @@ for _row in TABLE.values():
         _add_command(_row)
 
 
-@endpoint(router, "stream", responses={200: {"model": Accepted}, **ERRORS})
+class Followed(BaseModel):
+    """A stream that has ended, with the number of its setpoints."""
+
+    accepted: bool = True
+    setpoints: int
+
+
+_LINES: Final = {
+    "requestBody": {
+        "required": True,
+        "description": 'Lines of JSON such as {"x": 12.5}: a position in µm for each axis.',
+        "content": {"application/x-ndjson": {"schema": {"type": "string"}}},
+    }
+}
+
+
+@endpoint(router, "stream", responses={200: {"model": Followed}, **ERRORS}, openapi_extra=_LINES)
 async def stream(request: HttpRequest, context: ContextOf) -> JsonAnswer:
     """Follow the setpoints of the body until it ends."""
     stream = SetpointStream(context, connection_of(request.scope))
     return JsonAnswer(await stream.run(request))
+
+
+@endpoint(router, "session")
+async def session(_body: Nothing, request: HttpRequest, context: ContextOf) -> SessionAnswer:
+    """Take the lease until the connection closes; then stop the stage."""
+    return SessionAnswer(context, connection_of(request.scope))
 
 
 @endpoint(router, "renew_lease")

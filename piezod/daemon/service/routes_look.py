@@ -1,15 +1,16 @@
 """Endpoints that report the state of the stage and of the daemon."""
 
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query
 from fastapi import Request as HttpRequest
+from pydantic import BaseModel, ConfigDict
 
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.request_context import ContextOf
-from piezod.daemon.service.route_table import PREFIX, endpoint
+from piezod.daemon.service.route_table import ERRORS, PREFIX, endpoint
 from piezod.daemon.service.stage_service import UnknownNameError
 from piezod.daemon.service.telemetry_stream import TelemetryAnswer
 
@@ -22,7 +23,23 @@ async def status(context: ContextOf) -> JsonAnswer:
     return JsonAnswer(context.stage.status())
 
 
-@endpoint(router, "health")
+class HealthDocument(BaseModel):
+    """Whether the loop runs on schedule, and the time since its last healthy cycle, in s."""
+
+    model_config = ConfigDict(extra="allow")
+
+    healthy: bool
+    cycle_age_s: float
+
+
+_HEALTH: Final[dict[int | str, dict[str, Any]]] = {
+    200: {"model": HealthDocument},
+    503: {"model": HealthDocument, "description": "The loop does not run on schedule"},
+    **ERRORS,
+}
+
+
+@endpoint(router, "health", responses=_HEALTH)
 async def health(context: ContextOf) -> JsonAnswer:
     """Return whether the loop runs on schedule; HTTP status 503 if not."""
     healthy, document = context.stage.health()
@@ -61,7 +78,7 @@ async def openapi(request: HttpRequest) -> JsonAnswer:
     return JsonAnswer(request.app.openapi())
 
 
-@endpoint(router, "telemetry")
+@endpoint(router, "telemetry", response_class=TelemetryAnswer, status_code=200)
 async def telemetry(
     request: HttpRequest,
     context: ContextOf,

@@ -1,5 +1,6 @@
 """Endpoints of parameters, recordings and the configuration."""
 
+import asyncio
 from typing import Annotated, Final, TypeAlias
 
 from fastapi import APIRouter
@@ -86,11 +87,14 @@ async def recordings(context: ContextOf) -> JsonAnswer:
 @endpoint(router, "start_recording")
 async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswer:
     """Start recording every cycle."""
-    starting = context.perform(
+    started = await context.perform(
         f"recordings start {body.label or ''}".rstrip(),
         lambda: context.stage.start_recording(body.label, context.peer),
     )
-    return JsonAnswer(await starting)
+    recorders = context.state.recorders
+    recorders.clear()  # there is one recording at a time
+    recorders[started["name"]] = context.peer.pid
+    return JsonAnswer(started)
 
 
 @endpoint(router, "stop_recording")
@@ -102,7 +106,7 @@ async def stop_recording(_body: Nothing, context: ContextOf) -> JsonAnswer:
     return JsonAnswer(await stopping)
 
 
-@endpoint(router, "fetch_recording")
+@endpoint(router, "fetch_recording", response_class=RecordingAnswer, status_code=200)
 async def recording(name: str, request: HttpRequest, context: ContextOf) -> RecordingAnswer:
     """Return the HDF5 file of a finished recording; one download at a time for each user."""
     downloads, uid = context.state.downloads, context.peer.uid
@@ -111,5 +115,5 @@ async def recording(name: str, request: HttpRequest, context: ContextOf) -> Reco
         raise NotNowError(f"{name} is still in progress", "stop the recording first")
     if uid in downloads:
         raise TooManyError("this user already downloads a recording", "wait for its end")
-    descriptor = open_recording(context.stage.recordings_folder, name)
+    descriptor = await asyncio.to_thread(open_recording, context.stage.recordings_folder, name)
     return RecordingAnswer(descriptor, name, connection_of(request.scope), downloads, uid)

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     import asyncio
 
 _MAX_HEADER: Final = 64 * 1024
+_BACKLOG: Final = 128
+"""Connections that wait to be accepted; asyncio accepts so many at once, and without descriptors it
+fails as many times."""
 _NOT_OTHERS: Final = 0o117  # user and group may use the socket; its folder sets the group
 
 
@@ -50,6 +53,7 @@ def make_server(app: FastAPI, limits: ConnectionLimits) -> ApiServer:
         server_header=False,
         proxy_headers=False,
         h11_max_incomplete_event_size=_MAX_HEADER,
+        backlog=_BACKLOG,
         timeout_keep_alive=limits.idle_s,
         timeout_graceful_shutdown=5,
     )

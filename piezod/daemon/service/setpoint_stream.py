@@ -7,6 +7,8 @@ from typing import Any, Final
 from starlette.requests import ClientDisconnect, Request
 
 from piezod.config.requests import Stream
+from piezod.config.states import State
+from piezod.daemon.service.open_streams import OpenStream
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.refusals import SilentError, TooLargeError
 from piezod.daemon.service.request_context import RequestContext
@@ -17,6 +19,10 @@ MAX_LINE: Final = 1024
 _REMEDY: Final = 'each line must be like {"x": 12.5}, in µm, with the axes of the first line'
 _GONE_LEASE_S: Final = 2.0
 _LINES_AT_ONCE: Final = 100
+_QUIET_S: Final = 0.2
+_QUIET_CYCLES: Final = 7
+_POLL_S: Final = 0.01
+"""A stage holds 0.1 s or 5 cycles after the last setpoint; the wait for it is a little longer."""
 
 
 class SetpointStream:
@@ -29,7 +35,7 @@ class SetpointStream:
 
     def __init__(self, context: RequestContext, connection: PeerProtocol) -> None:
         self._context, self._connection = context, connection
-        self._axes: frozenset[str] = frozenset()
+        self._stream = OpenStream(())
         self.count = 0
 
     async def run(self, request: Request) -> Document:
@@ -39,10 +45,10 @@ class SetpointStream:
             The number of setpoints.
 
         Raises:
-            StageError: If the stage does not follow, a line is not valid, or no line arrives for
-                5 s.
+            StageError: If the stage does not follow, another request takes over an axis, a line is
+                not valid, or no line arrives for 5 s.
         """
-        self._context.claim()
+        self._context.state.lease.check(self._context.peer)
         self._connection.let_body_last()
         why = ""
         try:
@@ -55,18 +61,32 @@ class SetpointStream:
             why = "the client disconnected"
             self._context.state.lease.shorten(self._context.peer, _GONE_LEASE_S)
             raise
+        else:
+            await self._wait_for_hold()
         finally:
+            self._context.state.streams.close(self._stream)
             self._context.note(f"stream ended after {self.count} setpoints", why)
         return {"accepted": True, "setpoints": self.count}
 
+    async def _wait_for_hold(self) -> None:
+        """Wait until the stage holds after the last setpoint, if nothing else moves it."""
+        stage = self._context.stage
+        period_s = 1.0 / stage.config()["rate_hz"]
+        waits = round((_QUIET_S + _QUIET_CYCLES * period_s) / _POLL_S)
+        for _ in range(waits if self.count else 0):
+            if stage.status()["state"] != State.RUN:
+                return
+            await asyncio.sleep(_POLL_S)
+
     async def _take(self, document: Any) -> None:
         setpoints_um = _setpoints(document)
-        if not self._axes:
+        if not self._stream.axes:
             await self._context.ask(Stream(axes=tuple(setpoints_um)))
-            self._axes = frozenset(setpoints_um)
-        if not setpoints_um.keys() <= self._axes:
+            self._stream = self._context.state.streams.open(setpoints_um)
+        if not setpoints_um.keys() <= self._stream.axes:
             raise BadValueError("a line names an axis that the first line does not name", _REMEDY)
         self._context.claim()
+        self._stream.check()
         self._context.stage.stream_setpoint(setpoints_um)
         self.count += 1
         if self.count % _LINES_AT_ONCE == 0:

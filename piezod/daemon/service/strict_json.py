@@ -7,6 +7,7 @@ from typing import Any, Final, NoReturn
 from piezod.daemon.service.refusals import BadJsonError
 
 MAX_DEPTH: Final = 16
+_LARGEST_WHOLE: Final = 2**53
 _MAX_DIGITS: Final = 18  # of whole numbers, so that they fit into 64 bits
 
 
@@ -64,7 +65,8 @@ def _number(digits: str) -> float:
     value = float(digits)
     if not math.isfinite(value):
         raise BadJsonError(f"the number {digits[:40]} is too large")
-    return value
+    # In JSON 190.0 is a whole number like 190; floats without a fraction convert exactly.
+    return int(value) if value.is_integer() and abs(value) < _LARGEST_WHOLE else value
 
 
 def _constant(name: str) -> NoReturn:

@@ -13,6 +13,7 @@ from piezod.units import NS_PER_S
 
 _MODES: Final = tuple(Mode)
 _STATES: Final = tuple(State)
+_BLIND: Final = _STATES.index(State.BLIND)
 
 
 def summarise(
@@ -39,7 +40,10 @@ def summarise(
         "faults": list(fault_ids(_mask(records, "present") | _mask(records[-1:], "latched"))),
         "skipped_cycles": int(last["skipped"]),
         "late_max_us": float(records["late_ns"].max()) / 1000,
-        "axes": {name: _axis(records["axes"][:, place]) for name, place in axes.items()},
+        "axes": {
+            name: _axis(records["axes"][:, place], records["state"] == _BLIND)
+            for name, place in axes.items()
+        },
     }
 
 
@@ -49,8 +53,10 @@ def _mask(records: NDArray[Any], name: str) -> int:
     return int(high) << 64 | int(low)
 
 
-def _axis(records: NDArray[Any]) -> Document:
+def _axis(records: NDArray[Any], blind: NDArray[np.bool_]) -> Document:
     last = records[-1]
+    # In BLIND the record has only the last written voltage, which need not be in force.
+    drive_v = np.where(blind, records["read_back_v"], records["drive_v"])
     position_um, command_um = records["position_um"], records["command_um"]
     return {
         "mode": _MODES[last["mode"]],
@@ -59,7 +65,7 @@ def _axis(records: NDArray[Any]) -> Document:
         "target_um": float(last["target_um"]),
         "position_um": _range(position_um),
         "command_um": _range(command_um),
-        "drive_v": _range(records["drive_v"]),
+        "drive_v": _range(drive_v),
         "error_um": _range(command_um - position_um),
     }
 

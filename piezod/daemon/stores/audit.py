@@ -1,5 +1,6 @@
 """The audit log: who asked for what, and the answer; JSON lines that are only appended."""
 
+import errno
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -74,7 +75,14 @@ class AuditLog:
         """Number of entries that could not be written."""
 
     def write(
-        self, uid: int, user: str, client: str, what: str, accepted: bool, why: str = ""
+        self,
+        uid: int,
+        user: str,
+        client: str,
+        what: str,
+        accepted: bool,
+        why: str = "",
+        when: datetime | None = None,
     ) -> None:
         """Append an entry; it survives the end of this process, and a power failure after `sync`.
 
@@ -87,10 +95,11 @@ class AuditLog:
             what: The request.
             accepted: Whether it is accepted.
             why: Why not.
+            when: Time of the request; None for the present.
         """
-        when = self._now().isoformat(timespec="milliseconds")
+        at = (when or self._now()).isoformat(timespec="milliseconds")
         user, client, what, why = (text[:_MAX_TEXT] for text in (user, client, what, why))
-        entry = AuditLine(when, uid, user, client, what, accepted, why)
+        entry = AuditLine(at, uid, user, client, what, accepted, why)
         line = (json.dumps(entry._asdict()) + "\n").encode()
         try:
             self._append(line)
@@ -154,7 +163,10 @@ class AuditLog:
 
 
 def _open(path: Path) -> int:
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
+    # Checked before: opening a named pipe would wait for a reader.
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "must be a regular file; remove it", str(path))
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     return os.open(path, flags, 0o640)
 
 

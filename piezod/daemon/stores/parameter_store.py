@@ -130,7 +130,9 @@ class ParameterStore:
             sequence: The number that `save` returned; None for the newest.
         """
         rejected: list[Rejected] = []
-        for number in self._newest_first() if sequence is None else (sequence,):
+        for number in self._newest_first():
+            if sequence not in (None, number):
+                continue
             try:
                 document = self._read(number)
             except DataError as error:

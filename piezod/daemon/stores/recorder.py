@@ -1,5 +1,6 @@
 """Records every cycle to a file, in a thread."""
 
+import errno
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -29,6 +30,7 @@ _CHECK_EVERY: Final = 40
 """Reads of the ring between two checks of the free space: one check a second."""
 _RESERVE_BYTES: Final = 500_000_000
 _RESERVE_SHARE: Final = 0.05
+_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class RecordSource(Protocol):
@@ -52,6 +54,7 @@ class RecorderStatus(NamedTuple):
         records: Number of records.
         lost: Number of records that were overwritten before the disk took them.
         why: Why it ended by itself; empty if it did not.
+        disk_full: Whether it ended by itself because the disk was full.
     """
 
     recording: bool
@@ -59,6 +62,7 @@ class RecorderStatus(NamedTuple):
     records: int
     lost: int
     why: str
+    disk_full: bool = False
 
 
 def no_room(folder: Path) -> str:
@@ -154,11 +158,14 @@ class Recorder:
     def stop(self) -> RecorderStatus:
         """End the recording after the records that have come so far, and close its file.
 
-        Without a running recording, return the status of the last one.
+        Without a running recording, return the status of the last one; why it ended by itself is
+        returned once.
         """
         self._ending.set()
         self._join()
-        return self.status
+        ended = self.status
+        self._set_status(ended._replace(why="", disk_full=False))
+        return ended
 
     def _join(self) -> None:
         if self._thread is not None:
@@ -166,11 +173,11 @@ class Recorder:
             self._thread = None
 
     def _record(self, reader: RecordSource, writer: "TelemetryWriter") -> None:
-        why = _failure_of(lambda: self._drain_until_end(reader, writer))
-        why_not_closed = _failure_of(writer.close)  # also after a failure: it keeps what is there
-        why = why or why_not_closed
+        failure = _failure_of(lambda: self._drain_until_end(reader, writer))
+        not_closed = _failure_of(writer.close)  # also after a failure: it keeps what is there
+        why, disk_full = failure if failure.why else not_closed
         name = self.status.name
-        self._set_status(RecorderStatus(False, name, writer.records, writer.lost, why))
+        self._set_status(RecorderStatus(False, name, writer.records, writer.lost, why, disk_full))
         if why:
             logger("recorder").error("recording ended", name=name, why=why)
 
@@ -203,9 +210,18 @@ class Recorder:
             self._status = status
 
 
-def _failure_of(action: Callable[[], str | None]) -> str:
-    """Return why an action fails: its return value, or its exception."""
+class _Failure(NamedTuple):
+    """Why a recording ends by itself; empty if it does not."""
+
+    why: str
+    disk_full: bool
+
+
+def _failure_of(action: Callable[[], str | None]) -> _Failure:
+    """Return the failure of an action: its return value, that the disk is full, or an exception."""
     try:
-        return action() or ""
+        too_full = action() or ""
+        return _Failure(too_full, bool(too_full))
     except Exception as error:  # noqa: BLE001 - the status must report any end of the thread
-        return f"the file cannot be written: {error}"
+        full = isinstance(error, OSError) and error.errno in _FULL
+        return _Failure(f"the file cannot be written: {error}", full)

@@ -60,9 +60,13 @@ class RecordingsFolder:
                 return path
             number += 1
 
+    def path_of(self, name: str) -> Path:
+        """Return the path of a file in `files`."""
+        return self.path / f"{name}{_SUFFIX}"
+
     def find(self, name: str) -> Path | None:
         """Return the file of a name, or None; no name leads out of the folder."""
-        path = self.path / f"{name}{_SUFFIX}"
+        path = self.path_of(name)
         # The pattern first: it refuses "..", slashes and zero bytes before the disk is asked.
         found = _NAME.fullmatch(name) and path.is_file() and not path.is_symlink()
         return path if found else None
@@ -77,4 +81,4 @@ class RecordingsFolder:
     def keep_newest(self, number: int) -> None:
         """Remove all files except the newest."""
         for file in self.files()[number:]:
-            (self.path / f"{file.name}{_SUFFIX}").unlink(missing_ok=True)
+            self.path_of(file.name).unlink(missing_ok=True)

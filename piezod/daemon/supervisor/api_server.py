@@ -7,6 +7,7 @@ from fastapi import FastAPI
 
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.server import bind, make_server
+from piezod.daemon.supervisor.quiet_loop import QuietLoop
 
 _POLL_S = 0.005
 
@@ -32,6 +33,7 @@ class ApiServer:
             OSError: If the socket cannot be bound.
         """
         endpoint = bind(self._path)
+        asyncio.get_running_loop().set_exception_handler(QuietLoop())
         self._inode = self._path.stat().st_ino
         self._serving = asyncio.create_task(self._server.serve([endpoint]))
         # The server has no event for this; a task that has ended raises in `stop`.

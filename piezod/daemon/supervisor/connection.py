@@ -1,18 +1,20 @@
 """The supervisor's connection to one run of the loop process."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
+from piezod.control.faults.table import FAULTS, Reaction
 from piezod.control.guard import read_back_tolerance_v
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
-from piezod.daemon.supervisor.documents import STATES
+from piezod.daemon.supervisor.documents import STATES, masks
 from piezod.daemon.supervisor.health import LoopHealth
 from piezod.daemon.supervisor.requests import LoopRequests
 from piezod.telemetry.events import EventReader
@@ -20,7 +22,8 @@ from piezod.telemetry.learned import LearnedReader
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
-from piezod.telemetry.words import Word
+from piezod.telemetry.succession import Succession, succession_of
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 
 
 class LoopConnection:
@@ -38,7 +41,9 @@ class LoopConnection:
         self.requests = LoopRequests(shared)
         self.events = EventReader(shared)
         self.learned = LearnedReader(shared)
-        self.models = {name: _model(axis.model) for name, axis in config.axes.items()}
+        self.file_models = {name: _model(axis.model) for name, axis in config.axes.items()}
+        """Model of each axis in the configuration; None without one."""
+        self.models = dict(self.file_models)
         """Model that each axis uses now; None without one."""
         self._range_um = {
             name: axis.command_range_um or _range_um(self.models[name])
@@ -56,6 +61,13 @@ class LoopConnection:
         """Renew the beat, by which the loop sees that the supervisor is alive."""
         self.shared.words[Word.SUPERVISOR_BEAT_NS] = now_ns
 
+    def report(self, faults: Collection[Fault]) -> None:
+        """Report the faults of `SUPERVISOR_FAULTS` that are there, to the loop, from now on."""
+        places = enumerate(SUPERVISOR_FAULTS)
+        self.shared.words[Word.SUPERVISOR_FAULTS] = sum(
+            1 << place for place, fault in places if fault in faults
+        )
+
     def latest(self) -> np.void | None:
         """Return the newest record; None before the first."""
         return self._ring.latest()
@@ -68,10 +80,13 @@ class LoopConnection:
     def ended_at_safe_voltage(self) -> bool:
         """Return whether a loop that has ended left every axis at its safe voltage.
 
-        A loop that never opened the devices, or never wrote, left them as they were: True.
+        A loop that never opened the devices, or never wrote, left them as they were: True, unless
+        it replaced a loop that faults had stopped.
         """
         ending = self.last(2)  # the last record is of STOPPING, the one before of the state before
-        if not len(ending) or ending[-1]["shadow"]:
+        if not len(ending):
+            return not self.succession().stopped
+        if ending[-1]["shadow"]:
             return True
         # In BLIND the present voltage is unknown: the record has only the last written one.
         blind = any(STATES[record["state"]] is State.BLIND for record in ending)
@@ -82,6 +97,13 @@ class LoopConnection:
             read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes
         ]
         return not blind and bool(np.all(off_v <= allowed_v))
+
+    def succession(self) -> Succession:
+        """Return what a loop takes over that replaces this one; call it while this one runs."""
+        record = self.latest()
+        if record is None:
+            return succession_of(self.shared) or Succession()
+        return Succession(masks(record)[1], self.state is not State.SAFE)
 
     def last(self, count: int) -> NDArray[Any]:
         """Return the newest records, at most `count`, oldest first."""
@@ -95,17 +117,30 @@ class LoopConnection:
             NotNowError: If the stage follows no stream.
         """
         if self.state is not State.RUN:
-            what = f"the stage is in {self.state}, setpoints are followed in RUN only"
+            what = (
+                f"the stage is in {self.state}{self._because()}, setpoints are followed in RUN only"
+            )
             raise NotNowError(what, "begin the stream again")
         for name, position_um in setpoints_um.items():
             low_um, high_um = self._range_um[name]
             if not low_um <= position_um <= high_um:
-                what = f"axis {name}: out of range (got {position_um:g} µm)"
+                what = f"axis {name}: out of range (got {position_um:.12g} µm)"
                 raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
         # Only when all are valid: the axes of one setpoint move together.
         now_ns = time.monotonic_ns()
         for name, position_um in setpoints_um.items():
             self._streams.set(self.axes.index(name), position_um, now_ns)
+
+    def _because(self) -> str:
+        """Return the faults that stop the stage, for people; empty if there are none."""
+        record = self.latest()
+        bits = 0 if record is None else masks(record)[1]
+        stopping = [
+            rule.id
+            for i, rule in enumerate(FAULTS)
+            if bits >> i & 1 and rule.reaction >= Reaction.HOLD
+        ]
+        return f" because of {', '.join(stopping)}" if stopping else ""
 
 
 def _model(path: Any) -> ModelFile | None:

@@ -11,6 +11,7 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
 from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
 
 Document = dict[str, Any]
@@ -31,9 +32,15 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         record: The newest record; None before the first.
     """
     axes = {
-        name: _axis(None if record is None else record["axes"][i], config)
-        for i, name in enumerate(config.axes)
+        name: {
+            "has_sensor": axis.sensor is not None,
+            **_axis(None if record is None else record["axes"][i], config),
+        }
+        for i, (name, axis) in enumerate(config.axes.items())
     }
+    if record is not None and STATES[record["state"]] is State.BLIND:
+        for axis in axes.values():  # the record has only the last written voltage
+            axis["drive_v"] = axis["read_back_v"]
     obtained = _obtained(shared)
     modes = {axis["mode"] for axis in axes.values()}
     return {
@@ -41,7 +48,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         "state": STATES[shared.words[Word.LOOP_STATE]].value,
         "mode": modes.pop() if len(modes) == 1 else "mixed",
         "shadow": record is not None and bool(record["shadow"]),
-        "faults": [] if record is None else faults(*masks(record)),
+        "faults": faults_of(shared, record),
         "skipped_cycles": shared.words[Word.SKIPPED_CYCLES],
         "not_realtime": [step["name"] for step in obtained["steps"] if not step["ok"]],
         "devices": obtained["devices"],
@@ -69,6 +76,19 @@ def masks(record: np.void) -> tuple[int, int]:
         int(record["present_lo"]) | int(record["present_hi"]) << 64,
         int(record["latched_lo"]) | int(record["latched_hi"]) << 64,
     )
+
+
+def faults_of(shared: SharedMap, record: np.void | None) -> list[Document]:
+    """Return the documents of the faults of a loop.
+
+    Args:
+        shared: The memory shared with the loop.
+        record: The newest record; before the first, the faults of the loop before it are latched.
+    """
+    if record is not None:
+        return faults(*masks(record))
+    succession = succession_of(shared)
+    return faults(0, succession.latched if succession else 0)
 
 
 def faults(present: int, latched: int) -> list[Document]:

@@ -33,10 +33,12 @@ class Housekeeping:
             _log.warning("events lost", count=lost)
 
     async def run(self) -> None:
-        """Write flight records and sync the audit log until cancelled, without blocking."""
+        """Repair old recordings; then write files and report faults until cancelled."""
+        await self._link.stage_recordings.repair()
         while True:
             await asyncio.sleep(PERIOD_S)
             try:
+                self._link.report_faults()
                 await self._link.stage_recordings.write_flight(self._link.loop)
                 await asyncio.to_thread(self._link.stage_audit.sync)
             except Exception:  # noqa: BLE001 - a failing disk must not stop the stage
@@ -49,6 +51,6 @@ class Housekeeping:
         await self._link.stage_recordings.write_flight(self._link.loop, at_once=True)
         await self._link.stage_recordings.close()
         try:
-            self._link.stage_audit.close()
+            await asyncio.to_thread(self._link.stage_audit.close)
         except OSError as error:
             _log.error("audit not closed", why=str(error))

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from select import select
 from typing import Any, Final
@@ -23,6 +24,7 @@ from piezod.daemon.supervisor.notify import without_manager
 from piezod.errors import ConfigError, PiezodError, Problem
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
+from piezod.telemetry.succession import Succession, put_succession
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
@@ -43,21 +45,30 @@ class LoopRun:
         source: The configuration file.
         slot: Name of the folder for the accepted copy; `source` is in another one.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
+        warm: Whether the process compiles before it accepts, so that it starts soon afterwards.
 
     Attributes:
         config_file: Path of the accepted copy.
         config: The accepted configuration, after `accept`.
-        loop: Connection to the loop, after `accept`.
+        started: Whether the process may open the devices.
     """
 
     def __init__(
-        self, paths: StagePaths, source: Path, slot: str, *, strict_rt: bool = False
+        self,
+        paths: StagePaths,
+        source: Path,
+        slot: str,
+        *,
+        strict_rt: bool = False,
+        warm: bool = False,
     ) -> None:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
+        self.started = False
         self._paths, self._source, self._overdue_ns = paths, source, 0
-        arguments = [str(paths.runtime), str(source), str(self.config_file)]
-        strict = ["--strict-rt"] if strict_rt else []
-        self._process = _start("piezod.daemon.loop.process", *arguments, *strict, piped=True)
+        places = (paths.runtime, source, self.config_file, paths.loop_lock)
+        options = {"--strict-rt": strict_rt, "--warm": warm}
+        chosen = [option for option, is_set in options.items() if is_set]
+        self._process = _start("piezod.daemon.loop.process", *map(str, places), *chosen, piped=True)
 
     def accept(self, ended: Callable[[], bool] = bool) -> bool:
         """Wait until the process has accepted the configuration.
@@ -71,7 +82,7 @@ class LoopRun:
         Raises:
             ConfigError: If the configuration is not valid; the text has every problem.
             PiezodError: If the process ended without an answer.
-            OSError: If the shared memory cannot be made.
+            OSError: If the accepted copy cannot be made.
         """
         answer = self._read_line(ended)
         if answer is None:
@@ -80,12 +91,25 @@ class LoopRun:
         if "problems" in answer:
             self.discard()
             raise ConfigError(*(Problem(*problem) for problem in answer["problems"]))
+        if "failed" in answer:
+            self.discard()
+            raise OSError(*answer["failed"])
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
+        return True
+
+    @cached_property
+    def loop(self) -> LoopConnection:
+        """Connection to the loop, by a shared memory that is made at the first use.
+
+        Raises:
+            OSError: If the shared memory cannot be made.
+        """
+        # Not in `accept`: it takes the place of the memory of the running loop.
         shared = create(self._paths.loop_map, Layout.of(self.config))
         shared.words[Word.SUPERVISOR_PID] = os.getpid()
-        self.loop = LoopConnection(self.config, shared)
-        self.loop.beat(time.monotonic_ns())
-        return True
+        loop = LoopConnection(self.config, shared)
+        loop.beat(time.monotonic_ns())
+        return loop
 
     def _read_line(self, ended: Callable[[], bool]) -> dict[str, Any] | None:
         output = self._process.stdout
@@ -104,12 +128,22 @@ class LoopRun:
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    def start(self, *, unclean: bool = False) -> None:
+    @property
+    def idle(self) -> bool:
+        """Whether the loop has not run a cycle, and so has driven nothing."""
+        words = self.loop.shared.words
+        return not words[Word.HEALTHY_CYCLES] and self.loop.latest() is None
+
+    def start(self, succession: Succession | None = None, *, unclean: bool = False) -> None:
         """Let the process open the devices and run.
 
         Args:
+            succession: What it takes over from the loop that it replaces.
             unclean: Whether the daemon did not end in order last time.
         """
+        self.started = True
+        if succession is not None:
+            put_succession(self.loop.shared, succession)
         self.loop.shared.words[Word.UNCLEAN] = unclean
         if self._process.stdin is not None:
             # If it has ended already, its exit code is the report.

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from piezod.errors import naming
+
 
 class Marker:
     """A file that exists from the start of a run until its orderly end.
@@ -24,9 +26,14 @@ class Marker:
         """
         file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
-            os.ftruncate(file, 0)
-            os.write(file, f"{os.getpid()}\n".encode())
-            os.fsync(file)
+            with naming(self._path):
+                os.ftruncate(file, 0)
+                os.write(file, f"{os.getpid()}\n".encode())
+                os.fsync(file)
+        except OSError:
+            if not self.unclean:
+                self._path.unlink()
+            raise
         finally:
             os.close(file)
         self._sync_folder()  # the content alone would be lost with its name

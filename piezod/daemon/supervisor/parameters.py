@@ -1,9 +1,9 @@
 """Saves the learned parameters of a stage, and loads them again."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
@@ -12,7 +12,7 @@ from piezod.config.model_file import ModelFile
 from piezod.config.requests import AdoptModel
 from piezod.control.stage.answer import Answer
 from piezod.daemon.logging import logger
-from piezod.daemon.service.stage_service import NotNowError, UnknownNameError
+from piezod.daemon.service.stage_service import NotNowError, StageError, UnknownNameError
 from piezod.daemon.stores.parameter_document import AxisParameters
 from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.daemon.supervisor.connection import LoopConnection
@@ -22,6 +22,20 @@ from piezod.telemetry.learned import LearnedAxis
 Document = dict[str, Any]
 
 _log = logger("parameters")
+
+
+class _Kept(NamedTuple):
+    """The parameters of a loop that has ended.
+
+    Attributes:
+        axes: Parameters by name of the axis.
+        file_models: Model of each axis in its configuration.
+        lost: What cannot be kept, for people.
+    """
+
+    axes: Mapping[str, AxisParameters]
+    file_models: Mapping[str, ModelFile | None]
+    lost: list[str]
 
 
 class LearnedParameters:
@@ -34,6 +48,9 @@ class LearnedParameters:
     def __init__(self, store: ParameterStore) -> None:
         self._store = store
         self._sequence: int | None = None
+        self._kept: _Kept | None = None
+        self.rejected = False
+        """Whether saved parameters could not be used at the start; True until the loop knows it."""
         # The store is for one thread at a time, and weights must belong to the model in use.
         self._one_at_a_time = asyncio.Lock()
 
@@ -80,7 +97,9 @@ class LearnedParameters:
             _log.error("parameters rejected", file=each.file, why=each.why)
         if loaded.document is None:
             why = "; ".join(f"{each.file}: {each.why}" for each in loaded.rejected)
-            raise UnknownNameError(why or "nothing is saved", "see `piezod params list`")
+            details = {"rejected": rejected} if rejected else None
+            nothing = "nothing is saved" + (f" as {sequence}" if sequence else "")
+            raise UnknownNameError(why or nothing, "see `piezod params history`", details)
         _check_axes(loaded.document.axes, loop)  # all of them, before the first is changed
         for name, axis in loaded.document.axes.items():
             if axis.model is not None:  # an axis without a model has learned nothing
@@ -90,6 +109,66 @@ class LearnedParameters:
                     raise NotNowError(f"axis {name}: {answer.why}")
         self._sequence = loaded.document.sequence
         return {"sequence": self._sequence, "copy": loaded.copy, "rejected": rejected}
+
+    async def keep(self, loop: LoopConnection, axes: Collection[str]) -> None:
+        """Keep the parameters in use for the loop that a reload starts after this one.
+
+        Args:
+            loop: The loop.
+            axes: The axes that keep them; those of the others lose their meaning.
+        """
+        async with self._one_at_a_time:
+            self._kept = await asyncio.to_thread(_kept, loop, axes)
+
+    async def restore(self, loop: LoopConnection) -> list[str]:
+        """Let a loop that has just started begin with the kept parameters, or else the saved ones.
+
+        Returns:
+            What has been lost, and the remedy, for people; empty if nothing has.
+        """
+        kept, self._kept = self._kept, None
+        if kept is None or not (kept.axes or kept.lost):
+            return await self._restore_saved(loop)
+        lost = [*kept.lost]
+        for name, axis in kept.axes.items():
+            # A model that was exchanged in the file replaces the learned one.
+            new_model = loop.models[name] != kept.file_models[name]
+            model = loop.models[name] if new_model else axis.model
+            lost += await self._restore_axis(loop, name, model, axis.zero_um)
+        for what in lost:
+            _log.error("parameters lost at the reload", what=what)
+        return lost
+
+    async def _restore_axis(
+        self, loop: LoopConnection, name: str, model: ModelFile | None, zero_um: float
+    ) -> list[str]:
+        """Restore one axis; return what has been lost."""
+        if model is None:
+            what = f"axis {name}: the sensor zero, because it has no model; `piezod zero` again"
+            return [what] if zero_um else []
+        try:
+            answer = await self.adopt(loop, AdoptModel(axis=name, model=model, zero_um=zero_um))
+        except StageError as error:
+            answer = Answer(False, str(error))
+        if answer.accepted:
+            return []
+        self.rejected = True
+        return [f"axis {name}: {answer.why}; `piezod params load` loads the saved ones"]
+
+    async def _restore_saved(self, loop: LoopConnection) -> list[str]:
+        """Load the newest saved parameters, if there are any; return why they are not used."""
+        try:
+            document = await self.load(loop, None)
+        except UnknownNameError as error:
+            self.rejected = bool(error.details)
+            return []  # nothing was saved, or `load` has logged the rejected files
+        except StageError as error:
+            self.rejected = True
+            _log.error("saved parameters not loaded", why=str(error))
+            return [f"the saved parameters: {error}"]
+        self.rejected = bool(document["rejected"])
+        _log.info("saved parameters loaded", sequence=document["sequence"])
+        return []
 
     async def adopt(self, loop: LoopConnection, request: AdoptModel) -> Answer:
         """Let the loop use a model.
@@ -112,17 +191,44 @@ def _check_axes(stored: Mapping[str, AxisParameters], loop: LoopConnection) -> N
 
 
 def _in_use(loop: LoopConnection) -> dict[str, AxisParameters]:
-    found = {}
+    found = {name: _axis_in_use(loop, i) for i, name in enumerate(loop.axes)}
+    return {name: axis for name, axis in found.items() if axis is not None}
+
+
+def _axis_in_use(loop: LoopConnection, index: int) -> AxisParameters | None:
+    """Return the parameters of one axis, None before they were first published.
+
+    Raises:
+        ValidationError: If they are beyond their ranges.
+    """
+    learned = loop.learned.read(index)
+    if learned is None:
+        return None
+    return AxisParameters(
+        model=_with_weights(loop.models[loop.axes[index]], learned),
+        zero_um=learned.zero_um,
+        offset=learned.offset,
+        scale=learned.scale,
+    )
+
+
+def _kept(loop: LoopConnection, kept: Collection[str]) -> _Kept:
+    axes: dict[str, AxisParameters] = {}
+    lost: list[str] = []
     for i, name in enumerate(loop.axes):
-        learned = loop.learned.read(i)
-        if learned is not None:
-            found[name] = AxisParameters(
-                model=_with_weights(loop.models[name], learned),
-                zero_um=learned.zero_um,
-                offset=learned.offset,
-                scale=learned.scale,
-            )
-    return found
+        if name not in kept:
+            what = f"axis {name}: zero and weights, because its devices or its compensator changed"
+            lost.append(f"{what}; `piezod zero` again")
+            continue
+        try:
+            found = _axis_in_use(loop, i)
+        except ValidationError as error:
+            why = error.errors()[0]["msg"]
+            lost.append(f"axis {name}: {why}; `piezod zero` and identify again")
+            continue
+        if found is not None:
+            axes[name] = found
+    return _Kept(axes, loop.file_models, lost)
 
 
 def _with_weights(model: ModelFile | None, learned: LearnedAxis) -> ModelFile | None:

@@ -18,6 +18,8 @@ from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.stores.recorder import Recorder, RecorderError, RecordSource
 from piezod.daemon.supervisor.connection import LoopConnection
+from piezod.errors import DataError
+from piezod.records.repair import repair
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations, record_dtype
@@ -61,6 +63,11 @@ class StageRecordings:
         status = self._recorder.status
         return status.name if status.recording else ""
 
+    @property
+    def disk_full(self) -> bool:
+        """Whether the disk was too full for the last recording, and no client knows that yet."""
+        return self._recorder.status.disk_full
+
     async def start(self, loop: LoopConnection, label: str | None) -> Document:
         """Start recording every cycle.
 
@@ -79,12 +86,12 @@ class StageRecordings:
         return {"name": name}
 
     async def stop(self) -> Document:
-        """End the recording.
+        """End the recording, or return that it has ended by itself, and why.
 
         Raises:
             NotNowError: If there is none.
         """
-        if not self.running_name:
+        if not self.running_name and not self._recorder.status.why:
             raise NotNowError("nothing is being recorded", "start a recording first")
         async with self._one_at_a_time:
             status = await asyncio.to_thread(self._recorder.stop)
@@ -96,6 +103,21 @@ class StageRecordings:
         files = await asyncio.to_thread(self._recorder.folder.files)
         finished = [each._asdict() for each in files if each.name != self.running_name]
         return (status._asdict() if status.recording else None), finished
+
+    async def repair(self) -> None:
+        """Make the files of a daemon that was killed open plainly; call it before all else."""
+        async with self._one_at_a_time:
+            await asyncio.to_thread(self._repair)
+
+    def _repair(self) -> None:
+        for folder in (self._recorder.folder, self._flights.folder):
+            for each in folder.files():
+                path = folder.path_of(each.name)
+                try:
+                    if repair(path):
+                        _log.warning("recording was not closed: repaired", file=str(path))
+                except (DataError, OSError) as error:
+                    _log.error("recording not repaired", why=str(error))
 
     def take_event(self, event: StageEvent) -> None:
         """Pass an event to the flight recorder, which a fault triggers."""

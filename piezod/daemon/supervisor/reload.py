@@ -6,21 +6,30 @@ first and starts the second. If the second does not start, a loop with the old c
 
 import asyncio
 import json
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
+from piezod.daemon.logging import logger
+from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.errors import ConfigError, PiezodError
 
 UP_WITHIN_S: Final = 60.0
-"""How long a loop may take to its first healthy cycle, in s; compiling may take most of it."""
+"""How long a loop may take to its first cycle, in s; compiling may take most of it."""
 AT_REST: Final = (State.SAFE, State.FAULT, State.BLIND)
 """States in which nothing is driven."""
+_LEARNED_WITH: Final = ("sensor", "amplifier", "compensator")
+"""Keys of an axis; if one changes, zero and learned weights have no meaning. A changed model
+replaces the weights only."""
 _POLL_S: Final = 0.02
+
+_log = logger("supervisor")
 
 
 async def prepare(
@@ -41,7 +50,8 @@ async def prepare(
     # Two folders by turns: the copy of the running loop stays, for `piezod safe` and a way back.
     slot = "config-b" if run.config_file.parent.name == "config-a" else "config-a"
     try:
-        fresh = LoopRun(paths, source, slot, strict_rt=strict_rt)
+        # Warm: there is no loop from the end of the old one to the first cycle of the new one.
+        fresh = LoopRun(paths, source, slot, strict_rt=strict_rt, warm=True)
         await asyncio.to_thread(fresh.accept)
     except ConfigError as error:
         raise BadValueError(str(error), "the configuration in force is kept; correct it") from error
@@ -85,6 +95,32 @@ def _flat(document: dict[str, Any], path: str = "") -> dict[str, Any]:
     return flat
 
 
+def kept_axes(config: DaemonConfig, different: Sequence[str]) -> set[str]:
+    """Return the axes whose learned parameters a changed configuration does not concern.
+
+    Args:
+        config: The configuration in force.
+        different: The paths of all values that change, from `changes`.
+    """
+    if any(path.startswith("devices.") for path in different):
+        return set()
+    changed = {tuple(path.split(".")[1:3]) for path in different if path.startswith("axes.")}
+    return {
+        name for name in config.axes if not any((name, key) in changed for key in _LEARNED_WITH)
+    }
+
+
+def _forget_identities(path: Path, different: Sequence[str]) -> None:
+    """Remove the stored identities of devices whose configuration changes: others are meant."""
+    changed = {place.split(".")[1] for place in different if place.startswith("devices.")}
+    try:
+        known = noted_identities(path)
+        if changed & known.keys():
+            note_identities(path, {name: known[name] for name in known.keys() - changed})
+    except OSError as error:  # the new loop then waits for the old device, and says so
+        _log.error("identities not changed", why=str(error))
+
+
 async def exchange(
     run: LoopRun, paths: StagePaths, fresh: LoopRun, use: Callable[[LoopRun], None]
 ) -> bool:
@@ -100,19 +136,33 @@ async def exchange(
         Whether the new loop started; otherwise a loop with the old configuration was started.
 
     Raises:
-        StageError: If that one could not be started either.
+        StageError: If the new loop has no shared memory; then the old one runs on. Or if the loop
+            with the old configuration could not be started.
     """
+    succession = run.loop.succession()
+    _make_memory(fresh)
     # Never both: they would drive the same devices.
     await _end(run)
+    await asyncio.to_thread(_forget_identities, paths.identities, changes(run, fresh))
     use(fresh)
-    fresh.start()
+    fresh.start(succession)
     if await _up(fresh):
         return True
     await _end(fresh)
     back = await prepare(run, paths, run.config_file)  # the copy, not the file, which has changed
     use(back)
-    back.start()
+    back.start(succession)
     return False
+
+
+def _make_memory(fresh: LoopRun) -> None:
+    """Make the shared memory of a loop, while the loop before it still runs."""
+    try:
+        fresh.loop.beat(time.monotonic_ns())
+    except OSError as error:
+        fresh.discard()
+        what = f"the configuration was not exchanged: {error}"
+        raise NotNowError(what, "look at the log and at the disk") from error
 
 
 async def _end(run: LoopRun) -> None:
@@ -123,7 +173,7 @@ async def _end(run: LoopRun) -> None:
 
 
 async def _up(run: LoopRun) -> bool:
-    """Wait for the first healthy cycle; the caller's `_watch` updates the health of the loop."""
+    """Wait for the first cycle; the caller's `_watch` updates the health of the loop."""
     loop = asyncio.get_running_loop()
     end_s = loop.time() + UP_WITHIN_S
     while run.exit_code is None and loop.time() < end_s:

@@ -5,9 +5,10 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from piezod.config.packed_waveforms import WaveformCostError
 from piezod.config.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
+from piezod.daemon.service.stage_service import BadValueError, NoAnswerError, UnavailableError
 from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.shared_map import SharedMap
@@ -38,6 +39,7 @@ class LoopRequests:
         """Execute a request in the loop; return the answer.
 
         Raises:
+            BadValueError: If its waveforms are too large for the loop.
             UnavailableError: If too many requests wait already.
             NoAnswerError: If the loop does not take it in time. Then it is not executed, except an
                 emergency stop, which the loop executes as soon as it can.
@@ -57,7 +59,7 @@ class LoopRequests:
                 return Answer(found.accepted, found.why, found.motion)
             await asyncio.sleep(_POLL_S)  # the loop only writes to memory, and wakes no process
         # A loop that still compiles its kernels takes no request.
-        if not self._words[Word.HEALTHY_CYCLES]:
+        if not self._words[Word.LOOP_BEAT_NS]:
             raise NoAnswerError("the loop is starting", "try again in some seconds")
         what = f"the loop did not take the request within {self._expires_ns / NS_PER_S:g} s"
         raise NoAnswerError(what, "look at the log and at `piezod status`, then try again")
@@ -66,11 +68,14 @@ class LoopRequests:
         """Post a request without waiting; return its number.
 
         Raises:
+            BadValueError: If its waveforms are too large for the loop.
             UnavailableError: If too many requests wait already, or it is too large.
         """
         try:
             return self._mailbox.post(
                 encode(request), expires_ns, urgent=isinstance(request, URGENT)
             )
+        except WaveformCostError as error:
+            raise BadValueError(error.what, error.remedy) from error
         except MailboxFullError as error:
             raise UnavailableError(str(error)) from error

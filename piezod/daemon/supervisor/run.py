@@ -1,8 +1,11 @@
 """Runs a stage, from its configuration file to the end of its daemon."""
 
 import asyncio
+import sys
 from pathlib import Path
 
+from piezod.daemon.background import BackgroundStream
+from piezod.daemon.descriptors import raise_limit
 from piezod.daemon.durations import ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.logging import set_up_logging
@@ -33,12 +36,21 @@ def run_stage(
 
     Raises:
         ConfigError: If the configuration is not valid; no device was opened.
-        PiezodError: If the loop process ended before it had read the configuration.
+        PiezodError: If the loop process ended before it had read the configuration, or if this
+            process may not open enough files.
         AlreadyRunningError: If another daemon took the lock while `piezod safe` had it.
         DeviceUnavailableError: If a required device was absent.
         OSError: If a file of the stage cannot be made.
     """
-    set_up_logging()
+    with BackgroundStream(sys.stderr) as log:
+        set_up_logging(log)
+        raise_limit()
+        return _run_stage(source, options, paths, lock, signals)
+
+
+def _run_stage(
+    source: Path, options: RunOptions, paths: StagePaths, lock: Lock, signals: Signals
+) -> bool:
     marker = Marker(paths.running)
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
     if not run.accept(lambda: bool(signals.end) and not marker.unclean):
@@ -53,8 +65,17 @@ def run_stage(
             run.discard()
             return safe  # the mark stays: no operator has looked at the stage yet
         lock.take()
-    supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
-    ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
+    try:
+        supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
+        ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
+    except OSError:  # a file of the stage cannot be made
+        if not run.started:  # it may have no shared memory to ask for its cycles
+            run.discard()
+            if not marker.unclean:
+                marker.remove()
+        raise
+    if ending is Ending.LOST:
+        _remove(marker, supervisor.loop_run)
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
         paths.loop_map.unlink(missing_ok=True)
         # Without its device this run cannot have ended what an unclean one left in force.
@@ -63,6 +84,12 @@ def run_stage(
     if ending is Ending.ABSENT:
         raise DeviceUnavailableError("a device of this stage is absent; the log says which")
     return ending is Ending.IN_ORDER or (ending is Ending.UNSAFE and safe)
+
+
+def _remove(marker: Marker, run: LoopRun) -> None:
+    """Remove the mark of a run that has driven nothing, unless the one before has left it."""
+    if run.idle and not marker.unclean:
+        marker.remove()
 
 
 async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> tuple[Ending, bool]:

@@ -3,12 +3,15 @@
 import asyncio
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from piezod.config.requests import AdoptModel, Arm, Request, Shutdown
+from piezod.config.endpoints import TOWARDS_SAFETY
+from piezod.config.faults import Fault
+from piezod.config.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
@@ -18,17 +21,20 @@ from piezod.daemon.service.stage_service import (
     Document,
     Peer,
     RecordReader,
-    StageError,
     UnavailableError,
-    UnknownNameError,
 )
 from piezod.daemon.stores.audit import AuditLog
+from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
 from piezod.telemetry.ring import RingReader
+
+EXCHANGED_WITHIN_S: Final = 8.0
+"""How long a request waits for the end of an exchange, in s; clients wait 10 s for an answer."""
+_POLL_S: Final = 0.02
 
 _log = logger("service")
 
@@ -56,12 +62,12 @@ class StageLink:
         self.loop = loop
         """Connection to the loop; a reload replaces it."""
         self.available = True
-        """Whether the loop accepts requests; False during an exchange."""
+        """Whether there is a loop for requests; False during an exchange."""
         self.parameters = LearnedParameters(ParameterStore(paths.parameters, paths.name))
         self.stage_recordings = StageRecordings(
             paths, len(loop.axes), self.open_reader, self._last, self._weights
         )
-        self.stage_audit = AuditLog(paths.audit)
+        self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
 
     @property
@@ -82,7 +88,9 @@ class StageLink:
             return Answer(True)
         if isinstance(request, Arm) and self._shadow:
             request = Arm(shadow=True)
-        loop = self._running()
+        if not self.available and TABLE[request.kind].access == TOWARDS_SAFETY:
+            return Answer(True)  # an exchange drives nothing, and neither does the new loop
+        loop = await self._running_soon(inf if isinstance(request, Estop) else EXCHANGED_WITHIN_S)
         if isinstance(request, AdoptModel):  # not while parameters are read or saved
             return await self.parameters.adopt(loop, request)
         return await loop.requests.ask(request)
@@ -98,16 +106,15 @@ class StageLink:
         return {"stage": self._paths.name, **document}
 
     def health(self) -> tuple[bool, Document]:
-        """Return whether the loop runs on schedule, with the age of its last healthy cycle."""
-        # Before its first healthy cycle a loop neither hangs nor is healthy.
+        """Return whether the loop runs on schedule, with the age of its last cycle."""
+        # Before its first cycle a loop neither hangs nor is healthy.
         health, now_ns = self.loop.health, time.monotonic_ns()
         healthy = self.available and health.started and not health.hung(now_ns)
         return healthy, {"healthy": healthy, "cycle_age_s": health.age_s(now_ns)}
 
     def faults(self) -> list[Document]:
         """Return the faults that are present or latched."""
-        record = self.loop.latest()
-        return [] if record is None else stage_documents.faults(*stage_documents.masks(record))
+        return stage_documents.faults_of(self.loop.shared, self.loop.latest())
 
     def fault_ids(self, mask: int) -> Sequence[str]:
         """Return the ids of the faults in a mask of a record."""
@@ -147,16 +154,17 @@ class StageLink:
         _log.info("parameters loaded", user=peer.user, sequence=document["sequence"])
         return document
 
-    async def restore_params(self) -> None:
-        """Load the newest saved parameters, if there are any, into a loop that has just started."""
-        try:
-            document = await self.parameters.load(self._running(), None)
-        except UnknownNameError:
-            return  # nothing was saved; rejected files are in the log already
-        except StageError as error:
-            _log.error("saved parameters not loaded", why=str(error))
-            return
-        _log.info("saved parameters loaded", sequence=document["sequence"])
+    async def restore_params(self) -> list[str]:
+        """Restore the parameters of a loop that has just started; return what has been lost."""
+        return await self.parameters.restore(self._running())
+
+    def report_faults(self) -> None:
+        """Report the faults of this process to the loop, which shows them with its own."""
+        record = self.loop.latest()
+        if record is not None and Fault.D8 in self.fault_ids(stage_documents.masks(record)[1]):
+            self.parameters.rejected = False  # latched: the loop knows it
+        found = {Fault.D8: self.parameters.rejected, Fault.P6: self.stage_recordings.disk_full}
+        self.loop.report([fault for fault, is_there in found.items() if is_there])
 
     async def start_recording(self, label: str | None, peer: Peer) -> Document:
         """Start recording every cycle."""
@@ -192,6 +200,13 @@ class StageLink:
     def _weights(self) -> dict[str, NDArray[Any]]:
         learned = {name: self.loop.learned.read(i) for i, name in enumerate(self.loop.axes)}
         return {name: axis.weights for name, axis in learned.items() if axis is not None}
+
+    async def _running_soon(self, within_s: float) -> LoopConnection:
+        """Return the loop; wait for the end of an exchange, at most this time."""
+        end_s = time.monotonic() + within_s
+        while not self.available and time.monotonic() < end_s:
+            await asyncio.sleep(_POLL_S)
+        return self._running()
 
     def _running(self) -> LoopConnection:
         if not self.available:

@@ -24,7 +24,13 @@ from piezod.daemon.supervisor.heartbeat import Heartbeat
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.notify import Notifier
-from piezod.daemon.supervisor.reload import AT_REST, changes, exchange, prepare
+from piezod.daemon.supervisor.reload import (
+    AT_REST,
+    changes,
+    exchange,
+    kept_axes,
+    prepare,
+)
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
@@ -34,6 +40,9 @@ PERIOD_S: Final = 0.1
 
 _ACCEPTS_PARAMS: Final = frozenset({State.SAFE, State.FAULT})
 """States in which a loop accepts other parameters."""
+
+_RESTORED_WITHIN_S: Final = 5.0
+"""How long the answer to a reload waits until the new loop has its parameters, in s."""
 
 _log = logger("supervisor")
 
@@ -65,7 +74,7 @@ class Supervisor:
         self._source, self._paths, self._options = source, paths, options
         self._notifier, self._signals = notifier, signals
         self._ending = Ending.IN_ORDER
-        self._stopping = self._ready = self._exchanging = False
+        self._stopping = self._ready = self._reloading = self._exchanging = False
         self._state: State | None = None
         self.loop_run = run
         self._link = StageLink(
@@ -82,6 +91,7 @@ class Supervisor:
         )
         self._tasks: set[asyncio.Task[object]] = set()
         self._restored: LoopRun | None = None
+        self._restoring: asyncio.Task[list[str]] | None = None
 
     async def run(self, *, unclean: bool) -> Ending:
         """Run until the end; then the loop process has ended, or no longer gets a beat.
@@ -174,14 +184,14 @@ class Supervisor:
             self._notifier.status(self._state.value)
 
     def _restore_params(self, run: LoopRun) -> None:
-        """Let each new loop begin with the saved parameters, when it has its devices."""
+        """Let each new loop begin with its parameters, when it has its devices."""
         if (
             run is not self._restored
             and run.loop.devices_opened
             and run.loop.state in _ACCEPTS_PARAMS
         ):
             self._restored = run
-            self._run_beside(self._link.restore_params())
+            self._restoring = asyncio.create_task(self._link.restore_params())
 
     def _run_beside(self, what: Coroutine[object, object, object]) -> None:
         task = asyncio.create_task(what)
@@ -189,14 +199,31 @@ class Supervisor:
         task.add_done_callback(self._tasks.discard)
 
     async def reload(self, peer: Peer) -> Document:
-        """Read the configuration again and exchange the loop, or keep the present one.
+        """Read the configuration again; if it has changed, exchange the loop.
+
+        Latched faults, the identities of the devices and the learned parameters go on, as far as
+        the new configuration is about the same devices and models.
+
+        Returns:
+            The changed values (`changes`), and what has been lost of the parameters (`lost`).
 
         Raises:
             BadValueError: If the configuration is not valid.
             NotNowError: If it cannot be exchanged now.
         """
-        run, strict_rt = self.loop_run, self._options.strict_rt
         self._check_exchange()
+        if self._reloading:
+            raise NotNowError("another reload is in progress", "wait for its end")
+        self._reloading = True
+        try:
+            different = await self._reload(peer)
+        finally:
+            self._reloading = False
+        lost = await self._lost_parameters() if different else []
+        return {"changes": different, "lost": lost}
+
+    async def _reload(self, peer: Peer) -> list[str]:
+        run, strict_rt = self.loop_run, self._options.strict_rt
         fresh = await prepare(run, self._paths, self._source, strict_rt=strict_rt)
         different = changes(run, fresh)
         try:
@@ -205,6 +232,10 @@ class Supervisor:
             fresh.discard()
             raise
         _log.info("reload", user=peer.user, changes=different)
+        if not different:
+            fresh.discard()
+            return []
+        await self._link.parameters.keep(run.loop, kept_axes(run.config, different))
         # From here on the end of a loop is not taken for a loss.
         self._exchanging, self._link.available = True, False
         try:
@@ -215,7 +246,15 @@ class Supervisor:
             _log.error("reload failed", what="the old configuration is in force")
             what = "the loop did not start with the new configuration; the old one is in force"
             raise NotNowError(what, "the log says why")
-        return {"changes": different}
+        return different
+
+    async def _lost_parameters(self) -> list[str]:
+        """Return what the loop lost of its parameters; wait for them if it has its devices."""
+        run, now_s = self.loop_run, asyncio.get_running_loop().time
+        end_s = now_s() + _RESTORED_WITHIN_S
+        while self._restored is not run and run.loop.devices_opened and now_s() < end_s:
+            await asyncio.sleep(PERIOD_S)
+        return await self._restoring if self._restored is run and self._restoring else []
 
     def _check_exchange(self) -> None:
         state = self.loop_run.loop.state
@@ -223,6 +262,9 @@ class Supervisor:
             raise NotNowError("the loop is being exchanged or stopped", "try again later")
         if state not in AT_REST:
             raise NotNowError(f"not in state {state}", "disarm first")
+        if state is State.BLIND and self.loop_run.loop.devices_opened:
+            what = "the amplifier was lost, and its voltage is unknown"
+            raise NotNowError(what, "wait until it answers again, or restart the daemon")
         # The header of a recording has one configuration for all its records.
         if name := self._link.stage_recordings.running_name:
             raise NotNowError(f"recording {name} is running", "stop it first")

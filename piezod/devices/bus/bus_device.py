@@ -49,6 +49,8 @@ class BusDevice:
         self._lasting_flags = NO_FLAGS
         self.lost = ""
         """Reason of the loss, for people; empty if the device is connected."""
+        self.last_fault = ""
+        """Text of the last failed exchange, for people; empty if none has failed since opening."""
 
     def open(self) -> Identity:
         """Connect and return the identity; outputs stay as they are.
@@ -75,7 +77,7 @@ class BusDevice:
         same = is_same(identity, self._first_identity)
         self._lasting_flags = NO_FLAGS if same else frozenset({DeviceFlag.OTHER_DEVICE})
         self._no_flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
-        self.lost = ""
+        self.lost = self.last_fault = ""
         self._events = set()
         return identity
 
@@ -215,6 +217,7 @@ class BusDevice:
 
     def _note_fault(self, fault: LineFault) -> None:
         self._events.add(fault.flag)
+        self.last_fault = str(fault)
         if fault.flag in LOSING:
             self.lost = str(fault)
 

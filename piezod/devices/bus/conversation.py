@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, TypeAlias
 
+from piezod.devices.bus.byte_trace import shown
 from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
 
@@ -19,6 +20,9 @@ SLOW: Final = 0.8
 """Share of the time-out above which a reply counts as slow."""
 MOST_BYTES: Final = 65_536
 """Number of bytes without a frame above which they count as garbage."""
+
+MOST_KEPT: Final = 200
+"""Number of dropped bytes that are kept for a message."""
 
 
 class _StillOwedError(LineFault):
@@ -46,7 +50,10 @@ class Conversation:
         self._owed: LengthOf | None = None
         self._owed_fits: Fits | None = None
         self._owed_until_ns = 0
+        self._owed_why = ""
         self._noticed: set[DeviceFlag] = set()
+        self.dropped = b""
+        """Bytes that came during the last exchange, or before it, and were no reply."""
 
     def restart(self) -> None:
         """Start anew; call it whenever the line was opened.
@@ -105,56 +112,77 @@ class Conversation:
         Args:
             request: Bytes to send.
             length_of: Finds frames.
-            is_reply: Returns whether a frame answers this very request and no earlier one; None if
-                frames carry no tag.
+            is_reply: Returns whether a frame answers this very request; None without a tag.
             timeout_ns: Time-out in ns, if it differs from the default.
-            fits: For frames without a tag, if `length_of` also finds frames of other types: returns
-                whether a frame has the type of this reply or is an error reply. Other frames are
-                garbage, and the reply stays owed.
+            fits: For frames without a tag: returns whether a frame has the type of this reply or is
+                an error reply. Other frames are garbage, and the reply stays owed.
 
         Raises:
-            LineFault: `LATE_REPLY` if no reply came in time, or as raised by the line.
+            LineFault: `LATE_REPLY` if no reply came in time, with the bytes that came instead; or
+                as raised by the line.
         """
+        self.dropped = b""
         if self._owed is not None or self._rest:
             self._drop_earlier()
-        line = self._line
         # Bytes that came before the request cannot be its reply.
-        if stale := line.receive(0):
+        if stale := self._line.receive(0):
             self._note_dropped(stale)
-        line.send(request)
-        belongs = is_reply or fits  # None: every frame is the reply
-        begin_ns = line.now_ns()
+        self._line.send(request)
         wait_ns = self._timeout_ns if timeout_ns is None else timeout_ns
-        end_ns = begin_ns + wait_ns
+        end_ns = self._line.now_ns() + wait_ns
+        # With a tag a frame that does not fit is the reply to an earlier request; without one it is
+        # unsolicited.
+        stray = DeviceFlag.OUT_OF_ORDER if is_reply else DeviceFlag.GARBAGE
+        frame = self._wait_for(length_of, is_reply or fits, stray, wait_ns)
+        if frame is not None:
+            return frame
+        if self._rest:
+            self._note_garbage(self._rest)
+        # A late reply without a tag could be taken for the next one, so it has to be waited for.
+        if is_reply is None:
+            self._owed, self._owed_fits = length_of, fits
+            self._owed_until_ns = end_ns + PATIENCE * wait_ns
+        what = f"no reply within {wait_ns / 1e6:g} ms"
+        if self.dropped:
+            what += f": what came does not fit: {shown(self.dropped)}"
+        self._owed_why = what
+        raise LineFault(DeviceFlag.LATE_REPLY, what)
+
+    def _wait_for(
+        self, length_of: LengthOf, belongs: Fits | None, stray: DeviceFlag, wait_ns: int
+    ) -> bytes | None:
+        """Return the first frame that belongs to the request, None if none comes in time.
+
+        Args:
+            length_of: Finds frames.
+            belongs: Returns whether a frame is the reply; None if every frame is.
+            stray: Flag of any other frame.
+            wait_ns: Longest wait, in ns.
+        """
+        line = self._line
+        begin_ns = line.now_ns()
         got, left_ns = b"", wait_ns
         while left_ns > 0:
             got += line.receive(left_ns)
             # One delivery may hold a part of a frame, or several frames with garbage in between.
             while length := length_of(got):
+                piece, got = got[: abs(length)], got[abs(length) :]
                 if length < 0:
-                    self._noticed.add(DeviceFlag.GARBAGE)
-                    got = got[-length:]
-                    continue
-                frame, got = got[:length], got[length:]
-                if belongs is None or belongs(frame):
+                    self._note_garbage(piece)
+                elif belongs is None or belongs(piece):
                     self._rest = got
                     if line.now_ns() - begin_ns > SLOW * wait_ns:
                         self._noticed.add(DeviceFlag.SLOW_REPLY)
-                    return frame
-                # With a tag it is the reply to an earlier request; without one it is unsolicited.
-                self._noticed.add(DeviceFlag.OUT_OF_ORDER if is_reply else DeviceFlag.GARBAGE)
+                    return piece
+                else:
+                    self._noticed.add(stray)
+                    self._keep_dropped(piece)
             if len(got) > MOST_BYTES:
+                self._note_garbage(got)
                 got = b""
-                self._noticed.add(DeviceFlag.GARBAGE)
-            left_ns = end_ns - line.now_ns()
-        if got:
-            self._noticed.add(DeviceFlag.GARBAGE)
+            left_ns = begin_ns + wait_ns - line.now_ns()
         self._rest = got
-        # A late reply without a tag could be taken for the next one, so it has to be waited for.
-        if is_reply is None:
-            self._owed, self._owed_fits = length_of, fits
-            self._owed_until_ns = end_ns + PATIENCE * wait_ns
-        raise LineFault(DeviceFlag.LATE_REPLY, f"no reply within {wait_ns / 1e6:g} ms")
+        return None
 
     def _drop_earlier(self) -> None:
         """Drop the bytes that belong to earlier requests.
@@ -173,7 +201,8 @@ class Conversation:
         while (length := self._owed(self._rest)) and not self._is_owed_reply(length):
             self._rest = self._rest[abs(length) :]
         if length == 0 and now_ns < self._owed_until_ns:
-            raise _StillOwedError(DeviceFlag.LATE_REPLY, "a late reply may still come")
+            what = f"{self._owed_why}; a late reply may still come"
+            raise _StillOwedError(DeviceFlag.LATE_REPLY, what)
         self._noticed.add(DeviceFlag.LATE_REPLY)
         self._rest, self._owed = b"", None
 
@@ -188,3 +217,12 @@ class Conversation:
     def _note_dropped(self, stale: bytes) -> None:
         if stale:
             self._noticed.add(DeviceFlag.OUT_OF_ORDER)
+            self._keep_dropped(stale)
+
+    def _note_garbage(self, garbage: bytes) -> None:
+        self._noticed.add(DeviceFlag.GARBAGE)
+        self._keep_dropped(garbage)
+
+    def _keep_dropped(self, piece: bytes) -> None:
+        if len(self.dropped) < MOST_KEPT:
+            self.dropped = (self.dropped + piece)[:MOST_KEPT]

@@ -12,6 +12,7 @@ from fcntl import ioctl
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
+from piezod.devices.bus.byte_trace import trace_received, trace_sent
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
@@ -123,6 +124,7 @@ class SerialLine:
             LineFault: `PARTIAL_WRITE` if only a part was sent in time, `DISCONNECTED` if the port
                 is lost or not open.
         """
+        trace_sent(self._port, data)
         # System calls instead of `Serial.write` and `Serial.read`, which wait in their own way.
         try:
             sent = os.write(self._fd, data)
@@ -159,6 +161,7 @@ class SerialLine:
             raise self._disconnected(error) from error
         if not data:
             raise self._disconnected("it was unplugged")
+        trace_received(self._port, data)
         return data
 
     def now_ns(self) -> int:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from errno import ETIMEDOUT
 from typing import Final
 
+from piezod.devices.bus.byte_trace import trace_received, trace_sent
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
@@ -88,6 +89,7 @@ class TcpLine:
                 connection is lost, `HALF_OPEN` if nothing is acknowledged.
         """
         link = self._require_open()
+        trace_sent(self.where, data)
         try:
             sent = link.send(data)
             if sent < len(data):
@@ -121,6 +123,7 @@ class TcpLine:
             raise self._line_fault(error) from error
         if not data:  # end of file
             raise LineFault(DeviceFlag.DISCONNECTED, f"{self.where} has closed the connection")
+        trace_received(self.where, data)
         return data
 
     def now_ns(self) -> int:

@@ -16,9 +16,10 @@ from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.errors import DataError
 from piezod.experiment.fit.cross_validation import BLOCKS, CrossValidation, cross_validate
 from piezod.experiment.fit.delay import DelayEstimate
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 
 ORDERS = (5, 8, 12, 19, 30)
 """Numbers of operators on each side that are tried; the paper has 19."""

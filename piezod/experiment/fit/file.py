@@ -9,9 +9,10 @@ import numpy as np
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Choice, Progress, Wanted, choose
 from piezod.experiment.fit.excitation import missing_excitation
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.judgement import Judgement, judge
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
 from piezod.experiment.fit.source import Source, prefix_errors, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned

@@ -4,8 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.creep import NO_CREEP, logarithmic
 from piezod.control.law.model import StageModel
+from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, estimate_delay, has_one_frequency
 from piezod.experiment.fit.least_squares import (
     LeastSquaresFit,
@@ -18,8 +20,7 @@ from piezod.experiment.fit.least_squares import (
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.prediction import predicted_v
 from piezod.experiment.fit.record import Record, Rows
-from piezod.experiment.fit.record_checks import check_record
-from piezod.experiment.fit.smoothing import smoothed_record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.hysteresis import (
     AffineRange,
     LMSIdentifier,
@@ -39,38 +40,6 @@ LMS_PASSES = 3
 until satisfactory results are obtained"."""
 FINE_ORDER = 40
 """Operators of the first fit, which shows where thresholds are needed."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitSettings:
-    """Settings of a fit.
-
-    Attributes:
-        method: Method to find the weights.
-        order: Operators on each side, M.
-        spacing: Position of their thresholds.
-        creep: Whether creep is fitted, too; by least squares only.
-        lms_gain: γ, for LMS; None for the paper's, or a smaller one if that is not stable.
-        deadband: Width of the backlash before the memory, in units of the range, for LMS. Least
-            squares gets a smoothed displacement and needs none.
-        delay_s: Delay in s; estimated from the record if None.
-        smoothing: Whether noise is removed from the displacement first; for least squares only.
-    """
-
-    method: Method = Method.LEAST_SQUARES
-    order: int = 19
-    spacing: Spacing = Spacing.EVEN
-    creep: bool = False
-    lms_gain: float | None = None
-    deadband: float = 0.0
-    delay_s: float | None = None
-    smoothing: bool = True
-
-    def as_fitted(self, record: Record) -> Record:
-        """Return a record as the fit uses it: smoothed, if `smoothing` is set."""
-        if self.method is Method.LMS or not self.smoothing:
-            return record
-        return smoothed_record(record)
 
 
 @dataclass(frozen=True)
@@ -177,7 +146,7 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         DataError: If the record is too short or constant, or does not grow with the drive.
         ModelError: If the gain of LMS is not stable for this number of operators.
     """
-    check_record(record, settings.order, settings.delay_s or 0.0)
+    _check(record, settings)
     problem = FitProblem(settings.as_fitted(record), settings)
     bank, slow_parameters, linearised = problem.bank(), SlowParameters(), None
     # Creep looks like a delay, so both are searched together. With one frequency they cannot be
@@ -286,3 +255,28 @@ class FitProblem:
 
 def _range_of(values: FloatArray) -> AffineRange:
     return AffineRange.checked(float(values.min()), float(values.max()))
+
+
+def _check(record: Record, settings: FitSettings) -> None:
+    delay_s, n_weights = settings.delay_s or 0.0, 2 * settings.order
+    counted, fewest = record.counted(delay_s), SAMPLES_PER_WEIGHT * n_weights
+    drive_v = record.drive_delayed_by(delay_s)[counted]
+    position_um = record.position_um[counted]
+    if drive_v.size < fewest:
+        raise DataError(
+            f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
+            "more; record for longer, skip less, or fit fewer operators"
+        )
+    scaled = []
+    for name, values in (("drive_v", drive_v), ("position_um", position_um)):
+        low, high = float(values.min()), float(values.max())
+        if low == high:
+            raise DataError(f"{name} is {low:g} throughout; allowed is a signal that varies")
+        scaled.append(AffineRange.checked(low, high).to_unit(values))
+    correlation = float(np.corrcoef(scaled[0], scaled[1])[0, 1])
+    if correlation <= 0.0:
+        raise DataError(
+            "position_um does not grow with the drive: its correlation with drive_v is "
+            f"{correlation:.2f}; allowed is above 0; change the sign of one of them if the "
+            "sensor counts in the other direction, else check that it is the sensor of this drive"
+        )

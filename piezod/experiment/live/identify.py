@@ -136,4 +136,10 @@ def _checked_axis(setup: LiveSetup, axis: str | None) -> str:
         raise DataError(f"stage {setup.stage} has several axes, {names}: name one with --axis")
     if axis is not None and axis not in setup.axes:
         raise DataError(f"stage {setup.stage} has no axis {axis}; its axes are {names}")
-    return axis or names
+    name = axis or names
+    if setup.axes[name].config.sensor is None:
+        raise DataError(
+            f"axis {name} has no sensor, and an identification needs one: configure one, borrowed "
+            "if need be; the model remains when it is gone"
+        )
+    return name

@@ -9,6 +9,7 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
+from piezod.config.packed_waveforms import WaveformCostError, pack_waveforms
 from piezod.config.requests import TABLE
 from piezod.config.rules import MIN_JUDGED_SAMPLES
 from piezod.control.reference.waveforms import build_waveform
@@ -59,6 +60,8 @@ def _problems(config: ExperimentConfig, setup: LiveSetup) -> Iterator[str]:
     for name in config.axes:
         if name not in setup.axes:
             yield f"no axis {name}; its axes are {', '.join(setup.axes)}"
+        elif setup.axes[name].config.sensor is None:
+            yield f"axis {name} has no sensor, and an experiment measures its errors: configure one"
         elif setup.axes[name].model is None and compensated:
             yield (
                 f"axis {name} has no model, which mode {compensated[0]} needs; "
@@ -89,7 +92,8 @@ def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
     try:
         commands_um = case.commands(config.axes)
         body = calls.command("wave", command_um=commands_um, duration_s=case.duration_s).body
-    except RefusedError as error:
+        pack_waveforms(commands_um, case.duration_s)
+    except (RefusedError, WaveformCostError) as error:
         yield f"{case.name} cannot be sent: {error}"
         return
     size = len(json.dumps(body, separators=(",", ":")))

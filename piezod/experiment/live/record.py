@@ -1,5 +1,6 @@
 """Cuts a waveform out of a recording of a running stage, and finds its errors."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from piezod.config.modes import Mode
 from piezod.control.reference.motion import Motion
 from piezod.control.reference.waveforms import Waveform
 from piezod.errors import DataError
-from piezod.experiment.error_rows import errors_pct
+from piezod.experiment.live.late import judged_errors_pct, late_indices
 from piezod.experiment.live.setup import LiveAxis
 from piezod.experiment.steps import step_metrics
 from piezod.hysteresis.memory import FloatArray
@@ -70,9 +71,8 @@ def cut_waveform(
     part = slice(int(begin), int(end))
     cut_s, position_um = t_s[part] - begin_s, columns["position_um"][part]
     command_um, true_um = columns["command_um"][part], np.full(cut_s.size, np.nan)
-    judged = int(np.searchsorted(cut_s, case.period_s))
     weights, weights_t_s = _weights(telemetry, name, begin_s, begin_s + case.duration_s)
-    return Recording(
+    recording = Recording(
         axis=name,
         case=case.name,
         mode=run.mode.value,
@@ -85,12 +85,13 @@ def cut_waveform(
         true_um=true_um,
         weights=weights,
         weights_t_s=weights_t_s,
-        metrics=errors_pct(
-            run.metrics, *(values[judged:] for values in (command_um, position_um, true_um))
-        )
-        | step_metrics(command_um[judged:], position_um[judged:], 1.0 / telemetry.header.rate_hz),
-        first_metric_index=judged,
+        first_metric_index=int(np.searchsorted(cut_s, case.period_s)),
+        late_t_s=cut_s[late_indices(telemetry.cycles["skipped"][part])],
     )
+    errors = judged_errors_pct(recording, run.metrics, with_late=False)
+    judged = slice(recording.first_metric_index, None)
+    steps = step_metrics(command_um[judged], position_um[judged], 1.0 / telemetry.header.rate_hz)
+    return replace(recording, metrics=errors | steps)
 
 
 def missing_cycles(telemetry: RecordedTelemetry) -> int:

@@ -15,6 +15,7 @@ from piezod.config.modes import Mode
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ClientError, DataError
 from piezod.experiment.fit.account import parameters_of
+from piezod.experiment.live.late import late_note
 from piezod.experiment.live.plan import check_live, not_used
 from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveSetup, read_setup
@@ -125,6 +126,8 @@ class _Runs:
     def _warnings(self, recording: Recording, telemetry: RecordedTelemetry) -> Iterator[str]:
         yield from run_warnings(recording, merged_pairs=0)
         run = f"{recording.case}, {recording.mode}, axis {recording.axis}:"
+        if note := late_note(recording, self._config.metrics):
+            yield f"{run} {note}"
         missing = missing_cycles(telemetry)
         if missing:
             yield (

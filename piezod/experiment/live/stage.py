@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Collection, Mapping
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from math import inf
 from pathlib import Path
 from types import TracebackType
@@ -20,8 +20,6 @@ from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 
 RATE_HZ: Final = 20.0
 """Rate of the telemetry, in Hz."""
-RENEW_S: Final = 10.0
-"""Interval at which the lease is renewed, in s; a lease lasts 30 s."""
 ZERO_S: Final = 0.5
 """Longest duration of the zeroing of a sensor, in s."""
 SHORTEST_S: Final = 0.1
@@ -39,7 +37,8 @@ class LiveStage:
     """A stage that a daemon owns, for the time of a `with` block.
 
     At the end of the block, for any reason, the stage is requested to stop: it goes to its safe
-    voltage and is disarmed. A running recording is ended, and the lease is released.
+    voltage and is disarmed. A running recording is ended, and the lease is released. If this
+    process is killed, the daemon does all of that, because the session ends.
 
     Every method raises ClientError, or a subclass, if the daemon refuses or has ended, and
     NotReachedError if the stage leaves the expected states.
@@ -52,12 +51,12 @@ class LiveStage:
 
     def __init__(self, client: StageClient, setup: LiveSetup, advance: Advance) -> None:
         self._client, self._setup, self._advance = client, setup, advance
-        self._touched = self._recording = False
-        self._renewed_s = -inf
+        self._session, self._recording = ExitStack(), False
         self.faults: set[str] = set()
         """Ids of the faults that were present since the last `clear`."""
 
     def __enter__(self) -> Self:
+        self._session.enter_context(self._client.session())
         return self
 
     def __exit__(
@@ -71,8 +70,6 @@ class LiveStage:
         Raises:
             ClientError: If it cannot be stopped and its daemon still runs.
         """
-        if not self._touched:
-            return
         failure = None
         try:
             self._client.stop()
@@ -82,7 +79,7 @@ class LiveStage:
             if self._recording:
                 self._client.stop_recording()
         with suppress(ClientError):
-            self._client.release_lease()
+            self._session.close()
         if failure is not None and not isinstance(failure, NotRunningError):
             what = f"the stage could not be stopped: {failure}"
             if isinstance(error, Exception):
@@ -93,8 +90,6 @@ class LiveStage:
 
     def disarm(self) -> None:
         """Stop, and wait until the stage is disarmed."""
-        self._client.renew_lease()  # first: another client may own the stage
-        self._touched = True
         self._client.stop()
         self._wait(lambda interval: interval.state == State.SAFE, _STATES_TO_SAFE)
 
@@ -229,9 +224,6 @@ class LiveStage:
                 if interval.state not in through:
                     what = f"the stage is in {interval.state}{_fault_text(interval)}"
                     raise NotReachedError(what, "see `piezod faults`", "state")
-                if interval.t_s - self._renewed_s >= RENEW_S:
-                    self._client.renew_lease()
-                    self._renewed_s = interval.t_s
         raise NotRunningError("the telemetry has ended", "is the daemon still running?")
 
 

@@ -12,8 +12,9 @@ from piezod.config.modes import Mode
 from piezod.control.law.gains import prefix_errors
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
-from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Spacing
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.source import read_source
 from piezod.experiment.fit.thinning import thinned
 from piezod.experiment.replay.recorded_axis import modes_to_replay, recorded_axis

@@ -101,7 +101,8 @@ def replay(
         position_um[k] = measured_um + stage.moved_um(k, law.in_force_v)
         if mode != law.compensator.mode.value:
             law.switch(Mode(mode))
-        law.pause_learning(skipped > 0)
+        if skipped:
+            law.pause_learning()
         if not follows:
             law.force(recorded_v)
         elif not followed:

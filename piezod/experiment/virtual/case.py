@@ -76,10 +76,26 @@ def run_case(
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
     for name, trace in zip(config.axes, traces, strict=True):
         identified[name].creeping.watch(trace[:, POSITION_UM])
-    t_s = np.arange(traces.shape[1], dtype=np.float64) * (stage.period_ns / NS_PER_S)
+    recordings = _recordings(config, case, mode, stage.period_ns, traces, snapshots)
+    return [
+        VirtualRun(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
+        for recording, axis in zip(recordings, axes, strict=True)
+    ]
+
+
+def _recordings(
+    config: ExperimentConfig,
+    case: CaseConfig,
+    mode: Mode,
+    period_ns: int,
+    traces: FloatArray,
+    snapshots: "_Snapshots",
+) -> list[Recording]:
+    """Return the recordings of all axes, from (axes, n, columns) traces."""
+    t_s = np.arange(traces.shape[1], dtype=np.float64) * (period_ns / NS_PER_S)
     # Errors count after the first period, which starts from a relaxed stage.
     first = int(np.searchsorted(t_s, case.period_s))
-    recordings = [
+    return [
         Recording(
             axis=name,
             case=case.name,
@@ -93,14 +109,10 @@ def run_case(
             true_um=trace[:, TRUE_UM],
             weights=np.array(weights),
             weights_t_s=t_s[:: snapshots.every],
-            metrics=_metrics(config, trace[first:], stage.period_ns / NS_PER_S),
+            metrics=_metrics(config, trace[first:], period_ns / NS_PER_S),
             first_metric_index=first,
         )
         for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
-    ]
-    return [
-        VirtualRun(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
-        for recording, axis in zip(recordings, axes, strict=True)
     ]
 
 

@@ -17,10 +17,11 @@ from piezod.control.law.model_files import read_model
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError
 from piezod.experiment.fit.account import account_of, parameters_of
-from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.judgement import judge
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.warnings import fit_warnings, quality_warnings
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, VirtualStage
@@ -56,7 +57,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
     period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
-    check_gains(config.axes, period_s, trimmed=trimmed)
+    check_gains(config.axes, period_s, trimmed=config.axes if trimmed else ())
     from_file = {
         name: _from_file(name, axis, axis.model, stage.period_ns)
         for name, axis in config.axes.items()

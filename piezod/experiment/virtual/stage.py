@@ -60,8 +60,8 @@ def opened(config: ExperimentConfig, progress: Progress) -> Iterator["VirtualSta
 def _check_truth(config: ExperimentConfig, devices: Mapping[str, Device]) -> None:
     needing = ", ".join(name for name in config.metrics if name in NEED_TRUTH)
     for name, axis in config.axes.items():
-        sensor = axis.sensor.device
-        if needing and not isinstance(devices[sensor], KnowsTruth):
+        sensor = axis.sensor.device if axis.sensor is not None else ""
+        if needing and not isinstance(devices.get(sensor), KnowsTruth):
             message = (
                 f"metrics requests {needing}, but device {sensor}, the sensor of axis {name}, "
                 "does not know the true displacement, as simulated devices do; remove these"

@@ -4,7 +4,8 @@ import pytest
 
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import Case
-from piezod.control.faults.register import CAUSE_CYCLES, GOOD_CYCLES, Detection
+from piezod.control.faults.detection import Detection
+from piezod.control.faults.register import CAUSE_CYCLES, GOOD_CYCLES
 from piezod.control.faults.table import FAULTS, INDEX, FaultRule, Reaction, ids, mask
 from tests.control.register_bench import S5, SECOND, RegisterBench
 
@@ -366,3 +367,26 @@ def test_news_of_an_escalation_contain_the_new_reaction(bench: RegisterBench) ->
     bench.cycle(Fault.A3)
 
     assert [news.rule.reaction for news in bench.register.news] == [Reaction.RAMP]
+
+
+def test_restored_faults_are_latched_and_not_present(bench: RegisterBench) -> None:
+    """The faults of the loop before need the same request as there, and cause no reaction."""
+    bench.register.restore(mask([Fault.E1, Fault.S10, Fault.A9]), stopped=True)
+
+    assert bench.cycle() is Reaction.NONE
+    assert (bench.present, set(bench.latched)) == ([], {Fault.E1, Fault.S10, Fault.A9})
+    bench.cycles(SECOND)
+    assert "S10 was found" in bench.register.reset(engineer=False)
+    assert bench.latched == [Fault.S10]
+    assert bench.register.reset(engineer=True) == ""
+
+
+@pytest.mark.parametrize(("stopped", "blocks"), [(True, True), (False, False)])
+def test_restored_fault_keeps_its_escalation(
+    bench: RegisterBench, stopped: bool, blocks: bool
+) -> None:
+    """A missing sample that had stopped the stage needs a reset; one that had not does not."""
+    bench.register.restore(mask([Fault.S5]), stopped=stopped)
+    bench.cycle()
+
+    assert bool(bench.register.blocking) is blocks

@@ -11,9 +11,10 @@ from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.identifier import DriveHistory, Identifier
+from piezod.control.law.proof import ModelProof
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
-from piezod.hysteresis import AffineRange, Convergence, even_thresholds, new_bank
+from piezod.hysteresis import AffineRange, Convergence, LearnedModel, even_thresholds, new_bank
 from tests.control.fakes import MS, FakeGate, FakeTrim, RecordingIdentifier
 
 DRIVE_V = AffineRange(0.0, 150.0)
@@ -63,6 +64,7 @@ def compensated(
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
         trim=trim or FakeTrim(),
+        proof=ModelProof(LearnedModel(np.array(weights)), window_cycles=1000, lag_cycles=3),
         first_mode_hz=first_mode_hz,
     )
 

@@ -10,9 +10,10 @@ from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
+from piezod.control.law.proof import ModelProof
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
-from piezod.hysteresis import AffineRange, Convergence, NLMSIdentifier
+from piezod.hysteresis import AffineRange, Convergence, LearnedModel, NLMSIdentifier
 from tests.control.fakes import MS
 from tests.control.made_up import BANK, WEIGHTS, Array, MadeUpStage, wander
 
@@ -44,6 +45,7 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
         period_ns=MS,
         delay_ns=0,
         sensor_delay_ns=0,
+        proof=ModelProof(LearnedModel(WEIGHTS.copy()), window_cycles=1000, lag_cycles=3),
         trim=Trim(50.0, 1e-3, AUTHORITY, FADE),
     )
 

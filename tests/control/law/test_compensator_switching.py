@@ -26,6 +26,7 @@ def path_with_switch(start: Mode, end: Mode | None, at: int, commands: Array) ->
     return np.array(out)
 
 
+@pytest.mark.fault("D9")
 @pytest.mark.parametrize(("start", "end"), OTHER_DRIVES)
 @pytest.mark.parametrize("at", [400, 1000, 1370, 2000, 2805])
 def test_switch_is_bumpless(start: Mode, end: Mode, at: int) -> None:

@@ -172,6 +172,7 @@ def test_repeated_sample_closes_the_gate() -> None:
     assert gate.accurate
 
 
+@pytest.mark.fault("D4")
 @pytest.mark.parametrize("noise", [0.0, SIGMA, 10 * SIGMA])
 def test_gate_stays_closed_at_a_constant_command(noise: float) -> None:
     """Neither the duration nor the noise of the sensor matters."""

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.packed_waveforms import pack_waveforms, unpack_waveforms
+from piezod.config.random_path import random_path
 from piezod.config.waveforms import Reversals
-from piezod.control.reference.random_path import random_path
 from piezod.control.reference.waveforms import build_waveform
 
 DURATION_S = 20.0
@@ -101,6 +102,12 @@ PARTS = st.fixed_dictionaries({"duration_s": st.floats(0.1, 10), "waveform": SIN
 SEQUENCES = st.lists(PARTS, min_size=1, max_size=3).map(
     lambda parts: {"kind": "sequence", "parts": tuple(parts)}
 )
+POINTS = st.lists(
+    st.tuples(st.floats(0.0, 30.0), LEVELS),
+    min_size=1,
+    max_size=20,
+    unique_by=lambda point: point[0],
+).map(lambda points: {"kind": "points", "points": tuple(sorted(points))})
 ANY = st.one_of(SINGLE, SUMS, SEQUENCES)
 TIMES = st.lists(st.floats(-10, 1e9) | st.floats(0, 30), min_size=1, max_size=20)
 
@@ -124,6 +131,17 @@ def test_samples_are_the_values(keys: dict[str, Any], times_s: list[float]) -> N
 
     assert sampled.dtype == np.float64
     assert sampled.tolist() == [waveform.value(t_s) for t_s in times_s]
+
+
+@given(keys=ANY | POINTS, times_s=st.lists(st.floats(-1.0, DURATION_S), min_size=1, max_size=20))
+def test_packed_waveform_has_the_same_values(keys: dict[str, Any], times_s: list[float]) -> None:
+    """The loop gets the values and the bounds of the request, to the last bit."""
+    config = READER.validate_python(keys)
+    (packed,) = unpack_waveforms(pack_waveforms({"x": config}, DURATION_S)).values()
+    given_, built = build_waveform(config, DURATION_S), build_waveform(packed, DURATION_S)
+
+    assert (built.low, built.high) == (given_.low, given_.high)
+    assert [built.value(t_s) for t_s in times_s] == [given_.value(t_s) for t_s in times_s]
 
 
 @given(keys=ANY)

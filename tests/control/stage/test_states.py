@@ -20,7 +20,6 @@ GOOD = Facts(
 )
 NEVER_REFUSED = {
     Event.DISARM,
-    Event.HOLD,
     Event.STOP,
     Event.ESTOP,
     Event.SHUTDOWN,
@@ -36,13 +35,14 @@ TABLE = """
                  BOOT     SAFE     READY IDENT RUN   HOLD  RAMP  BLIND    FAULT    ESTOP STOPPING
 SELF_TEST_PASSED SAFE     .        .     .     .     .     .     .        .        .     .
 SELF_TEST_FAILED FAULT    .        .     .     .     .     .     .        .        .     .
+FOUND_DRIVEN     RAMP     RAMP     .     .     .     .     .     .        .        .     .
 ARM              !        READY    .     !     .     !     !     !        !        !     !
 DISARM           .        .        RAMP  RAMP  RAMP  RAMP  .     .        .        .     .
 RUN              !        !        RUN   !     .     !     !     !        !        !     !
 RUN_ADAPTIVE     !        !        RUN   !     .     !     !     !        !        !     !
 IDENTIFY         !        !        IDENT !     !     !     !     !        !        !     !
 IDENTIFY_DONE    .        .        .     READY .     .     .     .        .        .     .
-HOLD             .        .        HOLD  HOLD  HOLD  .     .     .        .        .     .
+HOLD             !        !        HOLD  HOLD  HOLD  .     !     !        !        !     !
 RESUME           !        !        !     !     !     RUN   !     !        !        !     !
 STOP             .        .        RAMP  RAMP  RAMP  RAMP  .     .        .        .     .
 ESTOP            ESTOP    ESTOP    ESTOP ESTOP ESTOP ESTOP ESTOP .        ESTOP    .     .

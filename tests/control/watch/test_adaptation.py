@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.law.model import StageModel
+from piezod.control.law.proof import ModelProof
 from piezod.control.watch.adaptation import AdaptationWatch
-from piezod.hysteresis import RLSIdentifier, Shadowed, even_thresholds, new_bank
+from piezod.hysteresis import LearnedModel, RLSIdentifier, Shadowed, even_thresholds, new_bank
 from piezod.hysteresis.normalisation import AffineRange
 from tests.control.fakes import MS
 
@@ -21,6 +22,11 @@ MODEL = StageModel(BANK, np.full(10, 0.02), AffineRange(0.0, 150.0), POSITION_UM
 def learner() -> Shadowed:
     """Return the learning algorithm with the identified weights."""
     return Shadowed(RLSIdentifier(BANK, MODEL.weights))
+
+
+def proof() -> ModelProof:
+    """Return the comparison with the identified model, over ten cycles."""
+    return ModelProof(LearnedModel(MODEL.weights.copy()), window_cycles=10, lag_cycles=3)
 
 
 def run(
@@ -52,7 +58,7 @@ def wave(k: int, hz: float, amplitude_um: float) -> float:
 def test_stage_that_follows_has_no_fault() -> None:
     """Noise at rest, a sine of 100 Hz with a lag, and a step that rings are healthy."""
     noise_um = np.random.default_rng(1).normal(0.0, 0.02, 3000).tolist()
-    watch = AdaptationWatch(0, learner(), MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, learner(), proof(), MODEL, POSITION_UM, MS)
     found = run(watch, lambda k: 15.0 + noise_um[k], 3000)
     found += run(watch, lambda k: wave(k - 1, 100, 5.0), 3000, lambda k: wave(k, 100, 5.0))
     found += run(watch, lambda k: wave(k, 300, 5.0 * math.exp(-k / 40)), 3000)
@@ -64,7 +70,7 @@ def test_stage_that_follows_has_no_fault() -> None:
 @pytest.mark.parametrize("hz", [15.0, 60.0, 250.0])
 def test_oscillation_is_detected_within_six_tenths_of_a_second(hz: float) -> None:
     """0.6 µm about a constant command is detected, with its amplitude, in a closed loop only."""
-    watch = AdaptationWatch(0, learner(), MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, learner(), proof(), MODEL, POSITION_UM, MS)
     swinging = run(watch, lambda k: wave(k, hz, 0.6), 1000)
     opened = run(watch, lambda k: wave(k, hz, 0.6), 1000, closed=False)
 
@@ -78,7 +84,7 @@ def test_oscillation_is_detected_within_six_tenths_of_a_second(hz: float) -> Non
 def test_third_return_to_the_last_good_model_is_detected(every_s: int, is_found: bool) -> None:
     """Three returns within thirty seconds are a fault; rarer ones are disturbances."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, 10 * MS)
+    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, 10 * MS)
     found = []
     for _ in range(3):
         shadowed.restored += 1
@@ -91,7 +97,7 @@ def test_third_return_to_the_last_good_model_is_detected(every_s: int, is_found:
 def test_returns_in_an_open_loop_are_no_fault() -> None:
     """The weights are not in use while the loop is open."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, MS)
     found = []
     for _ in range(10):
         shadowed.restored += 1
@@ -100,12 +106,29 @@ def test_returns_in_an_open_loop_are_no_fault() -> None:
     assert not any(found)
 
 
+@pytest.mark.fault("D1")
+@pytest.mark.parametrize(("error", "is_found"), [(0.02, True), (0.009, False)])
+def test_stage_that_follows_worse_than_with_the_identified_model_is_detected(
+    error: float, is_found: bool
+) -> None:
+    """A tracking error of 2 % of the range, where the identified model would make none."""
+    judged = proof()
+    watch = AdaptationWatch(0, learner(), judged, MODEL, POSITION_UM, MS)
+    worse = [judged.add(0.5, error, 0.0, LearnedModel(MODEL.weights.copy())) for _ in range(10)]
+    found = run(watch, lambda _k: 15.0, 2)
+
+    assert worse[-1] == is_found
+    assert first(found, "D1") == (0 if is_found else -1)
+    assert not found[1], "told once"
+    assert not is_found or found[0][0][2:4] == pytest.approx((0.6, 0.3))
+
+
 @pytest.mark.fault("D2")
 @pytest.mark.parametrize("closed", [True, False])
 def test_weights_that_are_nan_are_detected_within_a_tenth_of_a_second(closed: bool) -> None:
     """This holds whether the weights are in use or not."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, MS)
     shadowed.weights[3] = math.nan
 
     assert 0 < first(run(watch, lambda _k: 15.0, 200, closed=closed), "D2") <= 100
@@ -116,7 +139,7 @@ def test_weights_that_are_nan_are_detected_within_a_tenth_of_a_second(closed: bo
 def test_model_that_has_drifted_for_ten_seconds_is_detected(share: float, is_found: bool) -> None:
     """A drive that differs by 40 % of its range is a fault; 20 % is allowed."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, MS)
     shadowed.adopt(MODEL.weights, offset=share)
     found = run(watch, lambda _k: 15.0, 12_000)
 
@@ -127,7 +150,7 @@ def test_model_that_has_drifted_for_ten_seconds_is_detected(share: float, is_fou
 def test_stage_without_a_model_has_no_drift() -> None:
     """There is no identified model to compare with."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, None, POSITION_UM, MS)
+    watch = AdaptationWatch(0, shadowed, proof(), None, POSITION_UM, MS)
     shadowed.adopt(MODEL.weights, offset=0.9)
 
     assert not any(run(watch, lambda _k: 15.0, 12_000))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.guard import Limits
 from piezod.control.watch.amplifier import FLAG_FAULTS, AmplifierWatch
 from piezod.devices.status import NO_FLAGS, DeviceFlag

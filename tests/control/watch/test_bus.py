@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.control.faults.cases import CASES, COUNTED_FLAGS, UNREACHABLE, Case
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.watch.bus import AT_ONCE, NOT_SENT_CYCLES, BusWatch
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 

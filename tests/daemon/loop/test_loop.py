@@ -24,7 +24,7 @@ from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.stream import StreamWriter
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
@@ -127,7 +127,7 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     sent = [Goto(position_um=1.0), Goto(position_um=2.0)]
     first, second = (mailbox.post(encode(each), 2 * 10**9) for each in sent)
 
-    rig.run(1)
+    rig.run(2)
     early = mailbox.answer(second)
     rig.run(1)
 
@@ -135,6 +135,31 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     assert rig.controller.requests == sent
     assert mailbox.answer(first) == (True, "", 1)
     assert mailbox.answer(second) == (True, "", 2)
+
+
+def test_answer_comes_with_the_state_that_the_request_causes(rig: Rig) -> None:
+    """Whoever gets an answer finds its consequences in the newest record."""
+    mailbox = MailboxWriter(rig.shared)
+    number, estop = mailbox.post(encode(Goto(position_um=1.0)), 2 * 10**9), mailbox.post_estop()
+    rig.run(1)
+    early = mailbox.answer(number), mailbox.estop_answer(estop)
+    rig.controller.state = State.HOLD  # what the request does
+    rig.run(1)
+
+    assert early == (None, None)
+    assert mailbox.answer(number) is not None
+    assert mailbox.estop_answer(estop) is not None
+    assert list(State)[rig.shared.words[Word.LOOP_STATE]] is State.HOLD
+
+
+def test_last_request_is_answered(rig: Rig) -> None:
+    """A loop that ends because of a request answers it."""
+    mailbox = MailboxWriter(rig.shared)
+    number = mailbox.post(encode(Shutdown()), 2 * 10**9)
+
+    rig.loop.run()
+
+    assert mailbox.answer(number) is not None
 
 
 def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:
@@ -227,6 +252,19 @@ def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
     assert before == shortly_before == []
     assert rig.controller.requests == [Shutdown()]
     assert [found.fault for found in rig.controller.detections] == ["H1"]
+
+
+@pytest.mark.fault("D8")
+@pytest.mark.fault("P6")
+def test_faults_of_the_supervisor_are_reported_in_each_cycle(rig: Rig) -> None:
+    """The faults that only the supervisor can find are present as long as it finds them."""
+    words = rig.shared.words
+    words[Word.SUPERVISOR_FAULTS] = (1 << len(SUPERVISOR_FAULTS)) - 1
+    rig.run(2, rig.beat)
+    words[Word.SUPERVISOR_FAULTS] = 0
+    rig.run(2, rig.beat)
+
+    assert [found.fault for found in rig.controller.detections] == [*SUPERVISOR_FAULTS] * 2
 
 
 def test_pause_of_the_machine_is_not_taken_for_a_lost_supervisor(rig: Rig) -> None:

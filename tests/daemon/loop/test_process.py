@@ -23,7 +23,7 @@ def child(tmp_path: Path) -> Iterator[LoopChild]:
 
     It is slow: on a busy machine a faster one would stop because of late cycles.
     """
-    config = config_with(tmp_path, "rate_hz: 1000", "rate_hz: 20")
+    config = config_with(tmp_path, "rate_hz: 200", "rate_hz: 20")
     with LoopChild(tmp_path, config) as child:
         child.wait_for(State.SAFE)
         yield child
@@ -102,15 +102,18 @@ def test_process_reports_what_it_obtained(child: LoopChild) -> None:
 
 
 def test_rate_above_the_measured_one_is_not_armed(tmp_path: Path) -> None:
-    """At 20 kHz the cycle is too long, and arming is refused."""
-    config = config_with(tmp_path, "rate_hz: 1000", "rate_hz: 20000")
+    """At 20 kHz the cycle is too long: the log says so at the start, and arming is refused."""
+    config = config_with(tmp_path, "rate_hz: 200", "rate_hz: 20000")
     with LoopChild(tmp_path, config) as child:
         child.wait_for(State.SAFE)
 
         answer = child.ask(Arm())
+        told = [event.text for event in child.events if event.kind == "rate"]
 
     assert not answer.accepted
     assert "choose a lower rate" in answer.why
+    assert len(told) == 1
+    assert "the stage is only observed" in told[0]
 
 
 def test_absent_device_is_waited_for(tmp_path: Path) -> None:

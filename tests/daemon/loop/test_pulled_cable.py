@@ -160,3 +160,33 @@ def test_a_laser_whose_cable_is_pulled_makes_no_stage_blind(
     assert "READY to HOLD" in log
     assert "HOLD to RAMP" in log
     assert "BLIND" not in log
+
+
+@pytest.mark.fault("A1")
+def test_a_device_that_falls_silent_does_not_end_the_loop(
+    start: StartDaemon, tmp_path: Path
+) -> None:
+    """The loop runs on without the device, and ramps it down when it answers again."""
+    text = (REPOSITORY / "config" / "devices" / "lc400.yaml").read_text(encoding="utf-8")
+    text = text.replace("../models/", f"{REPOSITORY}/config/models/")
+    text = text.replace("timeout_ms: 30", "timeout_ms: 150").replace("rate_hz: 200", "rate_hz: 20")
+    path = tmp_path / "stage.yaml"
+    with emulated("lc400") as far:
+        path.write_text(text.replace("/dev/serial/by-id/EXAMPLE", far.where[0]), encoding="utf-8")
+        daemon = start(path).up()
+        daemon.do("arm")
+        daemon.do("goto", position_um=8.0)
+        eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 30.0)
+        words = attach(daemon.paths.loop_map).words
+        far.faults("lost")
+        daemon.until("BLIND")
+        eventually(lambda: "B1" in present(daemon))
+        first, skipped = words[Word.HEALTHY_CYCLES], words[Word.SKIPPED_CYCLES]
+        eventually(lambda: words[Word.HEALTHY_CYCLES] > first + 3 * RATE_HZ)
+        delayed = words[Word.SKIPPED_CYCLES] - skipped
+        far.faults()
+        daemon.until("FAULT")
+        eventually(lambda: abs(daemon.status()["axes"]["x"]["read_back_v"]) < 0.5)
+
+        assert daemon.process.poll() is None
+        assert delayed < 3 * RATE_HZ / 2

@@ -70,6 +70,7 @@ def test_report_agrees_with_the_kernel(map_file: Path, power: str) -> None:
     assert found["policy afterwards"] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
 
 
+@pytest.mark.fault("L9")
 def test_process_without_rights_reports_the_remedy(map_file: Path) -> None:
     """A process without rights runs on, and the report says why and what helps."""
     steps = set_up(map_file, "powerless")["steps"]

@@ -19,6 +19,7 @@ from piezod.daemon.loop.devices import make_channels
 from piezod.daemon.loop.rate import (
     MAX_CYCLES,
     MIN_CYCLES,
+    kept_period_ns,
     measure_busy_ns,
     sustained_rate_hz,
     usable_spin_ns,
@@ -35,6 +36,7 @@ from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.succession import Succession, put_succession
 from piezod.telemetry.words import Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
@@ -64,8 +66,10 @@ class AbsentRig(SimulatedRig):
 class Waiting:
     """A loop that waits for its devices in a thread."""
 
-    def __init__(self, rig: AbsentRig, shared: SharedMap) -> None:
-        self._rig, self._shared = rig, shared
+    def __init__(
+        self, rig: AbsentRig, shared: SharedMap, known: dict[str, Identity] | None = None
+    ) -> None:
+        self._rig, self._shared, self._known = rig, shared, known or {}
         self.outcome: bool | Exception | None = None
         self._mailbox = MailboxWriter(shared)
         self._thread = threading.Thread(target=self._run)
@@ -74,7 +78,7 @@ class Waiting:
     def _run(self) -> None:
         channels = Channels({"rig": self._rig}, {"x": ChannelPair("rig", "rig")})
         try:
-            self.outcome = wait_for_devices(channels, self._shared, MonotonicClock())
+            self.outcome = wait_for_devices(channels, self._shared, MonotonicClock(), self._known)
         except RuntimeError as error:
             self.outcome = error
 
@@ -131,6 +135,21 @@ def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> Non
     assert (answer.accepted, answer.why) == (False, ABSENT)
     assert list(State)[blind] is State.BLIND
     assert [event.text for event in events.read()[0]] == [ABSENT, "the devices are open"]
+
+
+def test_another_device_than_the_known_one_is_not_used(shared: SharedMap) -> None:
+    """A device that takes the place of the known one counts as absent, with both identities."""
+    rig, events = AbsentRig(), EventReader(shared)
+    put_succession(shared, Succession())
+    waiting = Waiting(rig, shared, {"rig": Identity("maker", "other", "7", "1")})
+    eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
+
+    answer = waiting.ask(Shutdown())
+
+    assert answer.accepted
+    assert waiting.ended() is False
+    assert not shared.words[Word.DEVICES_OPEN]
+    assert "rig is another device" in events.read()[0][0].text
 
 
 def test_waiting_ends_on_request(shared: SharedMap) -> None:
@@ -271,3 +290,17 @@ def test_rate_leaves_a_part_of_the_period_free() -> None:
     """The rate is inversely proportional to the duration of a cycle, and below its inverse."""
     assert sustained_rate_hz(100_000) < 10_000
     assert sustained_rate_hz(100_000) == 2 * sustained_rate_hz(200_000)
+
+
+@pytest.mark.parametrize("period_ns", [10**6, 5 * 10**6])
+def test_period_that_the_machine_keeps_stays(period_ns: int) -> None:
+    """A cycle may take half of it."""
+    assert kept_period_ns(period_ns, period_ns // 2) == period_ns
+
+
+@pytest.mark.parametrize(("busy_us", "periods"), [(26, 2), (100, 4), (101, 5)])
+def test_loop_that_is_too_fast_runs_in_every_second_period_or_less(
+    busy_us: int, periods: int
+) -> None:
+    """At 20 kHz a cycle of 100 µs then takes half of its time."""
+    assert kept_period_ns(50_000, busy_us * 1000) == periods * 50_000

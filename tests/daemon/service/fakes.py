@@ -17,6 +17,7 @@ from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.open_streams import OpenStreams
 from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
 from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import User
@@ -58,7 +59,10 @@ class FakeStage:
         self.setpoints: list[Mapping[str, float]] = []
         self.audited: list[AuditEntry] = []
         self.refusal = ""
+        self.state = "SAFE"
+        self.next_states: list[str] = []
         self.lost_link = False
+        self.unanswered = self.recordings_stopped = 0
         self.stream_refusal = ""
         self.running: Document | None = None
         self.healthy = True
@@ -68,6 +72,7 @@ class FakeStage:
 
     async def request(self, request: Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
         if self.lost_link:
+            self.unanswered += 1
             raise UnavailableError("there is no loop")
         if self.refusal:
             return Answer(False, self.refusal)
@@ -82,7 +87,7 @@ class FakeStage:
     def status(self) -> Document:
         axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
         return {
-            "state": "SAFE",
+            "state": self.next_states.pop(0) if self.next_states else self.state,
             "mode": "adaptive",
             "faults": [],
             "skipped_cycles": 0,
@@ -90,7 +95,7 @@ class FakeStage:
         }
 
     def health(self) -> tuple[bool, Document]:
-        return self.healthy, {"healthy_cycles": 12}
+        return self.healthy, {"cycle_age_s": 0.01}
 
     def faults(self) -> list[Document]:
         return [{"id": "S5", "name": "stuck", "present": True, "latched": False, "remedy": "look"}]
@@ -128,6 +133,7 @@ class FakeStage:
         return {"name": f"20261121T120000Z-{label}"}
 
     async def stop_recording(self, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+        self.recordings_stopped += 1
         return {"name": "20261121T120000Z", "records": 5, "lost": 0}
 
     async def recordings(self) -> tuple[Document | None, list[Document]]:
@@ -174,7 +180,13 @@ class Served:
         self.stage, self.roles = FakeStage(folder), FakeRoles()
         self.now.now_s += 1000.0
         self.app.state.service = ServiceState(
-            self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now)
+            self.stage,
+            self.roles,
+            Lease(self.now),
+            set(),
+            UrgentNotes(self.now),
+            OpenStreams(),
+            {},
         )
 
     @contextmanager

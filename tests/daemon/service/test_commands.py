@@ -10,10 +10,10 @@ from tests.daemon.service.fakes import Served
 
 
 def test_goto_is_carried_out(served: Served, client: httpx.Client) -> None:
-    """A request reaches the stage as a model, and the answer has the number of the movement."""
+    """A request reaches the stage as a model; the answer has the movement and the state."""
     answer = client.post("goto", json={"position_um": 12.5, "axis": "x"})
 
-    assert answer.json() == {"accepted": True, "motion": 7}
+    assert answer.json() == {"accepted": True, "motion": 7, "state": "SAFE"}
     assert served.stage.requests == [requests.Goto(position_um=12.5, axis="x")]
 
 
@@ -63,6 +63,30 @@ def test_refusal_has_the_reason_of_the_stage(served: Served, client: httpx.Clien
     assert answer.status_code == 409
     assert answer.json()["error"]["code"] == "refused"
     assert answer.json()["error"]["what"] == "the stage is SAFE; arm it first"
+
+
+@pytest.mark.fault("C10")
+def test_value_that_the_stage_does_not_allow_is_invalid(
+    served: Served, client: httpx.Client
+) -> None:
+    """A refusal because of a value has the code of a value, not that of the state."""
+    served.stage.refusal = "position out of range (got 26.0000001 µm), allowed range 0 to 26 µm"
+    answer = client.post("goto", json={"position_um": 26.0000001})
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (422, "invalid")
+    assert answer.json()["error"]["what"] == served.stage.refusal
+
+
+@pytest.mark.fault("C13")
+@pytest.mark.parametrize("state", ["BLIND", "FAULT"])
+def test_refusal_of_a_stopped_stage_names_its_faults(
+    served: Served, client: httpx.Client, state: str
+) -> None:
+    """If faults have stopped the stage, their remedies are the remedy."""
+    served.stage.refusal = f"cannot reset in {state}"
+    served.stage.state = state
+
+    assert client.post("reset").json()["error"]["remedy"] == "S5, stuck: look"
 
 
 def test_no_loop_is_503(served: Served, client: httpx.Client) -> None:

@@ -7,7 +7,7 @@ from piezod.config.endpoints import Role
 from piezod.daemon.service.lease import LEASE_S, Lease
 from piezod.daemon.service.refusals import LeaseHeldError
 from piezod.daemon.service.route_table import ROUTES
-from piezod.daemon.service.stage_service import Peer
+from piezod.daemon.service.stage_service import NotNowError, Peer
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 
@@ -137,3 +137,41 @@ def test_lease_is_given_back(served: Served, client: httpx.Client) -> None:
     assert released == [True, False]
     with served.client("second") as second:
         assert second.post("arm").status_code == 200
+
+
+@pytest.mark.fault("C8")
+def test_refused_request_takes_no_lease(served: Served) -> None:
+    """Another client may command after a refusal; a holder keeps the lease in spite of one."""
+    with served.client("first") as first, served.client("second") as second:
+        served.stage.refusal = "not now"
+        assert first.post("arm").status_code == 409
+        assert first.post("stream", content=b'{"x": 1.0}\n').status_code == 409
+        served.stage.refusal = ""
+        assert second.post("arm").status_code == 200
+        served.stage.refusal = "not now"
+        assert second.post("arm").status_code == 409
+        served.stage.refusal = ""
+
+        assert first.post("arm").json()["error"]["code"] == "lease_held"
+
+
+@pytest.mark.fault("C8")
+def test_request_without_an_answer_keeps_the_lease(served: Served) -> None:
+    """The loop may have carried it out."""
+    with served.client("first") as first, served.client("second") as second:
+        served.stage.lost_link = True
+        assert first.post("arm").status_code == 503
+        served.stage.lost_link = False
+
+        assert second.post("arm").json()["error"]["code"] == "lease_held"
+
+
+def test_refusal_takes_no_lease_that_another_request_renewed() -> None:
+    """Of two requests of one client at the same time only one may be refused."""
+    lease = Lease(FakeNow())
+    with pytest.raises(NotNowError), lease.claimed(PEERS[0]):
+        lease.claim(PEERS[0])
+        raise NotNowError("not now")
+
+    with pytest.raises(LeaseHeldError):
+        lease.check(PEERS[2])

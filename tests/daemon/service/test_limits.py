@@ -300,15 +300,41 @@ def test_clients_are_forgotten_when_they_have_paused() -> None:
 
 @pytest.mark.fault("C5")
 def test_user_with_too_many_connections_can_stop_the_stage(serve: Serve) -> None:
-    """Connections beyond the limit can only stop; beyond twice the limit they are closed."""
-    served = serve(QUICK._replace(per_user=2, idle_s=60))
+    """Connections beyond the limit can only stop; beyond twice the limit the oldest one ends."""
+    served = serve(QUICK._replace(per_user=2, idle_s=60, fresh_s=60.0))
     with ExitStack() as stack:
-        clients = [stack.enter_context(served.client()) for _ in range(5)]
-        status = [client.get("status").status_code for client in clients[:4]]
-        stop = clients[3].post("stop").status_code
-        last = clients[4].get("status")
+        clients = [stack.enter_context(served.client()) for _ in range(6)]
+        status = [client.get("status").status_code for client in clients]
+        stop = clients[5].post("stop").status_code
 
-    assert status == [200, 200, 429, 429]
+    assert status == [200, 200, 429, 429, 429, 429]
     assert stop == 200
-    assert last.status_code == 429
-    assert last.json()["error"]["what"] == "too many connections"
+
+
+@pytest.mark.fault("C5")
+def test_idle_connections_make_room(serve: Serve) -> None:
+    """Forty idle connections of a user keep none of its requests from being served."""
+    served = serve(QUICK._replace(idle_s=60, fresh_s=0.0))
+    with ExitStack() as stack:
+        for _ in range(40):
+            stack.enter_context(connected(served.socket))
+        client = stack.enter_context(served.client())
+        codes = [client.get("status").status_code, client.post("estop").status_code]
+
+    assert codes == [200, 200]
+
+
+@pytest.mark.fault("C5")
+def test_connections_in_use_leave_room_for_an_emergency_stop(serve: Serve) -> None:
+    """If no connection is idle, a new one can still stop the stage."""
+    served = serve(QUICK._replace(message_s=60.0, idle_s=60))
+    with ExitStack() as stack:
+        for _ in range(40):
+            connection = stack.enter_context(connected(served.socket))
+            connection.sendall(HEAD % b"goto")
+        codes = []
+        for _ in range(3):
+            with served.client() as client:
+                codes.append(client.post("estop").status_code)
+
+    assert codes == [200] * 3

@@ -43,6 +43,17 @@ def test_setpoint_takes_effect_as_it_arrives(served: Served, client: httpx.Clien
     assert seen == [{"x": 1.0}, {"x": 2.0}]
 
 
+def test_end_of_a_stream_is_answered_when_the_stage_holds(
+    served: Served, client: httpx.Client
+) -> None:
+    """A command after the end finds the stage in HOLD."""
+    states = ["RUN", "RUN", "HOLD"]
+    served.stage.next_states, served.stage.state = states, "HOLD"
+    client.post("stream", content=iter([b'{"x": 1.0}\n']))
+
+    assert states == []
+
+
 def test_thousands_of_setpoints_in_one_piece_are_taken(client: httpx.Client) -> None:
     """A client that sends faster than the service reads loses no setpoint."""
     answer = client.post("stream", content=b'{"x": 1.0}\n' * 5000)
@@ -138,6 +149,73 @@ def test_client_that_goes_away_loses_the_lease_soon(served: Served) -> None:
     note = served.stage.audited[1]
     assert (note.what, note.why) == ("stream ended after 1 setpoints", "the client disconnected")
     assert note.peer.uid == os.getuid()
+
+
+@pytest.mark.fault("C8")
+@pytest.mark.parametrize(
+    ("path", "body", "what"),
+    [
+        ("goto", {"axis": "x", "position_um": 5.0}, "goto of somebody has taken over x"),
+        ("follow", {}, "follow of somebody has taken over x, y"),
+        ("resume", {}, "resume of somebody has taken over x, y"),
+    ],
+)
+def test_request_that_takes_over_an_axis_ends_its_stream(
+    served: Served, path: str, body: dict[str, object], what: str
+) -> None:
+    """A stream is refused further setpoints when the same client commands the axis otherwise."""
+
+    def lines() -> Iterator[bytes]:
+        yield b'{"x": 1.0, "y": 1.0}\n'
+        eventually(lambda: served.stage.setpoints)
+        with served.client() as again:
+            again.post(path, json=body).raise_for_status()
+        yield b'{"x": 2.0, "y": 2.0}\n'
+
+    with served.client() as client:
+        answer = client.post("stream", content=lines())
+
+    error = answer.json()["error"]
+    assert (answer.status_code, error["code"], error["what"]) == (409, "superseded", what)
+    assert served.stage.setpoints == [{"x": 1.0, "y": 1.0}]
+
+
+@pytest.mark.fault("C8")
+def test_one_axis_follows_one_stream(served: Served) -> None:
+    """The newer of two streams on one axis goes on, and the older one is refused."""
+
+    def older() -> Iterator[bytes]:
+        yield b'{"x": 1.0, "y": 1.0}\n'
+        eventually(lambda: served.stage.setpoints)
+        with served.client() as again:
+            newer = again.post("stream", content=b'{"y": 3.0}\n{"y": 4.0}\n')
+            assert newer.json()["setpoints"] == 2
+        yield b'{"x": 2.0}\n'
+
+    with served.client() as client:
+        answer = client.post("stream", content=older())
+
+    assert answer.json()["error"]["what"] == "stream of somebody has taken over y"
+    assert served.stage.setpoints == [{"x": 1.0, "y": 1.0}, {"y": 3.0}, {"y": 4.0}]
+
+
+def test_stream_goes_on_beside_requests_for_other_axes(served: Served) -> None:
+    """Neither a movement of another axis nor a refused request ends a stream."""
+
+    def lines() -> Iterator[bytes]:
+        yield b'{"x": 1.0}\n'
+        eventually(lambda: served.stage.setpoints)
+        with served.client() as again:
+            again.post("goto", json={"axis": "y", "position_um": 5.0}).raise_for_status()
+            again.post("mode", json={"mode": "adaptive"}).raise_for_status()
+            served.stage.refusal = "out of range"
+            assert again.post("goto", json={"axis": "x", "position_um": 5e3}).status_code == 409
+        yield b'{"x": 2.0}\n'
+
+    with served.client() as client:
+        answer = client.post("stream", content=lines())
+
+    assert answer.json() == {"accepted": True, "setpoints": 2}
 
 
 @pytest.mark.fault("C4")

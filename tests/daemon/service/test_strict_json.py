@@ -72,3 +72,13 @@ def test_no_bytes_raise_anything_else(text: bytes) -> None:
         loads(text)
     except BadJsonError as error:
         assert error.what
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [(b"190.0", 190), (b"-3e2", -300), (b"0.5", 0.5), (b"1e16", 1e16)]
+)
+def test_whole_numbers_may_be_written_with_a_point(text: bytes, value: float) -> None:
+    """In JSON 190.0 is a whole number; one that a float may have rounded stays a float."""
+    found = loads(text)
+
+    assert (type(found), found) == (type(value), value)

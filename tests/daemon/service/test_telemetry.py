@@ -54,6 +54,16 @@ def test_no_spike_is_lost(served: Served, client: httpx.Client) -> None:
     assert (axis["mode"], axis["on_target"], axis["motion"]) == ("adaptive", True, 9)
 
 
+def test_voltage_is_unknown_in_blind(served: Served, client: httpx.Client) -> None:
+    """In BLIND the voltage is that of the read-back, which may be missing, not the last written."""
+    records = records_of([1.0, 2.0, 3.0])
+    records["axes"]["read_back_v"] = [[NAN], [40.0], [NAN]]
+    records["state"][1:] = list(State).index(State.BLIND)
+    served.stage.reader.waiting = [records]
+
+    assert _first(client)["axes"]["x"]["drive_v"] == {"min": 40.0, "max": 42.0, "last": None}
+
+
 def test_interval_has_state_and_counts(served: Served, client: httpx.Client) -> None:
     """Each event has the state and the counts of cycles, lost records and skipped cycles."""
     served.stage.reader.waiting = [records_of([1.0, 2.0])]

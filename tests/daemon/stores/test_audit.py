@@ -143,3 +143,12 @@ def test_file_is_not_for_everybody(audit: AuditLog, path: Path) -> None:
         AuditLog(link)
 
     assert path.stat().st_mode & 0o137 == 0
+
+
+def test_named_pipe_is_refused(tmp_path: Path) -> None:
+    """A start neither waits for a reader of the pipe nor writes into it."""
+    path = tmp_path / "audit.jsonl"
+    os.mkfifo(path)
+
+    with pytest.raises(OSError, match=r"must be a regular file; remove it: .*audit\.jsonl"):
+        AuditLog(path)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from piezod.daemon.stores.recorder import Recorder, RecorderError, no_room
+from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus, no_room
 from piezod.records import telemetry_file
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
@@ -73,7 +73,7 @@ def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
     recorded = read(recorder)
 
     assert name.endswith("Z-all")
-    assert status == (False, name, 7790, 0, "")
+    assert status == RecorderStatus(False, name, 7790, 0, "")
     assert recorded.lost == 0
     assert recorded.header == replace(header(), weights={"x": 2})
     np.testing.assert_array_equal(recorded.cycles["seq"], np.arange(300, 8090))
@@ -119,7 +119,7 @@ def test_one_recording_at_a_time(recorder: Recorder) -> None:
 
 def test_stop_without_a_start(recorder: Recorder) -> None:
     """A stop without a recording does nothing."""
-    assert recorder.stop() == (False, "", 0, 0, "")
+    assert recorder.stop() == RecorderStatus(False, "", 0, 0, "")
 
 
 def test_label_that_is_not_allowed(recorder: Recorder) -> None:
@@ -160,10 +160,25 @@ def test_recording_ends_before_the_disk_is_full(
     disk.why = "12 MB are free"
     eventually(lambda: not recorder.status.recording)
 
-    assert recorder.status[2:] == (100, 0, "12 MB are free")
+    assert recorder.status[2:] == (100, 0, "12 MB are free", True)
     assert read(recorder).cycles["seq"].size == 100
     disk.why = ""
     assert recorder.start(header()) == recorder.status.name
+    assert not recorder.status.disk_full
+
+
+@pytest.mark.fault("P6")
+def test_end_by_itself_is_returned_once(recorder: Recorder, ring: FakeRing, disk: Disk) -> None:
+    """`stop` after the end returns the reason; then it is known."""
+    recorder.start(header())
+    ring.run(100)
+    disk.why = "12 MB are free"
+    eventually(lambda: not recorder.status.recording)
+
+    first, second = recorder.stop(), recorder.stop()
+
+    assert (first.records, first.why, first.disk_full) == (100, "12 MB are free", True)
+    assert (second.records, second.why, second.disk_full) == (100, "", False)
 
 
 @pytest.mark.fault("P6")
@@ -213,7 +228,7 @@ def test_stalled_disk_costs_records_that_are_counted(
     status = recorder.stop()
     recorded = read(recorder)
 
-    assert status[2:] == (5100, 2000, "")
+    assert status == RecorderStatus(False, status.name, 5100, 2000, "")
     assert recorded.lost == 2000
     assert recorded.gaps.tolist() == [[100, 2000]]
     np.testing.assert_array_equal(np.diff(recorded.cycles["seq"]).max(), 2001)
@@ -233,6 +248,7 @@ def test_any_failure_ends_a_recording_with_the_reason(
     eventually(lambda: not recorder.status.recording)
 
     assert recorder.status.why == "the file cannot be written: Unable to flush"
+    assert not recorder.status.disk_full
 
 
 FULL = """
@@ -246,7 +262,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
 recorder = Recorder(EndlessReader, record_dtype(), Path(sys.argv[1]), no_room=lambda folder: "")
 recorder.start(header())
 eventually(lambda: not recorder.status.recording)
-print(recorder.status.why)
+print(recorder.status.why, recorder.status.disk_full)
 """
 
 
@@ -266,5 +282,6 @@ def test_file_that_cannot_grow(tmp_path: Path) -> None:
 
     assert done.returncode == 0, done.stderr
     assert "File too large" in done.stdout
+    assert done.stdout.endswith("True\n")
     assert seqs.size >= 1000
     np.testing.assert_array_equal(seqs, np.arange(seqs.size))

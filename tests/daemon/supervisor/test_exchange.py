@@ -9,13 +9,17 @@ from subprocess import PIPE, Popen
 
 import pytest
 
+from piezod.control.faults.table import FAULTS, mask
 from piezod.daemon import accepted_config
 from piezod.daemon.loop import accept
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.supervisor import loop_run
 from piezod.daemon.supervisor.loop_run import LoopRun
-from piezod.daemon.supervisor.reload import changes, exchange, prepare
+from piezod.daemon.supervisor.reload import changes, exchange, kept_axes, prepare
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.shared_map import create
+from piezod.telemetry.succession import Succession, put_succession, succession_of
 from tests.daemon.daemons import configuration
 
 FAKE = Path(__file__).parents[1] / "fake_loop.py"
@@ -145,6 +149,41 @@ def test_other_axes_need_a_restart(tmp_path: Path, rig_file: Path) -> None:
 
     with pytest.raises(NotNowError, match="its axes are y, those in force are x"):
         prepared(tmp_path, rig_file, other)
+
+
+@pytest.mark.parametrize(
+    ("path", "kept"),
+    [
+        ("rate_hz", {"x"}),
+        ("axes.x.speed_um_per_s", {"x"}),
+        ("axes.x.model", {"x"}),
+        ("axes.x.sensor.device", set()),
+        ("axes.x.compensator.identifier", set()),
+        ("axes.y.sensor.device", {"x"}),
+        ("devices.rig.seed", set()),
+    ],
+)
+def test_learned_parameters_belong_to_the_devices(
+    rig_file: Path, path: str, kept: set[str]
+) -> None:
+    """A changed device or compensator ends the parameters of its axes, any other value does not.
+
+    A changed model replaces the weights and leaves the zero.
+    """
+    assert kept_axes(accept.load(rig_file), [path]) == kept
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_faults_are_handed_on_as_they_are(tmp_path: Path, stopped: bool) -> None:
+    """Every latched fault reaches the next loop, whatever its bit."""
+    shared = create(tmp_path / "loop.map", Layout(("x",), 64, 1_000_000))
+    first = succession_of(shared)
+    succession = Succession(mask(rule.id for rule in FAULTS), stopped)
+
+    put_succession(shared, succession)
+
+    assert first is None
+    assert succession_of(shared) == succession
 
 
 class Kept:

@@ -1,4 +1,4 @@
-"""Health of the loop, by its healthy cycles."""
+"""Health of the loop, by its beat."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def test_only_new_cycles_count(tmp_path: Path) -> None:
     health = LoopHealth(shared, 0)
     healthy = []
     for step, cycles in enumerate((0, 0, 5, 5, 6)):
-        shared.words[Word.HEALTHY_CYCLES] = cycles
+        shared.words[Word.LOOP_BEAT_NS] = cycles
         healthy.append(health.update(step * TENTH_NS))
 
     assert healthy == [False, False, True, False, True]
@@ -33,7 +33,7 @@ def test_slow_loop_is_healthy_between_its_cycles(tmp_path: Path) -> None:
     """At one cycle a second, updates without a new cycle still find the loop healthy."""
     shared = _shared(tmp_path, NS_PER_S)
     health = LoopHealth(shared, 0)
-    shared.words[Word.HEALTHY_CYCLES] = 1
+    shared.words[Word.LOOP_BEAT_NS] = 1
 
     healthy = [health.update(step * TENTH_NS) for step in range(25)]
 
@@ -46,7 +46,7 @@ def test_loop_hangs_after_two_seconds_or_five_periods(tmp_path: Path) -> None:
     shared = _shared(tmp_path, NS_PER_S)
     health = LoopHealth(shared, 0)
     starting = health.hung(100 * NS_PER_S)
-    shared.words[Word.HEALTHY_CYCLES] = 1
+    shared.words[Word.LOOP_BEAT_NS] = 1
     health.update(0)
 
     assert not starting
@@ -59,7 +59,7 @@ def test_pause_of_the_supervisor_is_none_of_the_loop(tmp_path: Path) -> None:
     """A pause of the whole machine does not count for the loop."""
     shared = _shared(tmp_path, 1_000_000)
     health = LoopHealth(shared, 0)
-    shared.words[Word.HEALTHY_CYCLES] = 1
+    shared.words[Word.LOOP_BEAT_NS] = 1
     health.update(0)
 
     health.update(60 * NS_PER_S)

@@ -2,21 +2,29 @@
 
 import asyncio
 import io
+import shutil
 import time
 from datetime import datetime, timedelta
 from math import nan
 from pathlib import Path
 
+import h5py
 import pytest
 
+from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.logging import set_up_logging
 from piezod.daemon.loop import accept
+from piezod.daemon.service.stage_service import NotNowError
+from piezod.daemon.stores import recorder
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.record import StageEvent
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.units import NS_PER_S
 from tests.daemon.bench import PEER, Bench
+from tests.daemon.waiting import eventually
+from tests.records.killed import killed
 
 
 @pytest.fixture
@@ -64,6 +72,70 @@ def test_end_writes_the_flight_record_of_a_fault(bench: Bench, log: io.StringIO)
     assert len(list(bench.paths.flights.glob("*-A1.h5"))) == 1
     assert "flight recorded" in log.getvalue()
     assert not bench.link.stage_recordings.running_name
+
+
+@pytest.mark.fault("P8")
+def test_recordings_of_a_killed_daemon_are_repaired(bench: Bench, log: io.StringIO) -> None:
+    """At the next start recordings and flight records open plainly; a damaged one is named."""
+    killed(bench.paths.recordings / "20260101T120000Z.h5", 50)
+    killed(bench.paths.flights / "20260101T120000Z-A1.h5", 50)
+    damaged = bench.paths.recordings / "20260102T120000Z.h5"
+    damaged.write_bytes(b"text")
+
+    asyncio.run(bench.link.stage_recordings.repair())
+
+    for folder, name in ((bench.paths.recordings, ""), (bench.paths.flights, "-A1")):
+        with h5py.File(folder / f"20260101T120000Z{name}.h5") as root:
+            assert root["recording/cycles/seq"].size == 50
+    assert f"{damaged}: it is not a recording" in log.getvalue()
+    assert log.getvalue().count("recording was not closed: repaired") == 2
+    asyncio.run(Housekeeping(bench.link).close())
+
+
+@pytest.mark.fault("P6")
+def test_recording_that_the_disk_ends_is_a_fault(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """P6 is reported until a client asks for the end of the recording, which has the reason."""
+    monkeypatch.setattr(recorder, "DRAIN_S", 0.0)
+    name = bench.do(lambda link: link.start_recording(None, PEER))["name"]
+    usage = shutil.disk_usage(bench.paths.recordings)._replace(free=0)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    eventually(lambda: not bench.link.stage_recordings.running_name)
+
+    before = _reported(bench)
+    stopped = bench.do(lambda link: link.stop_recording(PEER))
+
+    assert before == [Fault.P6]
+    assert (stopped["name"], stopped["disk_full"]) == (name, True)
+    assert "0 MB are free" in stopped["why"]
+    assert _reported(bench) == []
+    with pytest.raises(NotNowError, match="nothing is being recorded"):
+        bench.do(lambda link: link.stop_recording(PEER))
+    asyncio.run(Housekeeping(bench.link).close())
+
+
+def test_housekeeping_reports_faults(bench: Bench) -> None:
+    """The loop gets the faults of the supervisor while the stage runs."""
+    bench.link.parameters.rejected = True
+
+    async def until_reported() -> None:
+        running = asyncio.create_task(Housekeeping(bench.link).run())
+        async with asyncio.timeout(60):
+            while not bench.loop.shared.words[Word.SUPERVISOR_FAULTS]:
+                await asyncio.sleep(0.01)
+        running.cancel()
+
+    asyncio.run(until_reported())
+
+    assert bench.loop.shared.words[Word.SUPERVISOR_FAULTS] == 1 << SUPERVISOR_FAULTS.index(Fault.D8)
+    asyncio.run(Housekeeping(bench.link).close())
+
+
+def _reported(bench: Bench) -> list[Fault]:
+    bench.link.report_faults()
+    bits = bench.loop.shared.words[Word.SUPERVISOR_FAULTS]
+    return [fault for place, fault in enumerate(SUPERVISOR_FAULTS) if bits >> place & 1]
 
 
 def test_recording_on_request(bench: Bench) -> None:

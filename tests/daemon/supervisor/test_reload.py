@@ -7,14 +7,17 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import UP_WITHIN_S, configuration, is_alive
+from tests.daemon.daemons import UP_WITHIN_S, Daemon, configuration, is_alive, latched
+from tests.daemon.waiting import eventually
 
 
 @pytest.mark.fault("P11")
 def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) -> None:
-    """A valid file is in force after a reload at rest; any other reload changes nothing."""
+    """A valid file is in force after a reload at rest, with the zero; else nothing changes."""
     daemon = start(configuration(tmp_path)).up()
     first = daemon.loop_pid
+    daemon.do("zero")
+    zero_um = eventually(lambda: _zero_um(daemon))
 
     configuration(tmp_path, speed_um_per_s="150", rate_hz="0")
     invalid = daemon.ask("POST", "reload", {})
@@ -32,11 +35,44 @@ def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) ->
     assert "rate_hz: out of range" in invalid.text
     assert in_ready.status_code == 409
     assert (kept[0], kept[1]["rate_hz"]) == (first, 20)
-    assert swapped.json()["changes"] == ["axes.x.speed_um_per_s", "rate_hz"]
+    assert swapped.json() == {"changes": ["axes.x.speed_um_per_s", "rate_hz"], "lost": []}
+    assert _zero_um(daemon) == zero_um
     assert daemon.ask("GET", "realtime").json()["rate_hz"] == 25
     assert daemon.loop_pid != first
     assert not is_alive(first)
     assert daemon.do("arm")["accepted"]
+
+
+@pytest.mark.fault("P11")
+def test_reload_keeps_what_is_not_in_the_file(start: StartDaemon, tmp_path: Path) -> None:
+    """Latched faults and the sensor zero outlive a reload, with and without a change."""
+    daemon = start(configuration(tmp_path)).up()
+    daemon.do("zero")
+    zero_um = eventually(lambda: zero_of(daemon))
+    daemon.do("estop")
+    daemon.until("FAULT")
+    first = daemon.loop_pid
+
+    unchanged = daemon.do("reload")
+    same = (daemon.loop_pid, daemon.status()["state"], latched(daemon.status()))
+    configuration(tmp_path, speed_um_per_s="150")
+    changed = daemon.do("reload")
+    daemon.until("FAULT")
+
+    assert unchanged["changes"] == []
+    assert same == (first, "FAULT", ["E1"])
+    assert changed["changes"] == ["axes.x.speed_um_per_s"]
+    assert daemon.loop_pid != first
+    assert latched(daemon.status()) == ["E1"]
+    assert eventually(lambda: zero_of(daemon)) == zero_um
+    eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
+    daemon.until("SAFE")
+
+
+def zero_of(daemon: Daemon) -> float:
+    """Return the sensor zero of axis x, in µm; 0 while it is unknown."""
+    axes = daemon.ask("GET", "params").json().get("axes")
+    return float(axes["x"]["zero_um"]) if axes else 0.0
 
 
 @pytest.mark.fault("P11")
@@ -54,6 +90,12 @@ def test_service_manager_may_reload(start: StartDaemon, tmp_path: Path) -> None:
         _next(manager, b"RELOADING=1")
         _next(manager, b"READY=1")
         assert daemon.ask("GET", "config").json()["axes"]["x"]["speed_um_per_s"] == 150
+
+
+def _zero_um(daemon: Daemon) -> float:
+    """Return the sensor zero, 0 before it is known."""
+    axes = daemon.ask("GET", "params").json().get("axes")
+    return float(axes["x"]["zero_um"]) if axes else 0.0
 
 
 def _next(manager: socket.socket, beginning: bytes) -> None:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from piezod.config.requests import Estop, Goto, Hold, Request
+from piezod.config.requests import Estop, Goto, Hold, Request, Wave
+from piezod.config.waveforms import Reversals
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
+from piezod.daemon.service.stage_service import BadValueError, NoAnswerError, UnavailableError
 from piezod.daemon.supervisor.requests import LoopRequests
 from piezod.telemetry.layout import REQUEST_SLOTS, URGENT_SLOTS, Layout
 from piezod.telemetry.shared_map import SharedMap, create
@@ -43,13 +44,25 @@ def test_request_that_the_loop_does_not_take_expires(shared: SharedMap) -> None:
 
     with pytest.raises(NoAnswerError, match="the loop is starting"):
         _ask(requests, Goto(position_um=3.0))
-    shared.words[Word.HEALTHY_CYCLES] = 1
+    shared.words[Word.LOOP_BEAT_NS] = 1
     with pytest.raises(NoAnswerError, match=r"within 0\.5 s"):
         _ask(requests, Goto(position_um=3.0))
     with FakeLoop(shared) as loop:
         _ask(requests, Hold())
 
     assert loop.requests == [Hold()]
+
+
+def test_waveform_that_would_stall_the_loop_is_refused(shared: SharedMap) -> None:
+    """A few bytes can ask for millions of turning points. The loop never sees such a request."""
+    tiny = Reversals(
+        kind="reversals", low=0.0, high=1e-3, min_swing=1e-3, min_speed=0.2, max_speed=0.2, seed=1
+    )
+    wave = Wave(command_um={"x": tiny}, duration_s=86_400.0)
+
+    with pytest.raises(BadValueError, match="too many points, allowed: at most"):
+        _ask(LoopRequests(shared), wave)
+    assert shared.words[Word.REQUESTS_POSTED] == 0
 
 
 @pytest.mark.fault("E1")

@@ -3,12 +3,9 @@
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
 from subprocess import PIPE, Popen
-from typing import Any, NamedTuple
 
 import httpx
 import pytest
@@ -20,72 +17,17 @@ from piezod.daemon.loop import accept
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.supervisor import loop_run as loop_supervision
 from piezod.daemon.supervisor.run import run_stage
-from piezod.daemon.supervisor.signals import Signals, noted_signals
+from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.terms import RunOptions
 from piezod.errors import ConfigError, DeviceUnavailableError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from tests.daemon.bench import write_record
-from tests.daemon.daemons import NO_TLS, configuration, is_alive
-from tests.daemon.service.raw import HEAD, connected, read_to_end
+from tests.daemon.daemons import configuration, is_alive
+from tests.daemon.supervisor.run_rig import Rig
 from tests.daemon.waiting import eventually
 
 FAKE = Path(__file__).parents[1] / "fake_loop.py"
-
-
-class Rig(NamedTuple):
-    """A stage that can be run.
-
-    Attributes:
-        config: Its configuration.
-        paths: Its files.
-        processes: The processes that were started, each with its module.
-        safe_codes: The exit code of `piezod safe`, in a list.
-        loop_command: Arguments of Python in place of the loop process.
-    """
-
-    config: Path
-    paths: StagePaths
-    processes: list[tuple[str, "Popen[bytes]"]]
-    safe_codes: list[int]
-    loop_command: list[str]
-
-    def run(self, during: Callable[[], None]) -> bool:
-        """Run the stage; call a function meanwhile, and end the stage after it."""
-
-        def then_end() -> None:
-            try:
-                self.up()
-                during()
-            finally:
-                self.end()
-
-        self.paths.make_folders()
-        with Lock(self.paths.lock) as lock, ThreadPoolExecutor(1) as beside:
-            doing = beside.submit(then_end)
-            try:
-                with noted_signals() as signals:
-                    return run_stage(self.config, RunOptions(), self.paths, lock, signals)
-            finally:
-                doing.result()
-
-    def up(self) -> None:
-        """Wait for the first healthy cycle."""
-        eventually(lambda: self.paths.api_socket.exists() and self.processes)
-        eventually(lambda: attach(self.paths.loop_map).words[Word.HEALTHY_CYCLES])
-
-    def end(self) -> None:
-        """Request a shutdown; the stage may end by itself at any moment."""
-        head = HEAD % b"shutdown" + b"content-type: application/json\r\nconnection: close\r\n"
-        with suppress(OSError), connected(self.paths.api_socket) as connection:
-            connection.sendall(head + b"content-length: 2\r\n\r\n{}")
-            read_to_end(connection)
-
-    def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
-        """Send a request to the HTTP interface."""
-        transport = httpx.HTTPTransport(uds=str(self.paths.api_socket), verify=NO_TLS)
-        with httpx.Client(transport=transport, base_url="http://stage/v1", timeout=20) as client:
-            return client.request(method, path, json=body)
 
 
 @pytest.fixture
@@ -364,4 +306,46 @@ def test_bad_configuration_starts_nothing(rig: Rig) -> None:
 
     [(_, process)] = rig.processes
     assert process.poll() is not None
+    assert not rig.paths.running.exists()
+
+
+@pytest.mark.fault("P2")
+def test_loop_that_ends_before_its_first_cycle_leaves_no_mark(rig: Rig) -> None:
+    """It has driven nothing, so that the next start need not be checked by an operator."""
+    configuration(rig.config.parent, title="broken")
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock:
+        assert not run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+
+    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert not rig.paths.running.exists()
+
+
+@pytest.mark.fault("P2")
+@pytest.mark.parametrize("unclean", [False, True])
+def test_start_that_fails_leaves_the_mark_as_it_was(rig: Rig, unclean: bool) -> None:
+    """If a file of the stage cannot be made, the loop has not been started."""
+    rig.paths.make_folders()
+    rig.paths.flights.touch()  # must be a folder
+    if unclean:
+        rig.paths.running.touch()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(FileExistsError):
+        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+
+    assert rig.processes[0][1].poll() == -signal.SIGKILL
+    assert rig.paths.running.exists() is unclean
+
+
+@pytest.mark.fault("P6")
+def test_copy_that_cannot_be_written_is_named(rig: Rig) -> None:
+    """The loop process reports the file of the error, and no mark is made."""
+    error = '{"failed": [28, "No space left on device", "config-a/rig.yaml"]}'
+    rig.loop_command[:] = ["-c", f"print({error!r})"]
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(OSError, match=r"config-a/rig\.yaml"):
+        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+
     assert not rig.paths.running.exists()

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Iterator
+from functools import partial
 from math import isnan, nan
 from pathlib import Path
 
@@ -9,7 +10,16 @@ import numpy as np
 import pytest
 
 from piezod.config.daemon import DaemonConfig
-from piezod.config.requests import AdoptModel, Arm, Goto, Shutdown
+from piezod.config.requests import (
+    Arm,
+    Disarm,
+    Estop,
+    Goto,
+    Hold,
+    Request,
+    Shutdown,
+    Stop,
+)
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
 from piezod.control.stage.answer import Answer
@@ -19,9 +29,9 @@ from piezod.daemon.service.stage_service import (
     BadValueError,
     NotNowError,
     UnavailableError,
-    UnknownNameError,
 )
-from piezod.telemetry.learned import LearnedWriter
+from piezod.daemon.supervisor import stage_link
+from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.telemetry.stream import StreamReader
 from tests.daemon.bench import PEER, Bench
 
@@ -66,6 +76,17 @@ def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
     assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
 
 
+def test_voltage_is_unknown_in_blind(bench: Bench) -> None:
+    """In BLIND status has the read-back voltage, NaN without one, not the last written voltage."""
+    bench.record(State.BLIND, drive_v=80.0)
+    without = bench.link.status()["axes"]["x"]["drive_v"]
+    bench.record(State.BLIND, drive_v=80.0, read_back_v=79.0)
+
+    assert isnan(without)
+    assert bench.link.status()["axes"]["x"]["drive_v"] == 79.0
+
+
+@pytest.mark.fault("L9")
 def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
     """A failed step explains why arming is refused."""
     steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
@@ -102,14 +123,43 @@ def test_shutdown_is_for_the_supervisor(bench: Bench) -> None:
     assert bench.stopped == ["requested by somebody"]
 
 
-def test_requests_during_an_exchange_are_refused(bench: Bench) -> None:
-    """The client gets an error at once instead of waiting."""
+async def _during_an_exchange(link: StageLink, request: Request) -> Answer:
+    """Send a request while there is no loop, and make the loop available later."""
+    link.available = False
+    asking = asyncio.create_task(link.request(request, PEER))
+    await asyncio.sleep(0)  # the request has begun
+    assert not link.health()[0]
+    link.available = True
+    return await asking
+
+
+def test_requests_wait_for_the_end_of_an_exchange(bench: Bench) -> None:
+    """A request during an exchange goes to the new loop, an emergency stop among them."""
+    request: Request
+    for request in (Goto(position_um=4.0), Estop()):
+        answer = bench.do(partial(_during_an_exchange, request=request))
+        assert answer.motion == 7
+        assert bench.requests == [request]
+
+
+def test_requests_are_refused_if_an_exchange_takes_too_long(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The client gets the reason before it gives up."""
+    monkeypatch.setattr(stage_link, "EXCHANGED_WITHIN_S", 0.0)
     bench.link.available = False
 
     with pytest.raises(UnavailableError, match="being exchanged"):
         bench.do(lambda link: link.request(Goto(position_um=4.0), PEER))
 
-    assert not bench.link.health()[0]
+
+@pytest.mark.parametrize("request_", [Stop(), Hold(), Disarm()])
+def test_stop_is_answered_at_once_during_an_exchange(bench: Bench, request_: Request) -> None:
+    """An exchange drives nothing: there is nothing to stop, and no loop to ask."""
+    bench.link.available = False
+
+    assert bench.do(lambda link: link.request(request_, PEER)).accepted
+    assert bench.requests == []
 
 
 def test_setpoints_of_a_stream_arrive_together_or_not_at_all(bench: Bench) -> None:
@@ -126,100 +176,6 @@ def test_setpoints_of_a_stream_arrive_together_or_not_at_all(bench: Bench) -> No
     bench.link.stream_setpoint({"x": 3.0})
 
     assert [setpoint.position_um for setpoint in reader.take()] == [3.0]
-
-
-def _learn(bench: Bench, zero_um: float) -> list[float]:
-    model = bench.loop.models["x"]
-    assert model is not None
-    weights = [1.01 * each for each in (*model.left_stop_weights, *model.right_stop_weights)]
-    LearnedWriter(bench.loop.shared).publish(0, weights, 0.0, 0.0, zero_um)
-    return weights
-
-
-def test_saved_parameters_are_loaded(bench: Bench) -> None:
-    """The learned weights become a model again, with the sensor zero."""
-    weights = _learn(bench, zero_um=0.25)
-    saved = bench.do(lambda link: link.save_params(PEER))
-    history = bench.do(lambda link: link.params_history())
-    loaded = bench.do(lambda link: link.load_params(None, PEER))
-
-    (request,) = bench.requests
-    assert isinstance(request, AdoptModel)
-    assert request.zero_um == 0.25
-    assert saved["sequence"] == loaded["sequence"] == 1
-    assert [entry["saved_by"] for entry in history] == ["somebody"]
-    model = bench.loop.models["x"]
-    assert model is not None
-    assert [*model.left_stop_weights, *model.right_stop_weights] == pytest.approx(weights)
-    assert asyncio.run(bench.link.params())["axes"]["x"]["zero_um"] == 0.25
-
-
-def test_parameters_beyond_their_range_are_not_saved(bench: Bench) -> None:
-    """Parameters that could not be loaded again are refused, and older ones stay."""
-    _learn(bench, zero_um=1e9)
-
-    with pytest.raises(NotNowError, match=r"not saved: (?s:.*)zero_um"):
-        bench.do(lambda link: link.save_params(PEER))
-
-
-def test_parameters_that_the_loop_refuses_are_not_in_use(bench: Bench) -> None:
-    """The client gets the reason of the loop."""
-    _learn(bench, zero_um=0.0)
-    bench.do(lambda link: link.save_params(PEER))
-    before = bench.loop.models["x"]
-
-    with pytest.raises(NotNowError, match="axis x: only while disarmed"):
-        bench.do(lambda link: link.load_params(1, PEER), Answer(False, "only while disarmed"))
-
-    assert bench.loop.models["x"] is before
-
-
-@pytest.mark.fault("D8")
-def test_corrupt_parameters_are_skipped_and_reported(bench: Bench) -> None:
-    """Older parameters are loaded, and the answer names the rejected files."""
-    _learn(bench, zero_um=0.0)
-    for _ in range(2):
-        bench.do(lambda link: link.save_params(PEER))
-    newest = max(bench.paths.parameters.glob("*.json"))
-    newest.write_bytes(newest.read_bytes()[:-9])
-
-    loaded = bench.do(lambda link: link.load_params(None, PEER))
-
-    assert (loaded["sequence"], loaded["copy"]) == (1, "number 1")
-    assert [each["file"] for each in loaded["rejected"]] == [newest.name]
-
-
-def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConfig) -> None:
-    """A rebuilt stage may have other axes under the same name."""
-    before = Bench(tmp_path, config.model_copy(update={"axes": {"y": config.axes["x"]}}))
-    weights = np.ones(4)
-    before.loop.models["y"] = None
-    LearnedWriter(before.loop.shared).publish(0, weights, 0.0, 0.0, 0.0)
-    before.do(lambda link: link.save_params(PEER))
-    before.link.stage_audit.close()
-    bench = Bench(tmp_path, config)
-
-    with pytest.raises(NotNowError, match="axes that this stage does not have: y"):
-        bench.do(lambda link: link.load_params(None, PEER))
-    bench.link.stage_audit.close()
-
-
-def test_missing_parameters_are_an_error(bench: Bench) -> None:
-    """Nothing can be loaded before the first save, nor saved before the first cycle."""
-    with pytest.raises(UnknownNameError, match="nothing is saved"):
-        bench.do(lambda link: link.load_params(None, PEER))
-    with pytest.raises(NotNowError, match="nothing has been learned"):
-        bench.do(lambda link: link.save_params(PEER))
-
-
-def test_adopted_model_is_the_one_to_save(bench: Bench) -> None:
-    """Weights learned later belong to the thresholds of the adopted model."""
-    model = bench.loop.models["x"]
-    assert model is not None
-    other = model.model_copy(update={"created_by": "somebody else"})
-    bench.do(lambda link: link.request(AdoptModel(model=other), PEER))
-
-    assert bench.loop.models["x"] == other
 
 
 def test_readers_follow_an_exchanged_loop(bench: Bench) -> None:

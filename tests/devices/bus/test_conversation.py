@@ -317,3 +317,33 @@ def test_foreign_frames_never_make_a_late_reply_another_ones(
         with suppress(LineFault):
             assert conversation.ask(b"?", lines, fits=starts_with_digit) == reply
         line.t_ns += pause_ms * MS
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (b"", "no reply within 20 ms"),
+        (b"#?", "no reply within 20 ms: what came does not fit: '#?' (23 3F)"),
+        (b"12", "no reply within 20 ms: what came does not fit: '12' (31 32)"),
+    ],
+)
+def test_missing_reply_says_what_came_instead(answer: bytes, text: str) -> None:
+    """The message of a missing reply has the bytes that came instead, as text and as numbers."""
+    line = PlayedLine(lambda _: [(MS, answer)] if answer else [])
+    with pytest.raises(LineFault) as fault:
+        talk(line).ask(b"?", lines)
+    assert str(fault.value) == text
+
+
+def test_dropped_bytes_are_kept_for_a_message() -> None:
+    """Bytes before the request and frames that do not fit are kept until the next exchange."""
+    line = PlayedLine(lambda _: [(MS, b"7\n1\n")])
+    conversation = talk(line)
+    line.comes(b"OK\n")
+    line.t_ns += MS
+
+    assert conversation.ask(b"?", lines, fits=lambda frame: frame == b"1\n") == b"1\n"
+    assert conversation.dropped == b"OK\n7\n"
+    line.answer = lambda _: [(MS, b"1\n")]
+    assert conversation.ask(b"?", lines) == b"1\n"
+    assert conversation.dropped == b""

@@ -152,6 +152,51 @@ def test_watchdog_is_disarmed_in_the_end() -> None:
     assert stand.rig.drive_v[0] == pytest.approx(75.0, abs=0.1)
 
 
+WATCHED = {"a1": {"number": 1, "safe_code": 0, **CODES}}
+ONE = Wiring(("a1",), ("a1",))
+
+
+def test_watchdog_is_armed_again_after_a_crash() -> None:
+    """A node that still supervises this host, because it was not disarmed, is armed again."""
+    stand = Stand(outputs=WATCHED)
+    assert stand.active(ONE).exchange([5.0], stand.time.t_ns)[0]
+    stand.passes(300, lambda: stand.bus.receive(0))
+    assert stand.rig.drive_v[0] == pytest.approx(0.0, abs=0.1), "the host has crashed"
+
+    device = stand.active(ONE)
+    assert device.exchange([5.0], stand.time.t_ns)[0]
+    stand.passes(300, lambda: stand.bus.receive(0))
+    assert stand.rig.drive_v[0] == pytest.approx(0.0, abs=0.1), "the watchdog has tripped again"
+
+
+def test_watchdog_is_armed_again_after_an_orderly_end() -> None:
+    """A node that was disarmed is armed again, and its watchdog trips."""
+    stand = Stand(outputs=WATCHED)
+    for _ in range(2):
+        device = stand.active(ONE)
+        device.exchange([5.0], stand.time.t_ns)
+        device.close()
+        stand.passes(1000, lambda: stand.bus.receive(0))
+        assert stand.rig.drive_v[0] == pytest.approx(75.0, abs=0.1)
+
+    stand.active(ONE).exchange([5.0], stand.time.t_ns)
+    stand.passes(300, lambda: stand.bus.receive(0))
+    assert stand.rig.drive_v[0] == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("entry", [3 << 16 | 500, 3 << 16, 500])
+def test_node_that_supervised_another_host_supervises_this_one(entry: int) -> None:
+    """The entry of another host, with or without a time, is stopped before this host's is set."""
+    stand = Stand(outputs=WATCHED)
+    stand.node.set(o.CONSUMER_HEARTBEAT, 1, entry)
+    device = stand.active(ONE)
+    device.exchange([5.0], stand.time.t_ns)
+    stand.passes(300, lambda: stand.bus.receive(0))
+
+    assert stand.rig.drive_v[0] == pytest.approx(0.0, abs=0.1)
+    assert stand.node.value(o.CONSUMER_HEARTBEAT, 1) == 126 << 16 | 200
+
+
 def test_late_answer_is_none_to_what_is_asked_in_the_end() -> None:
     """A late reply from the loop does not disturb the disarming of the watchdog."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})

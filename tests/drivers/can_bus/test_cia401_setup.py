@@ -31,6 +31,67 @@ def test_node_whose_mapping_is_fixed_is_used_as_it_is() -> None:
     assert read(device, stand) == pytest.approx([0.6], abs=0.01)
 
 
+def _with_fixed_pdos(stand: Stand, **types: int) -> None:
+    """Make all parameters of both PDOs constant, as in a dictionary in read-only memory."""
+    node: Any = stand.node
+    allowed = node.set
+    for index, kind in ((0x1401, types["rpdo"]), (0x1801, types["tpdo"])):
+        allowed(index, 2, kind)
+
+    def some(index: int, number: int, value: int) -> None:
+        if index in {0x1401, 0x1601, 0x1801, 0x1A01}:
+            raise AbortError(AbortCode.READ_ONLY)
+        allowed(index, number, value)
+
+    node.set = some
+
+
+@pytest.mark.parametrize("rpdo", [254, 255])
+def test_node_with_fixed_pdos_is_used_as_it_is(rpdo: int) -> None:
+    """Constant PDOs with all channels are used if the outputs act on arrival."""
+    stand = Stand((30.0, 60.0))
+    _with_fixed_pdos(stand, rpdo=rpdo, tpdo=1)
+    device = stand.active(Wiring(("a2",), ("a2",)))
+
+    assert device.exchange([1.0], stand.time.t_ns)[0]
+    assert stand.rig.drive_v == pytest.approx([30.0, 15.0], abs=0.1)
+    assert read(device, stand) == pytest.approx([0.6], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("types", "message"),
+    [
+        ({"rpdo": 255, "tpdo": 254}, "0x1801:2 .* fixed at 254, expected 1: set another"),
+        ({"rpdo": 1, "tpdo": 1}, "0x1401:2 .* fixed at 1, expected 255: set another"),
+    ],
+)
+def test_fixed_pdo_at_another_time_is_refused(types: dict[str, int], message: str) -> None:
+    """A constant PDO that is not sent at each SYNC, or acts later, is refused with its type."""
+    stand = Stand()
+    _with_fixed_pdos(stand, **types)
+    with pytest.raises(DeviceError, match=message):
+        stand.active()
+
+
+def test_fixed_pdo_without_the_channel_is_refused() -> None:
+    """A constant PDO that lacks a channel is refused with a remedy."""
+    stand = Stand()
+    for number in range(1, 5):
+        stand.node._values[0x1A01, number] = 0x6401_0310  # noqa: SLF001 - such a node
+    _with_fixed_pdos(stand, rpdo=255, tpdo=1)
+    with pytest.raises(DeviceError, match="fixed and lacks a channel: set another rpdo or tpdo"):
+        stand.active()
+
+
+def test_fixed_pdo_that_is_switched_off_is_refused() -> None:
+    """A constant PDO that is switched off is not taken for one that is used."""
+    stand = Stand()
+    stand.node.set(0x1801, 1, 1 << 31 | 0x285)
+    _with_fixed_pdos(stand, rpdo=255, tpdo=1)
+    with pytest.raises(DeviceError, match="0x1801:1 cannot be set"):
+        stand.active()
+
+
 def test_node_of_another_profile_is_refused() -> None:
     """A node of another profile, such as a drive, is refused with its profile number."""
     stand = Stand()

@@ -43,6 +43,9 @@ def _theirs(signal: DbcSignal) -> Any:
 
 
 @given(signals(), st.binary(min_size=8, max_size=8))
+@pytest.mark.confirms(
+    "can_dbc", "can_dbc", part="bits of read signals", by="cantools", kind="client"
+)
 def test_reading_agrees_with_cantools(signal: DbcSignal, data: bytes) -> None:
     """A signal read from any eight bytes has the value that cantools reads."""
     theirs = _theirs(signal).decode(data, scaling=False)
@@ -51,6 +54,9 @@ def test_reading_agrees_with_cantools(signal: DbcSignal, data: bytes) -> None:
 
 
 @given(signals(), st.data())
+@pytest.mark.confirms(
+    "can_dbc", "can_dbc", part="bits of written signals", by="cantools", kind="client"
+)
 def test_writing_agrees_with_cantools(signal: DbcSignal, data: Any) -> None:
     """A number is written to the bits that cantools uses; other bits do not change."""
     raw = data.draw(st.integers(*signal.raw_range))

@@ -38,6 +38,13 @@ def peer() -> Iterator[str]:
     assert process.returncode == 0
 
 
+@pytest.mark.confirms(
+    "canopen",
+    "canopen-401",
+    part="SDO, NMT, heartbeat, process data, their mapping",
+    by="node of the canopen library",
+    kind="node",
+)
 @pytest.mark.parametrize("profile", [CANOPEN, CANOPEN_PDO], ids=["sdo", "pdo"])
 def test_driver_drives_a_node_by_the_canopen_library(peer: str, profile: Any) -> None:
     """Our driver opens, sets up, drives, reads and reads back a node of the canopen library."""
@@ -83,6 +90,13 @@ def test_our_node_answers_the_canopen_library(remote: Any) -> None:
     assert remote.sdo.upload(0x6443, 2) == b"\x01"
 
 
+@pytest.mark.confirms(
+    "canopen",
+    "canopen-401",
+    part="abort codes",
+    by="canopen library",
+    kind="client",
+)
 @pytest.mark.parametrize(
     ("index", "number", "data", "code"),
     [
@@ -107,6 +121,13 @@ def test_our_node_refuses_as_documented(
     assert refusal.value.code == code
 
 
+@pytest.mark.confirms(
+    "canopen",
+    "canopen-401",
+    part="NMT, SYNC, heartbeat, process data, their mapping",
+    by="canopen library",
+    kind="client",
+)
 def test_canopen_library_drives_our_node(remote: Any) -> None:
     """The library's process data, heartbeat and NMT work with our node."""
     remote.nmt.state = "PRE-OPERATIONAL"
@@ -135,6 +156,9 @@ def test_canopen_library_drives_our_node(remote: Any) -> None:
     assert struct.unpack("<h", remote.sdo.upload(0x6411, 1))[0] == round(5 * CODES_PER_V)
 
 
+@pytest.mark.confirms(
+    "canopen", "canopen-401", part="slcan adapter", by="slcan of python-can", kind="protocol"
+)
 def test_python_can_speaks_to_our_adapter(tmp_path: Path) -> None:
     """python-can's slcan configures our adapter and exchanges frames with the node behind it."""
     with emulated(f"canopen-401={tmp_path / 'can.tty'}") as node:

@@ -104,6 +104,13 @@ def follows(chosen: ModbusOptions) -> None:
         device.close()
 
 
+@pytest.mark.confirms(
+    "modbus",
+    "registers",
+    part="Modbus TCP: functions 3, 4, 6, 16, 23; types of numbers",
+    by="libmodbus' server",
+    kind="node",
+)
 @pytest.mark.parametrize("functions", [(16,), (6, 16), (16, 23)])
 def test_libmodbus_over_tcp(libmodbus: Path, functions: tuple[int, ...]) -> None:
     """The driver reads and writes the registers of libmodbus' server over TCP."""
@@ -119,6 +126,13 @@ def test_libmodbus_over_tcp(libmodbus: Path, functions: tuple[int, ...]) -> None
         )
 
 
+@pytest.mark.confirms(
+    "modbus",
+    "registers",
+    part="Modbus RTU: functions 3, 4, 6, 16, 23; types of numbers",
+    by="libmodbus' server",
+    kind="node",
+)
 @pytest.mark.parametrize("functions", [(16,), (6, 16), (16, 23)])
 def test_libmodbus_over_rtu(libmodbus: Path, functions: tuple[int, ...]) -> None:
     """The driver reads and writes the registers of libmodbus' server over a serial line."""
@@ -150,6 +164,9 @@ def mbpoll(*words: str) -> list[str]:
     ]
 
 
+@pytest.mark.confirms(
+    "modbus", "labjack-t7", part="frames, FLOAT32 values in V", by="mbpoll", kind="protocol"
+)
 def test_mbpoll_over_tcp() -> None:
     """Mbpoll sets an output of the emulated LabJack in V and reads an input that follows it."""
     with served(emulator.LABJACK_T7) as place:
@@ -161,6 +178,13 @@ def test_mbpoll_over_tcp() -> None:
     assert float(value) == pytest.approx(2.4, abs=1e-3)
 
 
+@pytest.mark.confirms(
+    "modbus",
+    ("waveshare-ai8b", "waveshare-ao8b"),
+    part="frames, tables of the values",
+    by="mbpoll",
+    kind="protocol",
+)
 def test_mbpoll_over_rtu(tmp_path: Path) -> None:
     """Mbpoll sets an output of one emulated Waveshare module and reads an input of the other."""
     port = str(tmp_path / "box.tty")
@@ -171,6 +195,13 @@ def test_mbpoll_over_rtu(tmp_path: Path) -> None:
         assert mbpoll(*at, "-a", "1", "-t", "3", "-r", "0", "-c", "1", port) == ["2400"]
 
 
+@pytest.mark.confirms(
+    "modbus",
+    "wago-750",
+    part="frames, function 23, exceptions",
+    by="pymodbus' client",
+    kind="protocol",
+)
 def test_pymodbus_client_over_tcp() -> None:
     """Pymodbus' client sets and reads the emulated WAGO coupler, also in one request."""
     with served(emulator.WAGO_750) as place:
@@ -189,6 +220,13 @@ def test_pymodbus_client_over_tcp() -> None:
             client.close()  # type: ignore[no-untyped-call] # theirs
 
 
+@pytest.mark.confirms(
+    "modbus",
+    ("icpdas-m7017", "icpdas-m7024"),
+    part="frames, tables of the values",
+    by="pymodbus' client",
+    kind="protocol",
+)
 def test_pymodbus_client_over_rtu(tmp_path: Path) -> None:
     """Pymodbus' client sets and reads the two emulated ICP DAS modules."""
     port = str(tmp_path / "box.tty")
@@ -228,6 +266,13 @@ def pymodbus_server() -> Iterator[int]:
         loop.close()
 
 
+@pytest.mark.confirms(
+    "modbus",
+    "registers",
+    part="Modbus TCP: functions 3, 6, 16; types of numbers",
+    by="pymodbus' server",
+    kind="node",
+)
 def test_pymodbus_server() -> None:
     """The driver reads and writes the registers of pymodbus' server."""
     with pymodbus_server() as port:

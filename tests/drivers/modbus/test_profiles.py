@@ -128,6 +128,13 @@ def test_adam_6024_has_the_registers_of_its_manual() -> None:
     assert [scale * read(word, 0) + offset for word in (b"\0\0", b"\xff\xff")] == [-10.0, 10.0]
 
 
+@pytest.mark.confirms(
+    "modbus",
+    "wago-750",
+    part="refusal of a PFC, which has the constants but no item number",
+    by="WAGO pfc-howtos, kbusmodbusslave 1.6.0 (modbus.c)",
+    kind="manual",
+)
 @pytest.mark.parametrize("item", [8100, 8206, 8216, None])
 def test_a_pfc_is_refused(item: int | None) -> None:
     """A PFC100 or PFC200 is no coupler: by its item number, or because it reports none."""

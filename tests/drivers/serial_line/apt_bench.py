@@ -6,7 +6,7 @@ from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.amplifier_dialogue import AmplifierDialogue
-from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
+from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT
 from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator, KsgEmulator
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from piezod_drivers.serial_line.thorlabs_apt.reader_dialogue import ReaderDialogue
@@ -28,14 +28,18 @@ def kpz(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, KpzEmula
     return BusDevice("KPZ101", AmplifierDialogue(configured, OUTPUT, line)), line, rig, emulator
 
 
-def ksg(
-    request: int = Id.READING_7DE, **options: object
-) -> tuple[BusDevice, EmulatedLine, LinearRig]:
-    """Return a strain gauge reader, the line to it, and the rig behind it."""
+def ksg(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, KsgEmulator]:
+    """Return a strain gauge reader, the line to it, the rig behind it and the emulator."""
     stand, rig, time = bench()
-    line = EmulatedLine(KsgEmulator(stand, "", request), time)
+    emulator = KsgEmulator(stand, "")
+    line = EmulatedLine(emulator, time)
     configured = AptOptions.model_validate({"port": "p", "model": "KSG101", **options})
-    return BusDevice("KSG101", ReaderDialogue(configured, INPUT, line)), line, rig
+    return BusDevice("KSG101", ReaderDialogue(configured, INPUT, line)), line, rig, emulator
+
+
+def show(emulator: KsgEmulator, mode: int) -> None:
+    """Let an emulated reader show another quantity."""
+    emulator.receive(codec.long(codec.Id.SET_GAUGE_IO, codec.pack_gauge_io(1, mode)))
 
 
 def instead(ident: int, answer: bytes) -> Callable[[bytes], bytes]:

@@ -35,10 +35,16 @@ SENT = [
     (peer.pz_ack_pzstatusupdate(UNIT, HOST), codec.short(Id.ACK_STATUS)),
     (peer.pz_req_maxtravel(UNIT, HOST, 1), codec.short(Id.REQ_MAX_TRAVEL, 1)),
     (peer.pz_req_tpz_iosettings(UNIT, HOST, 1), codec.short(Id.REQ_IO, 1)),
-    (peer.pz_req_tsg_reading(UNIT, HOST, 1), codec.short(Id.READING_7DE, 1)),
 ]
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    ("KPZ101", "TPZ001"),
+    part="requests and settings, byte by byte",
+    by="thorlabs-apt-protocol",
+    kind="client",
+)
 @pytest.mark.parametrize(("theirs", "ours"), SENT)
 def test_messages_are_those_of_another_reading(theirs: bytes, ours: bytes) -> None:
     """Every request and setting of the drivers equals that of thorlabs-apt-protocol."""
@@ -72,12 +78,11 @@ def test_status_reads_the_same(output: int, position: int, bits: int) -> None:
     assert theirs["control_mode"] == bool(bits & codec.StatusBit.CLOSED_LOOP)
 
 
-@given(COUNTS, COUNTS)
-def test_reading_reads_the_same(reading: int, smoothed: int) -> None:
-    """A reading of a strain gauge is read as thorlabs-apt-protocol reads it."""
-    frame = codec.long(Id.READING_7DF, codec.words(1, reading, smoothed), to=HOST, source=UNIT)
-    theirs = _their_fields(frame)
-    assert codec.words_of(frame, 1, 2) == (theirs["reading"], theirs["smoothed"])
+@given(st.integers(0, 0xFFFF))
+def test_display_mode_reads_the_same(mode: int) -> None:
+    """The display mode of a strain gauge reader is read as thorlabs-apt-protocol reads it."""
+    frame = codec.long(Id.GET_GAUGE_IO, codec.pack_gauge_io(1, mode), to=HOST, source=UNIT)
+    assert codec.display_mode_of(frame) == _their_fields(frame)["display_mode"]
 
 
 def test_identity_reads_the_same() -> None:
@@ -94,6 +99,7 @@ def test_identity_reads_the_same() -> None:
 DECODERS: list[Callable[[bytes], object]] = [
     codec.short_of,
     codec.status_of,
+    codec.display_mode_of,
     codec.hardware_of,
     lambda frame: codec.words_of(frame, 1),
     lambda frame: codec.words_of(frame, 1, 2),

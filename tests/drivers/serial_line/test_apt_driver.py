@@ -7,11 +7,19 @@ import pytest
 from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
+from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, DisplayMode, Id
 from piezod_drivers.serial_line.thorlabs_apt.cube_line import wake_cube
 from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
-from tests.drivers.serial_line.apt_bench import NOW, answering, answering_words, instead, kpz, ksg
+from tests.drivers.serial_line.apt_bench import (
+    NOW,
+    answering,
+    answering_words,
+    instead,
+    kpz,
+    ksg,
+    show,
+)
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 
 
@@ -104,7 +112,7 @@ def test_other_limit_is_refused() -> None:
 
 def test_other_model_is_refused() -> None:
     """A cube of another model than configured is refused."""
-    device, _, _ = ksg(model="TSG001")
+    device, _, _, _ = ksg(model="TSG001")
     with pytest.raises(DeviceError, match="leads to KSG101, configured is TSG001"):
         device.open()
 
@@ -117,10 +125,9 @@ def test_silent_port_is_reported() -> None:
         device.open()
 
 
-@pytest.mark.parametrize("request_id", [Id.READING_7DE, Id.READING_7DD])
-def test_reader_gives_displacement_in_either_form(request_id: int) -> None:
-    """A reader with either form of readings gives its displacement in µm."""
-    device, _, rig = ksg(request_id)
+def test_reader_gives_displacement() -> None:
+    """A reader gives its displacement in µm."""
+    device, _, rig, _ = ksg()
     device.open()
     device.activate(NOW)
     rig.drive_v = [100.0]
@@ -131,7 +138,7 @@ def test_reader_gives_displacement_in_either_form(request_id: int) -> None:
 
 def test_scale_of_readings_can_be_set() -> None:
     """A configured displacement at full scale replaces the reported one."""
-    device, _, rig = ksg(full_scale_um=60.0)
+    device, _, rig, _ = ksg(full_scale_um=60.0)
     device.open()
     device.activate(NOW)
     rig.drive_v = [50.0]
@@ -167,15 +174,31 @@ def test_unknown_limit_is_refused() -> None:
 
 def test_reader_without_travel_needs_a_scale() -> None:
     """A reader without a travel is refused unless the scale is configured."""
-    device, line, _ = ksg()
+    device, line, _, _ = ksg()
     line.change = answering_words(Id.GET_MAX_TRAVEL, 1, 0)
     with pytest.raises(DeviceError, match="set full_scale_um"):
         device.open()
 
 
+@pytest.mark.parametrize(
+    ("mode", "shown"),
+    [
+        (DisplayMode.VOLTAGE, "a voltage"),
+        (DisplayMode.FORCE, "a force"),
+        (0, r"an unknown quantity \(0\)"),
+    ],
+)
+def test_reader_that_shows_no_position_is_refused(mode: int, shown: str) -> None:
+    """A reader whose readings are volts or newtons is refused with the remedy."""
+    device, _, _, emulator = ksg()
+    show(emulator, mode)
+    with pytest.raises(DeviceError, match=f"shows {shown}: set its display to position"):
+        device.open()
+
+
 def test_port_lost_while_opening_is_reported() -> None:
     """A reader whose port is lost during opening is unavailable."""
-    device, line, _ = ksg()
+    device, line, _, _ = ksg()
 
     def pull(reply: bytes) -> bytes:
         line.unplugged = codec.ident_of(reply) == Id.GET_MAX_TRAVEL

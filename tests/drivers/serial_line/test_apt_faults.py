@@ -7,16 +7,24 @@ import pytest
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
+from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, DisplayMode, Id
 from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator
-from tests.drivers.serial_line.apt_bench import NOW, answering_words, instead, kpz, ksg
+from tests.drivers.serial_line.apt_bench import (
+    NOW,
+    answering_words,
+    instead,
+    kpz,
+    ksg,
+    show,
+)
+from tests.drivers.serial_line.linear_rig import UM_PER_V
 from tests.drivers.serial_line.scripted_line import MS
 
 
 @pytest.mark.sees("thorlabs_apt", "S7")
 def test_end_of_range_is_reported() -> None:
     """A reading at the end of the range is invalid and reported as saturated."""
-    device, _, rig = ksg()
+    device, _, rig, _ = ksg()
     device.open()
     device.activate(NOW)
     rig.valid = False
@@ -36,6 +44,98 @@ def test_disabled_output_is_reported() -> None:
     line.time.t_ns += 200 * MS
     device.read_back(NOW)
     assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
+
+
+@pytest.mark.sees("thorlabs_apt", "A8")
+def test_disabled_output_is_reported_after_many_statuses() -> None:
+    """After more statuses than a cube sends to a host that is gone, a disabled output is seen."""
+    device, line, _, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    for _ in range(200):
+        line.time.t_ns += 100 * MS
+        device.read_back(NOW)
+    assert not device.status(NOW)[0]
+    emulator.receive(codec.short(Id.SET_ENABLED, 1, 2))
+    line.time.t_ns += 200 * MS
+    device.read_back(NOW)
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
+
+
+def test_disabled_output_stays_reported_if_the_status_stops() -> None:
+    """An output that was disabled still counts as disabled when no status comes any more."""
+    device, line, _, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    emulator.receive(codec.short(Id.SET_ENABLED, 1, 2))
+    for _ in range(15):
+        line.time.t_ns += 100 * MS
+        device.read_back(NOW)
+        line.change = lambda reply: b"" if codec.ident_of(reply) == Id.GET_STATUS else reply
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE, DeviceFlag.LATE_REPLY}
+
+
+def test_cube_that_a_program_left_silent_is_opened() -> None:
+    """A cube that has stopped its statuses for a program before us sends them to us."""
+    device, _, _, emulator = kpz()
+    while emulator.receive(codec.short(Id.REQ_STATUS, 1)):
+        pass
+    device.open()
+    device.activate(NOW)
+    assert not device.status(NOW)[0]
+
+
+@pytest.mark.sees("thorlabs_apt", "B5")
+def test_status_that_stops_is_reported() -> None:
+    """A status of more than a second ago says nothing about the output; this is reported."""
+    device, line, _, _ = kpz()
+    device.open()
+    device.activate(NOW)
+    line.change = lambda reply: b"" if codec.ident_of(reply) == Id.GET_STATUS else reply
+    for _ in range(10):
+        line.time.t_ns += 100 * MS
+        device.read_back(NOW)
+    assert not device.status(NOW)[0]
+    line.time.t_ns += 100 * MS
+    device.read_back(NOW)
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LATE_REPLY}
+    line.change = lambda reply: reply
+    line.time.t_ns += 100 * MS
+    device.read_back(NOW)
+    assert not device.status(NOW)[0]
+
+
+@pytest.mark.sees("thorlabs_apt", "B10")
+@pytest.mark.parametrize("mode", [DisplayMode.VOLTAGE, DisplayMode.FORCE])
+def test_reader_that_is_switched_to_another_quantity_gives_no_positions(mode: DisplayMode) -> None:
+    """Readings of a reader that is switched to volts or newtons are invalid until it is back."""
+    device, line, rig, emulator = ksg()
+    device.open()
+    device.activate(NOW)
+    rig.drive_v = [100.0]
+    assert device.read(NOW)[0].valid
+    show(emulator, mode)
+    line.time.t_ns += 100 * MS
+    assert not device.read(NOW)[0].valid
+    assert set(device.status(NOW)[0]) == {DeviceFlag.WRONG_REQUEST}
+    show(emulator, DisplayMode.POSITION)
+    line.time.t_ns += 100 * MS
+    assert device.read(NOW)[0].position_um == pytest.approx(100.0 * UM_PER_V, abs=0.001)
+    assert not device.status(NOW)[0]
+
+
+@pytest.mark.sees("thorlabs_apt", "B5")
+def test_reader_that_hides_its_mode_gives_no_positions() -> None:
+    """Without the display mode for more than a second, readings are invalid."""
+    device, line, _, _ = ksg()
+    device.open()
+    device.activate(NOW)
+    line.change = lambda reply: b"" if codec.ident_of(reply) == Id.GET_GAUGE_IO else reply
+    for _ in range(10):
+        assert device.read(NOW)[0].valid
+        line.time.t_ns += 100 * MS
+    assert not device.read(NOW)[0].valid
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LATE_REPLY}
 
 
 def _switch_off_and_on(emulator: KpzEmulator) -> None:
@@ -183,10 +283,10 @@ def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
 
 def test_answer_of_another_channel_is_garbage() -> None:
     """A reading of another channel is refused."""
-    device, line, _ = ksg()
+    device, line, _, _ = ksg()
     device.open()
     device.activate(NOW)
-    line.change = answering_words(Id.READING_7DF, 2, 100, 100)
+    line.change = answering_words(Id.GET_READING, 2, 100, 100)
     assert not device.read(NOW)[0].valid
     assert set(device.status(NOW)[0]) == {DeviceFlag.GARBAGE}
 

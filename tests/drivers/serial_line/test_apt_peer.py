@@ -53,29 +53,52 @@ class Host:
         return eventually(lambda: next((each for each in self._unpacker if each.msg == name), None))
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    ("KPZ101", "KSG101"),
+    part="identity, output voltage",
+    by="thorlabs-apt-protocol",
+    kind="client",
+)
 def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
-    """Thorlabs-apt-protocol identifies both cubes, sets a voltage and reads the motion."""
+    """Thorlabs-apt-protocol identifies both cubes, sets a voltage, and the driver sees the motion.
+
+    Its own request for readings, 0x07DE, is the maker's identifier of the reply.
+    """
     amplifier, gauge = cubes.where
-    with Host(amplifier) as kpz, Host(gauge) as ksg:
-        assert kpz.ask(peer.hw_req_info(CUBE, HOST), "hw_get_info").model_number.startswith(
-            b"KPZ101"
-        )
+    with Host(gauge) as ksg:
         assert ksg.ask(peer.hw_req_info(CUBE, HOST), "hw_get_info").model_number.startswith(
             b"KSG101"
         )
-        request = peer.pz_req_tsg_reading(CUBE, HOST, CHANNEL)
-        at_rest = ksg.ask(request, "pz_get_tsg_reading").reading
+        mode = ksg.ask(peer.pz_req_tsg_iosettings(CUBE, HOST), "pz_get_tsg_iosettings")
+        assert mode.display_mode == 1
+    options = AptOptions.model_validate({"port": gauge, "model": "KSG101", "timeout_ms": 100.0})
+    reader: Any = PLUGIN.create(options, Wiring(("1",), ()), 1)
+    with Host(amplifier) as kpz, closing(reader):
+        eventually(lambda: starts(reader))
+        at_rest_um = _position_um(reader)
+        assert kpz.ask(peer.hw_req_info(CUBE, HOST), "hw_get_info").model_number.startswith(
+            b"KPZ101"
+        )
         kpz.put(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
         kpz.put(peer.pz_set_positioncontrolmode(CUBE, HOST, CHANNEL, 1))
         kpz.put(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 16_384))
         asked = kpz.ask(peer.pz_req_outputvolts(CUBE, HOST, CHANNEL), "pz_get_outputvolts")
         assert asked.voltage == 16_384
-        eventually(
-            lambda: ksg.ask(request, "pz_get_tsg_reading").reading > at_rest + 5 / 30 * 32767
-        )
+        eventually(lambda: _position_um(reader) > at_rest_um + 5.0)
         kpz.put(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
 
 
+def _position_um(reader: Any) -> float:
+    """Return the next position that a reader reports."""
+    (sample,) = eventually(lambda: [s for s in reader.read(time.monotonic_ns()) if s.valid])
+    position_um: float = sample.position_um
+    return position_um
+
+
+@pytest.mark.confirms(
+    "thorlabs_apt", "KPZ101", part="status updates", by="thorlabs-apt-protocol", kind="client"
+)
 def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
     """Statuses come until they are stopped, with state and voltage."""
     with Host(cubes.where[0]) as kpz:

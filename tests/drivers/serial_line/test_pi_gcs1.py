@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
@@ -5,6 +7,8 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.serial_line.gcs.emulator import GcsEmulator
+from piezod_drivers.serial_line.gcs.reply import GcsReply
+from piezod_drivers.serial_line.pi_gcs1.codec import Gcs1Syntax
 from piezod_drivers.serial_line.pi_gcs1.dialogue import Gcs1Dialogue
 from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR
@@ -123,3 +127,27 @@ def test_what_a_configuration_may_say() -> None:
     dialogue = Gcs1Dialogue(ScriptedLine(), slow, Wiring.both(["A"]))
     assert dialogue.capabilities().max_rate_hz == pytest.approx(61, abs=1)
     PLUGIN.create(OPTIONS, Wiring.both(["A"]), 1).close()
+
+
+def test_requests_of_two_other_programs_are_answered_as_they_expect() -> None:
+    """The emulated E-816 answers the requests of EPICS (`drvPIE816.cc`) and of PYME as they parse.
+
+    EPICS finds the axes by `POS?` of A, B, … until one has no reply. It reads a number of bare text
+    and a switch of one digit. PYME finds the firmware by a V before it.
+    """
+    _, _, emulator, rig = emulated("AB")
+    rig.drive_v[0] = 10.0
+    ask = emulator.receive
+    position = ask(b"POS? A\n")[0]
+    assert float(position) == pytest.approx(10.0 * UM_PER_V)
+    assert [len(ask(b"POS? %s\n" % axis)) for axis in (b"B", b"C")] == [1, 0]
+    ask(b"ERR?\n")
+    assert ask(b"SVO A1\nSVO? A\nSVO A0\nSVO? A\n") == [b"1\n", b"0\n"]
+    assert re.findall(rb"V(\d\.\d\d)", ask(b"*IDN?\n")[0]) == [b"3.20"]
+
+
+@pytest.mark.parametrize("text", [b"1.050000e+1", b"+1.05e+001", b"+0010.5000"])
+def test_numbers_with_exponents_are_read(text: bytes) -> None:
+    """A number as an E-516 writes it, `1.050000e+1`, is read (`README_PIE516` of EPICS)."""
+    reply = GcsReply(*Gcs1Syntax().numbers(["A"]))
+    assert reply.numbers(text + b"\n0\n") == [10.5]

@@ -2,6 +2,7 @@
 
 import pytest
 
+from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName, ReadingUse
 from tests.drivers.serial_line.psj_rig import ALL, Rig
@@ -129,8 +130,9 @@ def test_an_emulated_nv40_jumps_when_it_comes_under_remote_control(
 def test_an_nv40_is_never_put_under_remote_control(
     profile: ProfileName, reads: ReadingUse | None, put: bytes, hand_over: bytes, *, remote: bool
 ) -> None:
-    """Without `remote: true` an NV40 is refused, and its voltage stays."""
+    """Without a report and without `remote: true` an NV40 is refused, and its voltage stays."""
     rig = Rig(profile, reads, remote=remote)
+    rig.emulator.knows_source = False
     rig.emulator.knob_v[0] = 40.0
     rig.send(hand_over % 0)
     rig.send(put)
@@ -143,6 +145,21 @@ def test_an_nv40_is_never_put_under_remote_control(
             rig.device.activate(rig.now_ns())
     rig.device.close()
     assert rig.rig.drive_v[0] == 40.0
+
+
+@pytest.mark.parametrize("confirmed", [False, True])
+def test_an_nv40_that_reports_its_source_is_believed(*, confirmed: bool) -> None:
+    """The reported source of the voltage counts, whatever the configuration confirms."""
+    rig = Rig("nv40", wiring=Wiring((), ("ch0", "ch1")), remote=confirmed)
+    rig.send(b"setk,1,0\r")
+    rig.device.open()
+    with pytest.raises(DeviceError, match=r"channel 1 is not under remote control.*setk,1,1"):
+        rig.device.activate(rig.now_ns())
+
+    rig.send(b"setk,1,1\r")
+    rig.device.activate(rig.now_ns())
+
+    assert rig.device.write([5.0, 6.0], rig.now_ns())
 
 
 @pytest.mark.parametrize("profile", ALL)

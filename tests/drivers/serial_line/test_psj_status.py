@@ -41,17 +41,36 @@ def test_status_bits_become_flags_within_a_tenth_of_a_second(
 ) -> None:
     """A fault in the status word is reported as long as it lasts."""
     rig = Rig(profile)
-    device = rig.started()
+    rig.started()
     assert frozenset() == rig.flags()
 
     rig.emulator.fault_bits = bits
-    rig.time.t_ns += 100 * MS
-    device.write([1.0], rig.now_ns())
+    _write_twice(rig)
     assert {flag} == rig.flags()
 
     rig.emulator.fault_bits = 0
-    rig.time.t_ns += 100 * MS
-    device.write([1.0], rig.now_ns())
+    _write_twice(rig)
+    assert frozenset() == rig.flags()
+
+
+def _write_twice(rig: Rig) -> None:
+    """Write twice within a tenth of a second."""
+    for _ in range(2):
+        rig.time.t_ns += 50 * MS
+        rig.device.write([1.0], rig.now_ns())
+
+
+@pytest.mark.sees("psj", "A8")
+def test_local_control_of_an_nv40_is_reported() -> None:
+    """A channel that is given back to its knob is reported until the port has it again."""
+    rig = Rig("nv40")
+    rig.started()
+    rig.send(b"setk,0,0\r")
+    _write_twice(rig)
+    assert {DeviceFlag.LOCAL_MODE} == rig.flags()
+
+    rig.send(b"setk,0,1\r")
+    _write_twice(rig)
     assert frozenset() == rig.flags()
 
 

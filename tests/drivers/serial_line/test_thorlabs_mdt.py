@@ -8,6 +8,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_mdt.dialogue import MdtDialogue
 from piezod_drivers.serial_line.thorlabs_mdt.driver import PLUGIN
+from piezod_drivers.serial_line.thorlabs_mdt.emulation.a_model import MdtAEmulator
 from piezod_drivers.serial_line.thorlabs_mdt.emulator import (
     MDT693A,
     MDT693B,
@@ -21,17 +22,18 @@ from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, ScriptedLi
 
 B3 = MdtModel("MDT693B", "XYZ", "2.09")
 B1 = MdtModel("MDT694B", "X", "2.09")
-A3 = MdtModel("MDT693A", "XYZ", "1.09", legacy=True)
+A3 = None  # the only A model that is emulated
 TIMEOUT_S = 0.1
 
 
 def emulated(
-    model: MdtModel, outputs: str, change_mode: bool = False
-) -> tuple[BusDevice, EmulatedLine, MdtEmulator, LinearRig]:
+    model: MdtModel | None, outputs: str, change_mode: bool = False
+) -> tuple[BusDevice, EmulatedLine, MdtEmulator | MdtAEmulator, LinearRig]:
     """Return an open and active device on an emulated amplifier."""
-    table, rig, time = bench(len(model.axes))
-    emulator = MdtEmulator(model, table, "")
-    emulator.compatible |= change_mode
+    table, rig, time = bench(len(model.axes) if model else 3)
+    emulator = MdtEmulator(model, table, "") if model else MdtAEmulator(table, "")
+    if isinstance(emulator, MdtEmulator):
+        emulator.compatible |= change_mode
     line = EmulatedLine(emulator, time)
     device = BusDevice("MDT", MdtDialogue(line, TIMEOUT_S, Wiring((), tuple(outputs))))
     device.open()
@@ -50,13 +52,13 @@ def emulated(
     ],
 )
 def test_one_output(
-    model: MdtModel, change_mode: bool, outputs: str, put: list[bytes], get: list[bytes]
+    model: MdtModel | None, change_mode: bool, outputs: str, put: list[bytes], get: list[bytes]
 ) -> None:
     """Each model and mode is set and read back by its own commands."""
     device, line, emulator, rig = emulated(model, outputs, change_mode)
     assert not emulator.echo
     assert device.write([12.5], 1)
-    assert rig.drive_v[model.axes.index(outputs.upper())] == 12.5
+    assert rig.drive_v["xyz".index(outputs)] == 12.5
     assert device.read_back(1) == [12.5]
     assert line.sent == put + get
     assert device.read(1) == []
@@ -73,7 +75,7 @@ def test_three_outputs_at_once() -> None:
 
 
 @pytest.mark.parametrize("model", [A3, MdtModel("MDT693B", "XYZ", "1.05")])
-def test_three_outputs_one_by_one(model: MdtModel) -> None:
+def test_three_outputs_one_by_one(model: MdtModel | None) -> None:
     """Without a command for all axes, each axis has its own."""
     device, line, _, rig = emulated(model, "xyz")
     assert device.write([3.0, 1.0, 2.0], 1)
@@ -106,7 +108,7 @@ def test_beyond_the_range(value: float) -> None:
 @pytest.mark.sees("thorlabs_mdt", "B10")
 @pytest.mark.sees("thorlabs_mdt", "A1")
 @pytest.mark.parametrize(("model", "reply"), [(B3, b"CMD_ARG_INVALID>"), (A3, b"!")])
-def test_the_amplifier_refuses(model: MdtModel, reply: bytes) -> None:
+def test_the_amplifier_refuses(model: MdtModel | None, reply: bytes) -> None:
     """An error in place of the prompt fails the write with its flag."""
     device, line, _, _ = emulated(model, "x")
     line.change = lambda _: reply
@@ -116,13 +118,42 @@ def test_the_amplifier_refuses(model: MdtModel, reply: bytes) -> None:
 
 
 @pytest.mark.sees("thorlabs_mdt", "A7")
-def test_a_restart() -> None:
-    """An amplifier that echoes commands again has restarted."""
-    device, _, emulator, _ = emulated(B3, "x")
+@pytest.mark.parametrize("model", [B3, A3])
+def test_a_restart(model: MdtModel | None) -> None:
+    """An amplifier that echoes commands again has restarted; activated again, it is silent."""
+    device, _, emulator, _ = emulated(model, "x")
     emulator.echo = True
     assert device.write([1.0], 1)
     assert device.status(1) == [frozenset({DeviceFlag.RESTARTED})]
     assert device.read_back(2) == [1.0]
+    device.deactivate(3)
+    device.activate(4)
+    device.status(4)
+    assert not emulator.echo
+    assert device.read_back(5) == [1.0]
+    assert device.status(5) == [frozenset()]
+
+
+@pytest.mark.parametrize("model", [B3, A3])
+def test_many_exchanges_report_nothing(model: MdtModel | None) -> None:
+    """Nothing in the replies of either generation is taken for a fault."""
+    device, _, _, rig = emulated(model, "xz")
+    for i in range(20):
+        assert device.write([float(i), 20.0 + i], i)
+        assert device.read_back(i) == [float(i), 20.0 + i]
+        assert device.status(i) == [frozenset()] * 2
+    assert rig.drive_v == [19.0, 0.0, 39.0]
+
+
+def test_a_silent_amplifier_is_left_silent() -> None:
+    """The command that toggles the echo is not sent to an amplifier that does not echo."""
+    table, _, time = bench(3)
+    emulator = MdtAEmulator(table, "")
+    emulator.echo = False
+    line = EmulatedLine(emulator, time)
+    BusDevice("MDT", MdtDialogue(line, TIMEOUT_S, Wiring((), ("x",)))).open()
+    assert b"E\r" not in line.sent
+    assert not emulator.echo
 
 
 @pytest.mark.sees("thorlabs_mdt", "A3")
@@ -192,6 +223,7 @@ def test_the_first_firmware_of_a_b_model() -> None:
     line = ScriptedLine(
         exchange(b"~\r", b"\r*"),
         exchange(b"ID?\r", b"ID?\r", b"*\r\r\rModel MDT693B Piezo\rFirmware Version: 1.05\r"),
+        exchange(b"XVOLTAGE?\r", b"XVOLTAGE?\r*[  24.8]\r"),
         exchange(b"ECHO=0\r", b"ECHO=0\r*"),
         exchange(b"XVOLTAGE?\r", b"*[  24.8]\r"),
         exchange(b"VLIMIT?\r", b"*[ 100]\r*"),
@@ -251,7 +283,6 @@ def test_a_device_that_does_not_tell(steps: list[Step], what: str) -> None:
     begin = (
         exchange(b"~\r", b">"),
         exchange(b"ID?\r", b"Model MDT693B>"),
-        exchange(b"ECHO=0\r", b"[Echo Off]\r>"),
     )
     with pytest.raises(DeviceError, match=what):
         device_on(ScriptedLine(*begin, *steps)).open()

@@ -15,7 +15,7 @@ def emulated(profile: str, n_axes: int = 3) -> tuple[Emulator, LinearRig]:
     create = PLUGINS[profile].create
     assert create is not None
     emulator = create(table, "")
-    emulator.receive(b"ECHO=0\rE0\r")
+    emulator.receive(b"E\r" if profile == "mdt693a" else b"ECHO=0\r")
     return emulator, rig
 
 
@@ -25,7 +25,7 @@ def emulated(profile: str, n_axes: int = 3) -> tuple[Emulator, LinearRig]:
         ("mdt693b", b"XVOLTAGE=12.3\r", b">"),
         ("mdt693b", b"xvoltage?\r", b"[  0.00]\r>"),
         ("mdt693b", b"XYZVOLTAGE?\r", b"[  0.00,  0.00,  0.00]\r>"),
-        ("mdt693b", b"ZMAX?\r", b"[ 150.50]\r>"),
+        ("mdt693b", b"ZMAX?\r", b"150.50\r>"),
         ("mdt693b", b"VLIMIT?\r", b"[ 150]\r>"),
         ("mdt693b", b"SERIAL?\r", b"140421-07\r>"),
         ("mdt693b", b"CM?\r", b"[MDT693A Compatibility Mode Off]\r>"),
@@ -38,16 +38,22 @@ def emulated(profile: str, n_axes: int = 3) -> tuple[Emulator, LinearRig]:
         ("mdt693b", b"XR?\r", b"[  0.00]\r>"),
         ("mdt694b", b"YVOLTAGE?\r", b"CMD_NOT_DEFINED>"),
         ("mdt694b", b"XYZVOLTAGE?\r", b"CMD_NOT_DEFINED>"),
-        ("mdt693a", b"XV12.345\r", b"*"),
-        ("mdt693a", b"XR?\r", b"*[  0.00]\r"),
-        ("mdt693a", b"%\r", b"*[ 150]\r"),
-        ("mdt693a", b"XVOLTAGE?\r", b"!"),
-        ("mdt693a", b"XV151\r", b"!"),
-        ("mdt693a", b"\r", b"!"),
+        ("mdt693b", b"XVOLTAGE?\n", b"[  0.00]\r>"),
+        ("mdt693b", b"XVOLTAGE?\r\n", b"[  0.00]\r>"),
+        ("mdt693b", b"XVOLTAGE?\n\r", b"[  0.00]\r>"),
+        ("mdt693a", b"XV12.345\r", b"*\0"),
+        ("mdt693a", b"AV12.345\r", b"*\0"),
+        ("mdt693a", b"XR?\r", b"*[   0.0]\r"),
+        ("mdt693a", b"%\r", b"*[ 2]\r"),
+        ("mdt693a", b"E\r", b"*[Echo On]\r"),
+        ("mdt693a", b"E0\r", b"!\0"),
+        ("mdt693a", b"XV151\r", b"!\0"),
+        ("mdt693a", b"WV1\r", b"!\0"),
+        ("mdt693a", b"\r", b"!\0"),
     ],
 )
 def test_replies(profile: str, request_: bytes, reply: bytes) -> None:
-    """B models end a reply with >, A models begin it with *; both report errors."""
+    """B models end a reply with >, an A model begins it with *; both report errors."""
     emulator, _ = emulated(profile)
     assert emulator.receive(request_) == [reply]
     assert emulator.due() == []
@@ -57,7 +63,7 @@ def test_what_is_driven() -> None:
     """Voltages reach the axes by name; a command for all axes takes effect as a whole or not."""
     emulator, rig = emulated("mdt693b")
     emulator.receive(b"XVOLTAGE=1\rYVOLTAGE=2\nZ")
-    assert rig.drive_v == [1.0, 0.0, 0.0]
+    assert rig.drive_v == [1.0, 2.0, 0.0]
     emulator.receive(b"\rXYZVOLTAGE=4,5,6\rXYZVOLTAGE=7,8,200\r")
     assert rig.drive_v == [4.0, 5.0, 6.0]
     rig.highest_v = 100.0
@@ -89,5 +95,5 @@ def test_any_bytes(chunks: list[bytes]) -> None:
         emulator, _ = emulated(profile)
         for chunk in chunks:
             emulator.receive(chunk)
-        emulator.receive(b"\r")
+        emulator.receive(b"\n\r\r")
         assert len(emulator.receive(b"XR?\r")) == 1

@@ -54,6 +54,9 @@ def hurried(client: Any) -> Iterator[None]:
     client._ser.timeout = REPLY_S  # noqa: SLF001 - it has no other way
 
 
+@pytest.mark.confirms(
+    "thorlabs_mdt", "mdt693b", part="compatibility mode", by="mdt69x", kind="client"
+)
 def test_compatibility_mode(peer: Any) -> None:
     """The client sets and reads a voltage and its limits by the commands of the A models."""
     assert peer.get_compatibility() == peer.COMPATIBILITY_ON
@@ -65,6 +68,9 @@ def test_compatibility_mode(peer: Any) -> None:
     assert peer.get_x_voltage_max() == 150.5
 
 
+@pytest.mark.confirms(
+    "thorlabs_mdt", "mdt693b", part="commands of the B models", by="mdt69x", kind="client"
+)
 def test_own_mode(peer: Any) -> None:
     """The client sets and reads all three axes by the commands of the B models."""
     with hurried(peer):

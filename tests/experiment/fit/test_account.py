@@ -5,7 +5,8 @@ import pytest
 
 from piezod.experiment.fit.account import account_of
 from piezod.experiment.fit.cross_validation import cross_validate
-from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import ORDER, RATE_HZ, record_of
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from piezod.experiment.fit.cross_validation import cross_validate
-from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import ORDER, record_of, swells
 
 SETTINGS = FitSettings(order=ORDER, delay_s=0.0)

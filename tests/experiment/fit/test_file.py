@@ -11,9 +11,9 @@ from piezod.config.model_file import load_model
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Wanted
 from piezod.experiment.fit.file import FileFit, identify_file
-from piezod.experiment.fit.fit import FitSettings
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.outputs import write_model
+from piezod.experiment.fit.settings import FitSettings
 from piezod.hysteresis import LEAST_SLOPE
 from tests.experiment.made_up import ORDER, RATE_HZ, record_of, sine, swells, write_record
 

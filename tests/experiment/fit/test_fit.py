@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from piezod.errors import DataError, ModelError
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.prediction import predicted_v
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.records.csv_file import read_csv
 from tests.experiment.made_up import (
     DRIVE_V,

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from piezod.control.law.creep import TIME_CONSTANTS_S
 from piezod.errors import DataError
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Spacing
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.memory import FloatArray
 from tests.experiment.made_up import (

@@ -6,9 +6,9 @@ import pytest
 
 from piezod.experiment.fit.automatic import Wanted
 from piezod.experiment.fit.file import FileFit, identify_file
-from piezod.experiment.fit.fit import FitSettings
 from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Spacing
+from piezod.experiment.fit.settings import FitSettings
 from tests.conftest import Figure
 
 ALIGNED_S = 0.005

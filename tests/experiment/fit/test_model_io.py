@@ -12,10 +12,11 @@ from piezod.config.model_file import ModelFile, dump_model, load_model
 from piezod.control.law.creep import logarithmic
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.errors import ConfigError, ModelError
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.model_io import to_model_file
 from piezod.experiment.fit.prediction import predicted_v
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import ORDER, record_of
 
 MADE_AT = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)

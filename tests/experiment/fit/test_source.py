@@ -11,8 +11,8 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.errors import DataError
 from piezod.experiment.fit.file import identify_file
-from piezod.experiment.fit.fit import FitSettings
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.source import read_source
 from piezod.records.telemetry_reader import read_telemetry
 from tests.experiment.made_up import record_of, write_record

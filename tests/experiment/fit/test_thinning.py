@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from piezod.experiment.fit.file import identify_file
-from piezod.experiment.fit.fit import FitSettings
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.thinning import MAX_SAMPLES, UNAVERAGED_SAMPLES, thinned
 from tests.experiment.made_up import write_record
 

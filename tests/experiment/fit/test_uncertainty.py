@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from piezod.experiment.fit.cross_validation import cross_validate
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.uncertainty import (
     SIGMAS_95,
     Uncertainty,

@@ -161,6 +161,15 @@ def test_axis_must_be_named_if_there_are_several() -> None:
         record(FakeStage(document), "z")
 
 
+def test_axis_without_a_sensor_is_not_identified() -> None:
+    """It is refused before anything moves."""
+    stage = FakeStage(stage_document(sensor=None))
+
+    with pytest.raises(DataError, match="axis x has no sensor, and an identification needs one"):
+        record(stage)
+    assert "arm" not in stage.asked
+
+
 def test_fault_while_driving_stops_the_stage() -> None:
     """The stage is disarmed, and there is no record."""
 
@@ -174,7 +183,7 @@ def test_fault_while_driving_stops_the_stage() -> None:
     with pytest.raises(NotReachedError, match="in HOLD because of S1"):
         record(stage)
 
-    assert stage.asked[-3:] == ["stop", "recordings/stop", "DELETE lease"]
+    assert stage.asked[-3:] == ["stop", "recordings/stop", "end of the session"]
 
 
 def test_model_is_adopted_disarmed() -> None:

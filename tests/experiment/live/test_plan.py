@@ -108,6 +108,28 @@ def test_stage_without_a_model_runs_uncompensated_only(load: Load, short: str) -
         check_live(load(short), setup)
 
 
+def test_stage_without_a_sensor_runs_no_experiment(load: Load, short: str) -> None:
+    """Its errors could not be measured."""
+    setup = read_setup(FakeStage(stage_document(sensor=None)))
+
+    with pytest.raises(DataError, match="axis x has no sensor, and an experiment measures its"):
+        check_live(load(short), setup)
+
+
+def test_case_that_is_too_large_for_the_loop_is_refused(
+    load: Load, short: str, setup: LiveSetup
+) -> None:
+    """The check finds it before anything moves, like the daemon later."""
+    sine = "{kind: sine, low: 0, high: 20, frequency_hz: 1}"
+    parts = ", ".join(
+        ["{duration_s: 1, waveform: {kind: sum, parts: [%s, %s, %s]}}" % ((sine,) * 3)] * 50
+    )
+    text = short.replace(sine, f"{{kind: sequence, parts: [{parts}]}}")
+
+    with pytest.raises(DataError, match="slow cannot be sent: the waveforms have too many parts"):
+        check_live(load(text), setup)
+
+
 @pytest.mark.parametrize(
     ("points", "problem"),
     [

@@ -19,7 +19,7 @@ from tests.experiment.conftest import Load
 from tests.experiment.live_fakes import FakeStage, stage_document
 
 Failure = Callable[[FakeStage], None]
-LEFT = ["stop", "recordings/stop", "DELETE lease"]
+LEFT = ["stop", "recordings/stop", "end of the session"]
 """Requests at the end, while a recording runs."""
 
 
@@ -59,12 +59,6 @@ def move(stage: FakeStage) -> None:
     stage.motion = 2
 
 
-def lose_lease(stage: FakeStage) -> None:
-    """Make another client take the lease before it is renewed."""
-    stage.t_s += 10.0
-    stage.refused["lease"] = "somebody holds the lease for another 30 s"
-
-
 def vanish(stage: FakeStage) -> None:
     """Make the daemon end."""
     stage.refused = {}
@@ -77,7 +71,6 @@ def vanish(stage: FakeStage) -> None:
         (fault, NotReachedError, "the stage is in HOLD because of S5; see `piezod faults`"),
         (fall_back, NotReachedError, "axis x: the mode has become feedforward because of S3"),
         (move, NotReachedError, "axis x: another movement has taken the place of this one"),
-        (lose_lease, RefusedError, "somebody holds the lease for another 30 s"),
         (vanish, NotRunningError, "the daemon has gone"),
     ],
 )
@@ -144,7 +137,7 @@ def test_stage_that_cannot_be_stopped_is_reported(config: ExperimentConfig) -> N
 def test_stage_of_another_client_is_not_stopped(config: ExperimentConfig) -> None:
     """Without the lease the motion of another client continues."""
     stage = FakeStage()
-    stage.refused["lease"] = "somebody holds the lease"
+    stage.refused["session"] = "somebody holds the lease"
 
     with pytest.raises(RefusedError, match="somebody holds the lease"):
         run(config, stage)
@@ -184,11 +177,10 @@ def test_steps_of_a_run(config: ExperimentConfig) -> None:
     with pytest.raises(DataError):
         run(config, stage)
 
-    steps = [what for what in stage.asked if what not in ("lease", "DELETE lease")]
-    assert steps[:3] == ["GET status", "GET config", "GET params"]
-    assert steps[3:] == [
+    assert stage.asked[:4] == ["GET status", "GET config", "GET params", "session"]
+    assert stage.asked[4:] == [
         *("stop", "mode", "zero", "arm", "recordings/start", "mode", "wave", "recordings/stop"),
-        "stop",
+        *("stop", "end of the session"),
     ]
     bodies = [body for body in stage.bodies if body]
     assert {"label": "slow-adaptive"} in bodies

@@ -22,7 +22,7 @@ REFUSED = r"^axis x: a trim gain of 700 1/s is not safe: .*"
 
 def check(config: ExperimentConfig) -> None:
     """Check the gains that are known before anything moves."""
-    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=True)
+    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.axes)
 
 
 def phases(load: Load, text: str) -> list[str]:

@@ -6,6 +6,7 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.can_bus.cia401 import objects as o
+from piezod_drivers.can_bus.cia401.emulation.heartbeat_consumer import HeartbeatConsumer
 from piezod_drivers.can_bus.cia401.emulation.object_dictionary import (
     N_CHANNELS,
     SERIAL,
@@ -60,7 +61,7 @@ class Cia401Node:
     def _power_up(self) -> None:
         self._values = {place: entry.value for place, entry in self._entries.items()}
         self._state = o.BOOTED
-        self._host_heard_ns: int | None = None
+        self._consumer = HeartbeatConsumer()
         self._waiting: dict[int, bytes] = {}  # process data for the next SYNC
         self._syncs = 0
         self._outgoing.clear()
@@ -79,8 +80,7 @@ class Cia401Node:
             return self._sync()
         if frame.id == self._int(_RPDO, 1) & ~o.DISABLED:
             return self._handle_rpdo(frame.data)
-        if frame.id == o.HEARTBEAT + (self._int(o.CONSUMER_HEARTBEAT, 1) >> 16 & 0x7F):
-            self._host_heard_ns = self._bench.now_ns()
+        self._consumer.hear(frame.id - o.HEARTBEAT, self._bench.now_ns())
         return []
 
     def due(self) -> list[Frame]:
@@ -90,9 +90,7 @@ class Cia401Node:
         if self._state == o.BOOTED:
             frames.append(self._heartbeat())
             self._state, self._heartbeat_sent_ns = o.PREOPERATIONAL, now_ns
-        wait_ms = self._int(o.CONSUMER_HEARTBEAT, 1) & 0xFFFF
-        if self._host_heard_ns is not None and now_ns - self._host_heard_ns > wait_ms * _MS > 0:
-            self._host_heard_ns = None
+        if self._consumer.take_loss(now_ns):
             frames += self._handle_lost_host()
         period_ns = self._int(o.PRODUCER_HEARTBEAT, 0) * _MS
         if period_ns and now_ns - self._heartbeat_sent_ns >= period_ns:
@@ -137,11 +135,11 @@ class Cia401Node:
             self._check_mapping(index, number, value)
         if index in {_RPDO, _TPDO} and number == 2 and _LAST_SYNC_TYPE < value < 254:
             raise AbortError(AbortCode.OUT_OF_RANGE)
+        if index == o.CONSUMER_HEARTBEAT:
+            self._consumer.configure(value)
         self._values[index, number] = value
         if index == o.OUTPUT:
             self._drive(number - 1, value)
-        elif index == o.CONSUMER_HEARTBEAT:
-            self._host_heard_ns = None  # the watchdog starts with the first heartbeat
 
     def _check_mapping(self, index: int, number: int, value: int) -> None:
         if self._state == o.OPERATIONAL or not self._int(index - 0x200, 1) & o.DISABLED:

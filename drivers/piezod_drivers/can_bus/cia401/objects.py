@@ -45,6 +45,8 @@ DISABLED: Final = 1 << 31
 EVERY_SYNC: Final = 1
 AT_ONCE: Final = 255
 """Transmission types of a PDO: with every SYNC, or immediately."""
+ON_ARRIVAL: Final = frozenset({254, AT_ONCE})
+"""Types of a receive PDO that takes effect as soon as it arrives."""
 
 BOOTED: Final = 0
 STOPPED: Final = 4
@@ -66,3 +68,8 @@ MOST_WORDS: Final = 4
 def mapped(index: int, number: int) -> int:
     """Return the mapping entry of a 16-bit object."""
     return index << 16 | number << 8 | WORD_BITS
+
+
+def predefined(node: int) -> list[int]:
+    """Return every identifier that CiA 301 predefines for a node: EMCY, PDOs, SDOs, heartbeat."""
+    return [base + node for base in range(0x080, 0x800, 0x080)]

@@ -6,6 +6,7 @@ from itertools import count
 from typing import Final
 
 from piezod.devices.bus.bus_device import LOSING
+from piezod.devices.bus.byte_trace import shown
 from piezod.devices.bus.conversation import Conversation, Fits
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
@@ -31,6 +32,9 @@ _ANY_TEXT: Final = re.compile(".*", re.DOTALL)
 _NO_COMMAND: Final = parsed("~")  # makes half a command before it an unknown one
 _QUIET_NS: Final = 100_000_000
 _MOST_CHUNKS: Final = 20
+_MOST_UNASKED: Final = 3
+"""After this number of setpoints in a row whose command was answered without a `reply`, the next
+activation is refused: a `reply` is missing in the configuration."""
 
 
 class AsciiDialogue:
@@ -67,6 +71,8 @@ class AsciiDialogue:
         self._half_sent = False
         self._tags = count()
         self._noticed: set[DeviceFlag] = set()
+        self._dropped = b""
+        self._unasked, self._n_unasked = b"", 0  # answers to setpoints that have no `reply`
 
     def open(self) -> Identity:
         """Connect and identify the device, if the options have a command for it.
@@ -115,7 +121,16 @@ class AsciiDialogue:
         return [(output.lowest, output.highest) for output in outputs]
 
     def activate(self) -> None:
-        """Send the commands of `start`."""
+        """Send the commands of `start`.
+
+        Raises:
+            DeviceError: If the device has answered setpoints whose command has no `reply`.
+            LineFault: If an exchange fails.
+        """
+        if self._n_unasked >= _MOST_UNASKED:
+            self._n_unasked = 0  # refused once: the bytes may have been noise after all
+            what = f"{self._line.where}: the device answered setpoints by {shown(self._unasked)}"
+            raise DeviceError(f"{what}, but their command has no `reply`: give it one")
         for exchange in self._start:
             self._exchange(exchange, {})
 
@@ -143,7 +158,11 @@ class AsciiDialogue:
             answered &= exchange.reply is not None
         # Without a reply nothing confirms that the device received the setpoint.
         if not answered:
-            self._check_setpoints(named, self._numbers(self._read_back, self._wiring.outputs))
+            self._dropped = b""
+            values_read = self._numbers(self._read_back, self._wiring.outputs)
+            self._unasked = self._dropped
+            self._n_unasked = self._n_unasked + 1 if self._unasked else 0
+            self._check_setpoints(named, values_read)
         self._poll_status()
 
     def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - it is asked every time
@@ -220,6 +239,8 @@ class AsciiDialogue:
         except LineFault as fault:
             self._half_sent |= fault.flag is DeviceFlag.PARTIAL_WRITE
             raise
+        finally:
+            self._dropped = self._dropped or self._conversation.dropped
 
     def _tell(self, request: bytes) -> None:
         try:

@@ -9,7 +9,7 @@ from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsModel, GcsRefusal
 
 _MODEL: Final = GcsModel(
-    identity="Physik Instrumente,E-816,{serial},3.20",
+    identity="Physik Instrumente,E-816,{serial},V3.20",
     ids=tuple("ABCDEFGH"),
     serial="107032415",
     number="{:+010.4f}",

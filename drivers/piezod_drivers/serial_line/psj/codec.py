@@ -37,6 +37,9 @@ _ERRORS_NV40: Final[Mapping[str, DeviceFlag]] = {
 }
 UNKNOWN_COMMAND_NV40: Final = "ErrorCode,11"
 """Reply of an NV40/3 to an unknown command."""
+SOURCE_REPLY_NV40: Final = "STATUS"
+"""First word of the reply of an NV40/3 to `stat`."""
+_REMOTE_NV40: Final = 0x80
 _ERRORS_NV200: Final[Mapping[str, DeviceFlag]] = {
     "2": DeviceFlag.WRONG_REQUEST,  # unknown command
     "3": DeviceFlag.WRONG_REQUEST,  # a value is missing
@@ -198,6 +201,11 @@ def word(text: str, base: int) -> int:
     except ValueError:  # hexadecimal digits in a decimal number
         pass
     raise LineFault(DeviceFlag.GARBAGE, f"expected a status word, got {text[:40]!r}")
+
+
+def is_remote(status: int) -> bool:
+    """Return whether the port sets the voltage, by the status word of an NV40/3 channel."""
+    return bool(status & _REMOTE_NV40)
 
 
 def flags_of(status: int, bits: Sequence[StatusBits]) -> Flags:

@@ -20,6 +20,7 @@ STATUS_NS: Final = 100_000_000
 BITS_PER_BYTE: Final = 10
 STATUS_BYTES: Final = 24
 """Highest number of bytes of a status exchange, in both directions."""
+_LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 _NOT_READ: Final[tuple[int, Sequence[float]]] = (-1, ())
 """No instant: the value in force is unknown."""
 
@@ -59,6 +60,8 @@ class PsjDialogue:
         self._ranges: list[tuple[float, float]] = []
         self._ages: list[ReadingAge] = []
         self._flags: dict[int, Flags] = {}
+        self._source_flags: dict[int, Flags] = {}
+        self._reports_source = False
         self._status_ns, self._status_turn = 0, 0
         self._noticed: set[DeviceFlag] = set()
         self._in_force_v = _NOT_READ
@@ -73,6 +76,7 @@ class PsjDialogue:
             for channel in self._outputs
         ]
         self._flags = dict.fromkeys(self._channels, NO_FLAGS)
+        self._source_flags = dict.fromkeys(self._channels, NO_FLAGS)
         self._ages = [ReadingAge(round(self._profile.refresh_s * 1e9)) for _ in self._inputs]
         self._session.forget_noticed()
         return identity
@@ -103,8 +107,10 @@ class PsjDialogue:
         Raises:
             DeviceError: If that is impossible without a jump.
         """
-        take_over(self._profile, self._outputs, self._session, remote=self._remote)
-        for _ in self._channels:
+        self._reports_source = take_over(
+            self._profile, self._outputs, self._session, remote=self._remote
+        )
+        for _ in range(self._status_turns()):
             self._poll_status(now=True)
         self._session.forget_noticed()
 
@@ -150,7 +156,9 @@ class PsjDialogue:
 
     def flags(self) -> Sequence[Flags]:
         """Return the last status of each channel. Real-time safe."""
-        return [self._flags[channel] for channel in (*self._inputs, *self._outputs)]
+        reported, source = self._flags, self._source_flags
+        of_inputs = [reported[channel] for channel in self._inputs]
+        return of_inputs + [reported[channel] | source[channel] for channel in self._outputs]
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the flags of faults that no call has raised. Real-time safe."""
@@ -170,30 +178,46 @@ class PsjDialogue:
         return len(self._outputs) * setpoint + n_reads * (asked + answer)
 
     def _poll_status(self, *, now: bool = False) -> None:
-        """Read the status of one channel if it is due; never before a setpoint."""
-        now_ns, profile = self._line.now_ns(), self._profile
-        # With several channels one is read at a time, so that each has a new status every
-        # STATUS_NS.
-        turns = len(self._channels) if profile.status_per_channel else 1
-        if not profile.status or not (now or now_ns - self._status_ns >= STATUS_NS // turns):
+        """Read one part of the status if it is due; never before a setpoint."""
+        now_ns, turns = self._line.now_ns(), self._status_turns()
+        # One part is read at a time, so that each is read every STATUS_NS.
+        if not turns or not (now or now_ns - self._status_ns >= STATUS_NS // turns):
             return
         self._status_ns = now_ns
+        turn, self._status_turn = self._status_turn, (self._status_turn + 1) % turns
         try:
-            self._ask_status()
+            self._ask_status(turn)
         except LineFault as fault:
             if fault.flag in LOSING:
                 raise
             self._noticed.add(fault.flag)
 
-    def _ask_status(self) -> None:
+    def _status_turns(self) -> int:
+        """Return the number of exchanges that read the whole status."""
+        if not self._profile.status:
+            return 0
+        if self._profile.status_per_channel:
+            return len(self._channels)
+        return 1 + (len(self._outputs) if self._reports_source else 0)
+
+    def _ask_status(self, turn: int) -> None:
         profile = self._profile
         if not profile.status_per_channel:
-            words = self._session.values(profile.status, None, profile.channels)
-            for channel in self._channels:
-                status = codec.word(words[channel], 16)
-                self._flags[channel] = codec.flags_of(status, profile.status_bits)
+            self._ask_common_status(turn)
             return
-        channel = self._channels[self._status_turn]
-        self._status_turn = (self._status_turn + 1) % len(self._channels)
+        channel = self._channels[turn]
         status = codec.word(self._session.value(profile.status, channel), 10)
         self._flags[channel] = codec.flags_of(status, profile.status_bits)
+
+    def _ask_common_status(self, turn: int) -> None:
+        """Read the status of all channels, or in a later turn the source of one voltage."""
+        profile = self._profile
+        if turn > 0:
+            channel = self._outputs[turn - 1]
+            remote = self._session.is_remote(channel)
+            self._source_flags[channel] = NO_FLAGS if remote else _LOCAL
+            return
+        words = self._session.values(profile.status, None, profile.channels)
+        for channel in self._channels:
+            status = codec.word(words[channel], 16)
+            self._flags[channel] = codec.flags_of(status, profile.status_bits)

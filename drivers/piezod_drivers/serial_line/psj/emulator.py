@@ -68,6 +68,8 @@ class PsjEmulator:
         """Voltages of the knobs of an NV40, in V."""
         self.fault_bits = 0
         """Bits of the status word that are inverted, so that tests can cause every fault."""
+        self.knows_source = True
+        """Whether an NV40/3 knows `stat`, which reports the source of a voltage."""
 
     def receive(self, data: bytes) -> list[bytes]:
         """Reply to every complete command, in order."""
@@ -99,15 +101,11 @@ class PsjEmulator:
     def _execute(self, name: str, values: list[str]) -> str:
         if not name:
             return _GREETINGS[self._profile_name]
-        if name == "ERROR" and self._profile_name == "nv40":
-            # Channels without an axis report "not plugged in".
-            words = [f"{self.fault_bits:x}"] * self._channels
-            return ",".join(["ERROR", *words, *["1"] * (self._profile.channels - self._channels)])
         if name in {"i1", "i0", "ol", "cl"} and self._profile_name == "nv40-1":
             self._hand_over(0, name)
             return ""
-        if name == "ver" and self._profile_name == "nv40":
-            return f"ver,V1.03\r\nsdate,2026-01-01\r\nserno,{self._serial}"
+        if (text := self._execute_for_all(name, values)) is not None:
+            return text
         commands = self._commands()
         if name not in commands:
             raise PsjRefusedError("unknown")
@@ -118,7 +116,29 @@ class PsjEmulator:
         value_text = commands[name](channel, value)
         if value_text is None:
             return ""
-        return ",".join([name, *([str(channel)] if self._profile.numbered else []), value_text])
+        # An NV40/3 answers `stat` by another word.
+        first = "STATUS" if self._profile_name == "nv40" and name == "stat" else name
+        return ",".join([first, *([str(channel)] if self._profile.numbered else []), value_text])
+
+    def _execute_for_all(self, name: str, values: list[str]) -> str | None:
+        """Execute a command that names no channel; return None if it is none."""
+        n_empty = self._profile.channels - self._channels
+        match self._profile_name, name:
+            case "nv40", "ERROR":
+                # Channels without an axis report "not plugged in".
+                words = [f"{self.fault_bits:x}"] * self._channels
+                return ",".join(["ERROR", *words, *["1"] * n_empty])
+            case "nv40", "ver":
+                return f"ver,V1.03\r\nsdate,2026-01-01\r\nserno,{self._serial}"
+            case "nv40", "dspvmin" | "dspvmax":
+                if values:
+                    raise PsjRefusedError("many")
+                return f"{name},{LOWEST_V if name == 'dspvmin' else HIGHEST_V:.3f}"
+            case "ddrive", "stat" if not values:
+                # A line for each slot, empty slots included.
+                states = [f"stat,{i},{self._status(i, None)}" for i in range(self._channels)]
+                return "\r\n".join([*states, *[_ERRORS["no actuator"][0]] * n_empty])
+        return None
 
     def _commands(self) -> Mapping[str, Callable[[int, float | None], str | None]]:
         profile = self._profile
@@ -128,7 +148,9 @@ class PsjEmulator:
         }
         if profile.status == "stat":
             commands["stat"] = self._status
-        if profile.limits is not None:
+        if self._profile_name == "nv40" and self.knows_source:
+            commands["stat"] = self._source
+        if profile.limits is not None and profile.limits_per_channel:
             commands[profile.limits[0]] = lambda _channel, _value: f"{LOWEST_V:.3f}"
             commands[profile.limits[1]] = lambda _channel, _value: f"{HIGHEST_V:.3f}"
         for setting in _SETTINGS[self._family()]:
@@ -180,7 +202,15 @@ class PsjEmulator:
                 # Without a signal the last reading stays.
                 reading = position_um if isfinite(position_um) else reading
             self._readings[channel] = now_ns, reading
-        return f"{reading:.4f}"
+        # `setf` switches a d-Drive to scientific notation.
+        scientific = self._settings.get(("setf", channel)) == 1.0
+        return f"{reading:.6e}" if scientific else f"{reading:.4f}"
+
+    def _source(self, channel: int, _value: float | None) -> str:
+        """Return the status word of an NV40/3 channel: bit 7 is set under remote control."""
+        closed = bool(self._settings.get(("cloop", channel), 0.0))
+        # An actuator with name, serial number and coordinate, with a sensor, is ready.
+        return str(0x8017 | self.remote[channel] << 7 | closed << 3)
 
     def _status(self, channel: int, _value: float | None) -> str:
         closed = bool(self._settings.get(("cl", channel), 0.0))
@@ -205,7 +235,7 @@ class PsjEmulator:
 
 
 _SETTINGS: Final = (
-    ("cl", "modon", "monsrc", "sr", "kp", "ki", "kd", "tf", "fan"),
+    ("cl", "modon", "monsrc", "sr", "kp", "ki", "kd", "tf", "fan", "setf"),
     ("cloop", "setk", "monwpa"),
     ("cl", "modsrc", "sr", "notchon", "setlpon"),
 )

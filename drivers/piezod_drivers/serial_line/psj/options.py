@@ -29,7 +29,7 @@ class PsjOptions(LineOptions):
     remote: bool = Field(
         default=False,
         description="Confirms that you have put an NV40 under remote control and in open loop, at "
-        "rest voltage; the device does not report it. Only for nv40 and nv40-1.",
+        "rest voltage. Only for nv40-1, and for an nv40 that does not report it.",
     )
     timeout_ms: TimeoutMs = Field(default=50.0, description="Longest wait for each reply, ms.")
 

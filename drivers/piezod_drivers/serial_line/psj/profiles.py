@@ -46,6 +46,8 @@ class PsjProfile(NamedTuple):
         status_per_channel: Whether the status is read channel by channel.
         serial: Command that reads a serial number or the actuator's identity; "" for none.
         limits: Commands that read the lowest and the highest voltage, if there are any.
+        limits_per_channel: Whether these commands name the channel.
+        source: Command that reads whether the port sets the voltage of a channel; "" for none.
     """
 
     title: str
@@ -66,6 +68,8 @@ class PsjProfile(NamedTuple):
     status_per_channel: bool = True
     serial: str = ""
     limits: tuple[str, str] | None = None
+    limits_per_channel: bool = True
+    source: str = ""
 
 
 _D_DRIVE_BITS: Final = (
@@ -123,6 +127,8 @@ PROFILES: Final[Mapping[ProfileName, PsjProfile]] = MappingProxyType(
             status_per_channel=False,
             serial="ver",
             limits=("dspvmin", "dspvmax"),
+            limits_per_channel=False,
+            source="stat",
         ),
         "nv40-1": PsjProfile(
             title="NV40/1 CL",

@@ -70,8 +70,22 @@ class PsjSession:
         """
         return self.values(name, channel, 1)[0]
 
+    def is_remote(self, channel: int) -> bool:
+        """Return whether the port sets the voltage of an NV40/3 channel. Real-time safe.
+
+        Raises:
+            LineFault: If no reply comes, or the firmware does not know the command.
+        """
+        words = self.values(self._profile.source, channel, 1, answer=codec.SOURCE_REPLY_NV40)
+        return codec.is_remote(codec.word(words[0], 10))
+
     def values(
-        self, name: str, channel: int | None, count: int, length_of: LengthOf | None = None
+        self,
+        name: str,
+        channel: int | None,
+        count: int,
+        length_of: LengthOf | None = None,
+        answer: str = "",
     ) -> list[str]:
         """Return the values of the reply to a query. Real-time safe.
 
@@ -80,15 +94,16 @@ class PsjSession:
             channel: Number of the channel, None for none.
             count: Required number of values.
             length_of: Finds the end of the reply, if it differs from the usual one.
+            answer: First word of the reply, if it differs from the command.
 
         Raises:
             LineFault: If no reply comes.
         """
         request = self.command(name, channel)
         named = channel if self._profile.numbered else None
-        fits = partial(codec.is_reply_to, name, named)
+        fits = partial(codec.is_reply_to, answer or name, named)
         frame = self._conversation.ask(request, length_of or self._frame, fits=fits)
-        return codec.fields(codec.text_of(frame), name, named, count)
+        return codec.fields(codec.text_of(frame), answer or name, named, count)
 
     def ask_slowly(
         self, name: str, channel: int | None = None, length_of: LengthOf | None = None

@@ -75,7 +75,8 @@ def limits_of(
     """
     low, high = range_v
     if profile.limits is not None:
-        device_limits = [codec.number(session.value(name, channel)) for name in profile.limits]
+        named = channel if profile.limits_per_channel else None
+        device_limits = [codec.number(session.value(name, named)) for name in profile.limits]
         low, high = max(low, device_limits[0]), min(high, device_limits[1])
     if not low < high:
         raise DeviceError(f"range_v and the limits of channel {channel} have no voltage in common")

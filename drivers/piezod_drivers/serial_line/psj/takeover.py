@@ -1,6 +1,6 @@
 """Checks whether control of an amplifier can be taken without a jump of its voltage."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from piezod.devices.bus.line import LineFault
 from piezod.errors import DeviceError
@@ -11,13 +11,13 @@ from piezod_drivers.serial_line.psj.session import PsjSession
 
 def take_over(
     profile: PsjProfile, outputs: Sequence[int], session: PsjSession, *, remote: bool
-) -> None:
+) -> bool:
     """Check that the outputs are under remote control, in open loop; nothing is changed.
 
     If the device's own loop is closed, or its setpoint has another source, its voltage would jump.
-    An NV40 does not report which source sets its voltage, nor which setpoint takes effect when the
-    port becomes this source. Therefore the configuration has to confirm that this has happened
-    already.
+    An NV40 does not report which setpoint takes effect when the port becomes the source of its
+    voltage, and some do not report the source either: then the configuration has to confirm that
+    the port is the source already.
 
     Args:
         profile: The model.
@@ -25,10 +25,14 @@ def take_over(
         session: The exchanges with the device.
         remote: Whether the configuration confirms that an NV40 is under remote control.
 
+    Returns:
+        Whether the device reports which source sets the voltage of a channel.
+
     Raises:
         DeviceError: If control cannot be taken without a jump; the text has the remedy.
         LineFault: If an exchange fails.
     """
+    reports_source = False
     for channel in outputs:
         match profile.title:
             case "d-Drive" | "30DV50/300":
@@ -36,10 +40,11 @@ def take_over(
             case "NV200/D":
                 _nv200(session)
             case "NV40/3":
-                _nv40(channel, session, remote=remote)
+                reports_source = _nv40(channel, session, remote=remote)
             case "NV40/1 CL":
                 what = "its remote control and open loop are not confirmed"
                 _require_not(not remote, what, "i1 and ol, then set `remote: true`")
+    return reports_source
 
 
 def _d_drive(channel: int, session: PsjSession) -> None:
@@ -57,25 +62,34 @@ def _nv200(session: PsjSession) -> None:
     _require_not(source != "0", f"its setpoint comes from source {source}", "modsrc,0")
 
 
-def _nv40(channel: int, session: PsjSession, *, remote: bool) -> None:
-    closed = _nv40_is_closed(channel, session)
-    _require_not(closed, f"channel {channel} is in closed loop", f"cloop,{channel},0")
-    what = f"the remote control of channel {channel} is not confirmed"
-    _require_not(not remote, what, f"setk,{channel},1, then set `remote: true`")
+def _nv40(channel: int, session: PsjSession, *, remote: bool) -> bool:
+    """Check one channel; return whether the device reports the source of its voltage."""
+    # A device without CLE has no loop, and does not know the command. The configured use of its
+    # reading does not reveal whether it has CLE.
+    closed = _if_known(lambda: session.value("cloop", channel) != "0")
+    _require_not(bool(closed), f"channel {channel} is in closed loop", f"cloop,{channel},0")
+    reported = _if_known(lambda: session.is_remote(channel))
+    if reported is None:
+        what = f"the remote control of channel {channel} is not confirmed"
+        _require_not(not remote, what, f"setk,{channel},1, then set `remote: true`")
+    else:
+        _require_not(
+            not reported, f"channel {channel} is not under remote control", f"setk,{channel},1"
+        )
+    return reported is not None
 
 
-def _nv40_is_closed(channel: int, session: PsjSession) -> bool:
-    """Return whether the device's own loop is closed.
+def _if_known(query: Callable[[], bool]) -> bool | None:
+    """Return the result of a query of an NV40/3, None if the device does not know the command.
 
-    A device without CLE has no loop, and does not know the command. The configured use of its
-    reading does not reveal whether it has CLE. Any other refusal says nothing about the loop.
+    Any other refusal says nothing about the result.
     """
     try:
-        return session.value("cloop", channel) != "0"
+        return query()
     except LineFault as fault:
         if not str(fault).endswith(codec.UNKNOWN_COMMAND_NV40):
             raise
-        return False
+        return None
 
 
 def _require_not(condition: bool, what: str, remedy: str) -> None:

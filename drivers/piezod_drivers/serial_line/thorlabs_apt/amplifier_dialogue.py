@@ -12,6 +12,7 @@ from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id, StatusBit
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, AptSession
+from piezod_drivers.serial_line.thorlabs_apt.side_request import SideRequest
 
 LIMIT_V: Final = {1: 75, 2: 100, 3: 150}
 """The voltage limits of an amplifier, by their codes."""
@@ -27,9 +28,8 @@ _BYTES_PER_CYCLE: Final = 16 + 26
 _TOLERANCE: Final = FULL_SCALE // 1000
 _REQUEST: Final = codec.short(Id.REQ_OUTPUT, CHANNEL)
 _REQUEST_STATUS: Final = codec.short(Id.REQ_STATUS, CHANNEL)
-_STATUS_NS: Final = 100_000_000
-"""Period of status requests; the reply is set aside, and the next reply is found behind it."""
 _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
+_NO_STATUS: Final = frozenset({DeviceFlag.LATE_REPLY})
 
 
 class AmplifierDialogue:
@@ -48,9 +48,9 @@ class AmplifierDialogue:
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
         self._options, self._outputs = options, wiring.outputs
         self._session = AptSession(options, line)
+        self._status = SideRequest(self._session.line, _REQUEST_STATUS, Id.GET_STATUS)
         self._max_v = 0
         self._expected_bits = 0
-        self._status_due_ns = 0
         self._lowest_set, self._unverified = 0, False
 
     def open(self) -> Identity:
@@ -109,7 +109,8 @@ class AmplifierDialogue:
         self._take_source(self._ask_status().output)
         self._enable()
         self._expected_bits = self._ask_status().bits & StatusBit.ENABLED
-        self._lowest_set, self._unverified, session.line.status = 0, False, None
+        self._lowest_set, self._unverified = 0, False
+        self._status.restart()
 
     def deactivate(self) -> None:
         """Do nothing: the output holds its voltage."""
@@ -146,14 +147,19 @@ class AmplifierDialogue:
         return [counts_now * self._max_v / FULL_SCALE]
 
     def flags(self) -> Sequence[Flags]:
-        """Return whether the output was disabled or put into closed loop. Real-time safe."""
-        status = self._session.line.status
-        if status is None:
-            return [NO_FLAGS] * len(self._outputs)
+        """Return whether the output was disabled or put into closed loop. Real-time safe.
+
+        Without a status for one second this is unknown, and reported as a missing reply.
+        """
+        overdue = _NO_STATUS if self._status.overdue else NO_FLAGS
+        frame = self._status.latest()
+        if frame is None:
+            return [overdue] * len(self._outputs)
+        status = codec.status_of(frame)
         # Some amplifiers do not report the bit; then it is not expected.
         disabled = self._expected_bits & ~status.bits
         local = disabled or status.bits & StatusBit.CLOSED_LOOP
-        return [_LOCAL if local else NO_FLAGS] * len(self._outputs)
+        return [overdue | _LOCAL if local else overdue] * len(self._outputs)
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the flags of faults that no call has raised."""
@@ -161,13 +167,11 @@ class AmplifierDialogue:
 
     def _ask_output(self, before: bytes) -> int:
         """Send `before` and read the voltage in counts; request the status if it is due."""
-        now_ns = self._session.line.now_ns()
-        if now_ns >= self._status_due_ns:
-            self._status_due_ns = now_ns + _STATUS_NS
-            before = _REQUEST_STATUS + before
         # Set before the exchange: if it fails, the voltage in force is unknown.
         unverified, self._unverified = self._unverified, True
-        (counts_now,) = self._session.ask_words(before + _REQUEST, Id.GET_OUTPUT)
+        (counts_now,) = self._session.ask_words(
+            self._status.due() + before + _REQUEST, Id.GET_OUTPUT
+        )
         self._unverified = unverified
         return counts_now
 
@@ -185,9 +189,7 @@ class AmplifierDialogue:
 
     def _ask_status(self) -> codec.CubeStatus:
         """Read the status; no unrequested one is pending, as the last reply came later."""
-        return codec.status_of(
-            self._session.ask(codec.short(Id.REQ_STATUS, CHANNEL), Id.GET_STATUS)
-        )
+        return codec.status_of(self._session.ask(_REQUEST_STATUS, Id.GET_STATUS))
 
     def _take_source(self, output: int) -> None:
         """Make the host the only source of the voltage."""

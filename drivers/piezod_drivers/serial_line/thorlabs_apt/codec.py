@@ -24,6 +24,8 @@ _LONG_HEADER: Final = Struct("<HHBB")
 MAX_MESSAGE_BYTES: Final = _HEADER.size + MAX_DATA_BYTES
 """No message is longer."""
 _WORDS: Final = {n: Struct("<H" + n * "h") for n in (1, 2)}
+# Channel, analog output to the hub, display mode, force calibration, unused.
+_GAUGE_IO: Final = Struct("<HHHH6s")
 # Channel, voltage, position, bits.
 _STATUS: Final = Struct("<HhhL")
 # Serial number, model, type, firmware, notes, unused, hardware version, modification, channels.
@@ -69,9 +71,11 @@ class Id(IntEnum):
     ACK_STATUS = 0x0662
     REQ_IO = 0x07D5
     GET_IO = 0x07D6
-    READING_7DD = 0x07DD
-    READING_7DE = 0x07DE
-    READING_7DF = 0x07DF
+    SET_GAUGE_IO = 0x07DA
+    REQ_GAUGE_IO = 0x07DB
+    GET_GAUGE_IO = 0x07DC
+    REQ_READING = 0x07DD
+    GET_READING = 0x07DE
 
 
 _DATA_BYTES: Final[dict[int, int]] = {
@@ -85,8 +89,8 @@ _DATA_BYTES: Final[dict[int, int]] = {
     Id.GET_SOURCE: 4,
     Id.GET_STATUS: _STATUS.size,
     Id.GET_IO: 10,
-    Id.READING_7DE: 6,
-    Id.READING_7DF: 6,
+    Id.GET_GAUGE_IO: 14,
+    Id.GET_READING: 6,
 }
 """Number of data bytes of messages to the host; messages that are not listed may have any."""
 
@@ -118,6 +122,14 @@ class StatusBit(IntEnum):
 
     CLOSED_LOOP = 0x400
     ENABLED = 0x80000000
+
+
+class DisplayMode(IntEnum):
+    """What a strain gauge reader shows, which is also the quantity of its readings."""
+
+    POSITION = 1
+    VOLTAGE = 2
+    FORCE = 3
 
 
 def short(ident: int, p1: int = 0, p2: int = 0, to: int = UNIT, source: int = HOST) -> bytes:
@@ -202,6 +214,23 @@ def status_of(frame: bytes) -> CubeStatus:
 def pack_status(channel: int, status: CubeStatus) -> bytes:
     """Return a status as data."""
     return _STATUS.pack(channel, *status)
+
+
+def display_mode_of(frame: bytes) -> int:
+    """Return the display mode in the settings of a strain gauge reader.
+
+    Raises:
+        AptFrameError: If it does not hold these settings.
+    """
+    if len(frame) != _HEADER.size + _GAUGE_IO.size:
+        raise AptFrameError(f"not the settings of a strain gauge reader: {frame.hex()}")
+    mode: int = _GAUGE_IO.unpack_from(frame, _HEADER.size)[2]
+    return mode
+
+
+def pack_gauge_io(channel: int, display_mode: int) -> bytes:
+    """Return the settings of a strain gauge reader as data; the other ones are as delivered."""
+    return _GAUGE_IO.pack(channel, 1, display_mode, 30_000, b"")
 
 
 def hardware_of(frame: bytes) -> Hardware:

@@ -1,6 +1,7 @@
 """The emulated KPZ101 and KSG101.
 
-They behave as we understand the public sources. An unknown request has no reply.
+They behave as the maker's "Host-Controller Communications Protocol", issue 28, describes it. An
+unknown request has no reply.
 """
 
 import zlib
@@ -17,6 +18,7 @@ from piezod_drivers.serial_line.thorlabs_apt.codec import (
     UNIT,
     AptFrameError,
     CubeStatus,
+    DisplayMode,
     Hardware,
     Id,
     StatusBit,
@@ -27,7 +29,7 @@ TRAVEL_UM: Final = 30.0
 _LIMIT_150_V: Final = 3
 _UPDATE_NS: Final = 100_000_000
 _MAX_UNACKNOWLEDGED: Final = 50
-"""Statuses that are sent without an acknowledgement of the host."""
+"""Statuses, requested or not, that are sent without an acknowledgement of the host."""
 _INCOMPLETE_NS: Final = 50_000_000
 """An incomplete message is dropped after this time; not confirmed."""
 _CHANNEL: Final = 1
@@ -102,7 +104,7 @@ class KpzEmulator(_CubeEmulator):
             Id.REQ_SOURCE: lambda _: [_answer_words(Id.GET_SOURCE, self.source)],
             # Data of `GET_IO`: channel, voltage limit, then settings that the driver does not use.
             Id.REQ_IO: lambda _: [_answer(Id.GET_IO, bytes((1, 0, _LIMIT_150_V, *[0] * 7)))],
-            Id.REQ_STATUS: lambda _: [self._status()],
+            Id.REQ_STATUS: lambda _: self._statuses(),
             Id.START_UPDATES: self._start_updates,
             Id.STOP_UPDATES: self._stop_updates,
             Id.ACK_STATUS: self._acknowledge_status,
@@ -111,16 +113,10 @@ class KpzEmulator(_CubeEmulator):
     def due(self) -> list[bytes]:
         """Return a status ten times a second while the host acknowledges them."""
         now_ns = self._bench.now_ns()
-        if (
-            not self._updating
-            or self._unacknowledged >= _MAX_UNACKNOWLEDGED
-            or now_ns < self._update_ns
-        ):
+        if not self._updating or now_ns < self._update_ns:
             return []
         self._update_ns = now_ns + _UPDATE_NS
-        # A host that is gone must not receive statuses for ever: the cube stops after 50.
-        self._unacknowledged += 1
-        return [self._status()]
+        return self._statuses()
 
     def _set_output(self, frame: bytes) -> list[bytes]:
         (counts,) = codec.words_of(frame, _CHANNEL)
@@ -149,6 +145,13 @@ class KpzEmulator(_CubeEmulator):
             on = self._enabled == _ENABLED
             self._bench.drive(0, self._output / FULL_SCALE * MAX_V if on else 0.0)
 
+    def _statuses(self) -> list[bytes]:
+        # A host that is gone must not receive statuses for ever: the cube stops after 50.
+        if self._unacknowledged >= _MAX_UNACKNOWLEDGED:
+            return []
+        self._unacknowledged += 1
+        return [self._status()]
+
     def _status(self) -> bytes:
         counts = round(self._bench.drive_v(0) / MAX_V * FULL_SCALE)
         bits = StatusBit.ENABLED if self._enabled == _ENABLED else 0
@@ -157,7 +160,7 @@ class KpzEmulator(_CubeEmulator):
         return _answer(Id.GET_STATUS, codec.pack_status(_CHANNEL, status))
 
     def _start_updates(self, _frame: bytes) -> list[bytes]:
-        self._updating, self._unacknowledged = True, 0
+        self._updating = True
         return []
 
     def _stop_updates(self, _frame: bytes) -> list[bytes]:
@@ -175,25 +178,36 @@ class KsgEmulator(_CubeEmulator):
     Args:
         bench: The rig; its first axis has the gauge.
         serial: Serial number, "" for the usual one.
-        request: Identifier of a request for readings; that of the reply is one higher. Sources
-            differ.
     """
 
-    def __init__(self, bench: SharedRig, serial: str, request: int = Id.READING_7DE) -> None:
+    def __init__(self, bench: SharedRig, serial: str) -> None:
         super().__init__(bench, Hardware(_number(serial, 59_000_001), "KSG101", "1.0.2"))
-        self._reading_id = request + 1
+        self._display_mode: int = DisplayMode.POSITION
         # In steps of 100 nm.
         travel = round(TRAVEL_UM * 10)
         self._handlers |= {
             Id.REQ_MAX_TRAVEL: lambda _: [_answer_words(Id.GET_MAX_TRAVEL, travel)],
-            request: lambda _: [self._reading()],
+            Id.SET_GAUGE_IO: self._set_io,
+            Id.REQ_GAUGE_IO: lambda _: [
+                _answer(Id.GET_GAUGE_IO, codec.pack_gauge_io(_CHANNEL, self._display_mode))
+            ],
+            Id.REQ_READING: lambda _: [self._reading()],
         }
+
+    def _set_io(self, frame: bytes) -> list[bytes]:
+        self._display_mode = codec.display_mode_of(frame)
+        return []
 
     def _reading(self) -> bytes:
         position_um = self._bench.position_um(0)
-        counts = FULL_SCALE if not isfinite(position_um) else round(position_um / TRAVEL_UM * 32767)
+        counts = FULL_SCALE if not isfinite(position_um) else self._counts(position_um)
         counts = max(-FULL_SCALE, min(counts, FULL_SCALE))
-        return _answer(self._reading_id, codec.words(_CHANNEL, counts, counts))
+        return _answer(Id.GET_READING, codec.words(_CHANNEL, counts, counts))
+
+    def _counts(self, position_um: float) -> int:
+        full_scale = FULL_SCALE * position_um / TRAVEL_UM
+        # Any other quantity has another scale; half of it stands for that.
+        return round(full_scale if self._display_mode == DisplayMode.POSITION else full_scale / 2)
 
 
 def _number(serial: str, usual: int) -> int:

@@ -6,24 +6,23 @@ from piezod.devices.bus.line import Line, NoticingLine
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.thorlabs_apt.codec import (
     MAX_MESSAGE_BYTES,
-    CubeStatus,
     Id,
     ident_of,
     length_to_host,
-    status_of,
 )
 
 _STALE_NS: Final = 50_000_000
 """An incomplete message is dropped after this time; the longest one takes 8 ms."""
 _ERROR_MESSAGES: Final = frozenset({Id.RESPONSE, Id.RICH_RESPONSE})
+_SET_ASIDE: Final = frozenset({Id.GET_STATUS, Id.GET_GAUGE_IO})
 _REPLIES: Final = frozenset(map(int, Id)) - _ERROR_MESSAGES
 
 
 class FilteredLine:
     """Implements `Line` and `NoticingLine`; passes on only messages that are wanted.
 
-    Unrequested statuses are kept. Error messages and garbage are noticed. All other messages are
-    dropped.
+    Statuses and settings that are not wanted are set aside. Error messages and garbage
+    are noticed. All other messages are dropped.
 
     Args:
         line: The line to the device.
@@ -36,8 +35,8 @@ class FilteredLine:
         self._noticed: set[DeviceFlag] = set()
         self.wanted = 0
         """Identifier of the messages that are passed on."""
-        self.status: CubeStatus | None = None
-        """The last status, requested or not."""
+        self.aside: dict[int, bytes] = {}
+        """The last message of each kind that is set aside, by its identifier."""
 
     @property
     def where(self) -> str:
@@ -47,7 +46,8 @@ class FilteredLine:
     def open(self) -> None:
         """Connect, as the line does."""
         self._line.open()
-        self._incomplete, self.status = b"", None
+        self._incomplete = b""
+        self.aside.clear()
         self._noticed.clear()
 
     def close(self) -> None:
@@ -113,8 +113,8 @@ class FilteredLine:
 
     def _handle_unrequested(self, frame: bytes) -> None:
         ident = ident_of(frame)
-        if ident == Id.GET_STATUS:
-            self.status = status_of(frame)
+        if ident in _SET_ASIDE:
+            self.aside[ident] = frame
         elif ident in _ERROR_MESSAGES:
             self._noticed.add(DeviceFlag.DEVICE_FAILURE)
         # Messages with an unknown identifier are dropped without a flag.

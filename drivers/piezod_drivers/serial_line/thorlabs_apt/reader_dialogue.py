@@ -2,39 +2,36 @@
 
 from collections.abc import Sequence
 from math import nan
-from typing import Final, NamedTuple
+from typing import Final
 
 from piezod.devices.bus.dialogue import Reading
-from piezod.devices.bus.line import Line
+from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id
+from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, DisplayMode, Id
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, AptSession
+from piezod_drivers.serial_line.thorlabs_apt.side_request import SideRequest
 
 _BYTES_PER_CYCLE: Final = 6 + 12
 _UM_PER_TRAVEL: Final = 0.1  # the travel is reported in steps of 100 nm
+_REQUEST: Final = codec.short(Id.REQ_READING, CHANNEL)
+_REQUEST_IO: Final = codec.short(Id.REQ_GAUGE_IO, CHANNEL)
 _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
-
-
-class _Form(NamedTuple):
-    """Identifiers of a request for a reading and of its reply."""
-
-    request: int
-    answer: int
-
-
-_FORMS: Final = (
-    _Form(Id.READING_7DE, Id.READING_7DF),
-    _Form(Id.READING_7DD, Id.READING_7DE),
-)
-"""Sources differ: the first form is that of thorlabs-apt-protocol, the second of others."""
+_NO_MODE: Final = frozenset({DeviceFlag.LATE_REPLY})
+_QUANTITIES: Final[dict[int, str]] = {
+    DisplayMode.VOLTAGE: "a voltage",
+    DisplayMode.FORCE: "a force",
+}
 
 
 class ReaderDialogue:
     """Implements `Dialogue`.
+
+    The readings are in the quantity that the reader shows, so they are positions only in one of its
+    display modes. A knob of the reader changes the mode, so it is requested all the time.
 
     Args:
         options: Options of the cube.
@@ -45,22 +42,25 @@ class ReaderDialogue:
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
         self._options, self._inputs = options, wiring.inputs
         self._session = AptSession(options, line)
+        self._mode = SideRequest(self._session.line, _REQUEST_IO, Id.GET_GAUGE_IO)
         self._um_per_count = 0.0
-        self._form = _FORMS[0]
         self._saturated = False
 
     def open(self) -> Identity:
-        """Connect, identify the cube, read its travel and find the form of its readings.
+        """Connect, identify the cube, and read its display mode and its travel.
 
         Raises:
             DeviceUnavailableError: If the port is absent.
-            DeviceError: If it is another model, or has no travel.
+            DeviceError: If it is another model, has no travel, or shows no position.
             LineFault: If an exchange fails.
         """
         identity = self._session.open()
+        mode = codec.display_mode_of(self._session.ask(_REQUEST_IO, Id.GET_GAUGE_IO))
+        if mode != DisplayMode.POSITION:
+            raise DeviceError(f"{self._session.line.where}: {_no_position(mode)}")
         full_scale_um = self._options.full_scale_um or self._travel_um()
         self._um_per_count = full_scale_um / FULL_SCALE
-        self._find_form()
+        self._mode.restart()
         return identity
 
     def close(self) -> None:
@@ -86,9 +86,12 @@ class ReaderDialogue:
         """Read the gauge, in µm; NaN at the end of its range. Real-time safe.
 
         Raises:
-            LineFault: If no reply comes.
+            LineFault: If no reply comes, or the reader shows another quantity.
         """
-        count = self._read()
+        # The second number is the smoothed reading, which would add a delay.
+        request = self._mode.due() + _REQUEST
+        count = self._session.ask_words(request, Id.GET_READING, n=2)[0]
+        self._check_mode()
         # The reading is limited to the ends of its range.
         self._saturated = abs(count) >= FULL_SCALE
         position_um = nan if self._saturated else count * self._um_per_count
@@ -102,17 +105,34 @@ class ReaderDialogue:
         return ()
 
     def flags(self) -> Sequence[Flags]:
-        """Return whether the last reading was at an end of the range. Real-time safe."""
+        """Return whether the last reading was at an end of the range. Real-time safe.
+
+        Without its display mode for one second the quantity of the readings is unknown, and this is
+        reported as a missing reply.
+        """
+        if self._mode.overdue:
+            return [_NO_MODE] * len(self._inputs)
         return [_SATURATED if self._saturated else NO_FLAGS] * len(self._inputs)
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the flags of faults that no call has raised."""
         return self._session.take_noticed()
 
-    def _read(self) -> int:
-        request = codec.short(self._form.request, CHANNEL)
-        # The second number is the smoothed reading, which would add a delay.
-        return self._session.ask_words(request, self._form.answer, n=2)[0]
+    def _check_mode(self) -> None:
+        """Refuse readings of another quantity.
+
+        Raises:
+            LineFault: `WRONG_REQUEST` while the reader shows another quantity; `LATE_REPLY` if it
+                has not reported its mode for too long.
+        """
+        if self._mode.overdue:
+            raise LineFault(DeviceFlag.LATE_REPLY, "the reader does not report its display mode")
+        frame = self._mode.latest()
+        if frame is None:
+            return
+        mode = codec.display_mode_of(frame)
+        if mode != DisplayMode.POSITION:
+            raise LineFault(DeviceFlag.WRONG_REQUEST, _no_position(mode))
 
     def _travel_um(self) -> float:
         request = codec.short(Id.REQ_MAX_TRAVEL, CHANNEL)
@@ -125,13 +145,8 @@ class ReaderDialogue:
         # `ask_words` returns signed numbers, but the travel is unsigned.
         return (travel & 0xFFFF) * _UM_PER_TRAVEL
 
-    def _find_form(self) -> None:
-        """Find the request for readings that the reader answers.
 
-        Raises:
-            LineFault: If it answers none.
-        """
-        first, other = _FORMS
-        known = self._session.answers(codec.short(first.request, CHANNEL), first.answer)
-        self._form = first if known else other
-        self._read()
+def _no_position(mode: int) -> str:
+    """Return what the reader shows instead of a position, and the remedy."""
+    shown = _QUANTITIES.get(mode, f"an unknown quantity ({mode})")
+    return f"the reader shows {shown}: set its display to position, at the cube or with Kinesis"

@@ -46,8 +46,10 @@ class AptSession:
         self.line.open()
         self._conversation.restart()
         self._conversation.wait_out()
-        # No firmware update follows, and periodic statuses are not wanted.
-        self.line.send(codec.short(Id.NO_FLASH_PROGRAMMING) + codec.short(Id.STOP_UPDATES))
+        # No firmware update follows, and periodic statuses are not wanted. A program before us may
+        # have left the cube silent: the acknowledgement makes it send statuses again.
+        setup = (Id.NO_FLASH_PROGRAMMING, Id.STOP_UPDATES, Id.ACK_STATUS)
+        self.line.send(b"".join(codec.short(ident) for ident in setup))
         self.line.wanted = Id.GET_INFO
         request = codec.short(Id.REQ_INFO)
         # `FilteredLine` passes only complete messages of the wanted identifier.
@@ -72,21 +74,6 @@ class AptSession:
         """
         self.line.wanted = wanted
         return self._conversation.ask(request, codec.length_of_whole)
-
-    def answers(self, request: bytes, wanted: int) -> bool:
-        """Return whether a request has a reply; a late reply must not look like another one.
-
-        Raises:
-            LineFault: If the request cannot be sent.
-        """
-        self.line.wanted = wanted
-        try:
-            self._conversation.ask(request, codec.length_of_whole, lambda _frame: True)
-        except LineFault as fault:
-            if fault.flag is not DeviceFlag.LATE_REPLY:
-                raise
-            return False
-        return True
 
     def ask_words(self, request: bytes, wanted: int, n: int = 1) -> tuple[int, ...]:
         """Return the first numbers behind the channel in a reply. Real-time safe.

@@ -13,11 +13,14 @@ _VALUES: Final = rb"\[ {0,8}(" + _NUMBER + rb"(?: {0,8}, {0,8}" + _NUMBER + rb")
 _ANY_VALUES: Final = re.compile(_VALUES)
 _ANY_NUMBER: Final = re.compile(_NUMBER)
 _MODEL: Final = re.compile(r"MDT[0-9]{3}[AB]?", re.IGNORECASE)
-_FIRMWARE: Final = re.compile(r"Firmware Version:\s{0,8}(\S{1,32})", re.IGNORECASE)
-_SERIAL: Final = re.compile(r"Serial\s{0,8}(?:#|Number)?\s{0,8}:?\s{0,8}(\S{1,32})", re.IGNORECASE)
+# A value may be empty: it ends with its line.
+_FIRMWARE: Final = re.compile(r"Firmware Version: {0,8}(\S{1,32})", re.IGNORECASE)
+_SERIAL: Final = re.compile(r"Serial {0,8}(?:#|Number)? {0,8}: {0,8}(\S{1,32})", re.IGNORECASE)
 _END: Final = re.compile(rb"[!>]")
 _LONGEST: Final = 512
 """Length of the longest reply in the loop, in bytes."""
+_LIMITS_V: Final = {0.0: 75.0, 1.0: 100.0, 2.0: 150.0}
+"""The voltage limits by their codes; some devices report the limit itself."""
 
 
 class MdtCommands(NamedTuple):
@@ -25,7 +28,7 @@ class MdtCommands(NamedTuple):
 
     Attributes:
         identity: Query of the identity.
-        echo_off: Switches off the echo of commands.
+        echo_off: Switches off an echo that is on.
         limit: Query of the switch at the back: 75, 100 or 150 V.
         lowest: Query of the lowest voltage of an axis.
         highest: Query of the highest voltage of an axis.
@@ -46,7 +49,7 @@ LONG_COMMANDS: Final = MdtCommands(
     "ID?", "ECHO=0", "VLIMIT?", "{}MIN?", "{}MAX?", "{}VOLTAGE?", "{}VOLTAGE={:.3f}"
 )
 """Commands of the B models."""
-SHORT_COMMANDS: Final = MdtCommands("I", "E0", "%", "{}L?", "{}H?", "{}R?", "{}V{:.3f}")
+SHORT_COMMANDS: Final = MdtCommands("I", "E", "%", "{}L?", "{}H?", "{}R?", "{}V{:.3f}")
 """Commands of the A models, and of the B models in compatibility mode."""
 GET_ALL: Final = "XYZVOLTAGE?"
 PUT_ALL: Final = "XYZVOLTAGE={:.3f},{:.3f},{:.3f}"
@@ -95,7 +98,7 @@ class Replies:
 
     def is_acknowledgement(self, frame: bytes, request: bytes) -> bool:
         """Return whether a frame answers a setting: a prompt, perhaps an echo, or a refusal."""
-        return _is_refusal(frame) or not frame[:-1].replace(request, b"").strip(b"\0\r\n ")
+        return _is_refusal(frame) or not _without_echo(frame[:-1], request).strip(b"\r\n ")
 
     def has_values(self, frame: bytes, n_values: int) -> bool:
         """Return whether a frame answers a query: this number of voltages, or a refusal."""
@@ -143,8 +146,24 @@ def tail_in(reply: bytes) -> bytes | None:
 
 def number_in(reply: bytes, asked: bytes) -> float | None:
     """Return the first number in a complete reply, which may begin with an echo of `asked`."""
-    match = _ANY_NUMBER.search(reply.replace(asked, b""))
+    match = _ANY_NUMBER.search(_without_echo(reply, asked))
     return float(match.group()) if match and not _is_refusal(reply) else None
+
+
+def limit_of(number: float) -> float:
+    """Return the voltage limit that a device reports, in V."""
+    return _LIMITS_V.get(number, number)
+
+
+def is_a_model(model: str) -> bool:
+    """Return whether a model is an MDT693A or MDT694A."""
+    return model.endswith("A")
+
+
+def has_echo(reply: bytes, request: bytes) -> bool:
+    """Return whether a reply begins with the echo of its request. Real-time safe."""
+    # The A models echo in lower case.
+    return reply[: len(request)].lower() == request.lower()
 
 
 def identity_in(reply: bytes) -> Identity | None:
@@ -174,6 +193,10 @@ def _garbage(data: bytes) -> int:
     """Return the negative length of a reply that ends without a value: a part of one, or noise."""
     end = _END.search(data)
     return -end.end() if end else 0
+
+
+def _without_echo(reply: bytes, request: bytes) -> bytes:
+    return reply[len(request) :] if has_echo(reply, request) else reply
 
 
 def _is_refusal(frame: bytes) -> bool:

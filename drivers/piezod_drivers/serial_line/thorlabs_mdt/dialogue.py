@@ -17,12 +17,16 @@ from piezod_drivers.serial_line.thorlabs_mdt.codec import (
     SHORT_COMMANDS,
     Replies,
     axes_of,
+    has_echo,
     identity_in,
+    is_a_model,
+    limit_of,
     line_of,
     number_in,
     prompt_in,
     tail_in,
 )
+from piezod_drivers.serial_line.thorlabs_mdt.nul_free_line import NulFreeLine
 
 MAX_RATE_HZ: Final = 50.0
 """No public source states the speed of the device; clients wait 20 to 50 ms for a command."""
@@ -46,11 +50,12 @@ class MdtDialogue:
     """
 
     def __init__(self, line: Line, timeout_s: float, wiring: Wiring) -> None:
-        self._line, self._outputs = line, wiring.outputs
-        self._conversation = Conversation(line, timeout_s)
+        self._line, self._outputs = NulFreeLine(line), wiring.outputs
+        self._conversation = Conversation(self._line, timeout_s)
         self._commands, self._replies = LONG_COMMANDS, Replies(b">", b"")
         self._all_axes_at_once = False
-        self._echo_is_off = True
+        self._echo_is_on = False
+        self._echo_is_back = False
         self._restarted: set[DeviceFlag] = set()
         self._ranges: list[tuple[float, float]] = []
         self._flags = [NO_FLAGS] * len(wiring.outputs)
@@ -73,11 +78,9 @@ class MdtDialogue:
             has, wanted = ", ".join(axes), ", ".join(missing)
             what = f"{identity.model} at {self._line.where} has axes {has}, but not {wanted}"
             raise DeviceError(what)
-        # Some models have no command for the echo, or keep it on; the next request shows that.
-        self._ask_until_quiet(line_of(self._commands.echo_off))
-        request = line_of(self._commands.get.format("X"))
-        reply = self._ask_until_quiet(request)
-        self._echo_is_off = not reply.startswith(request)
+        reply = self._find_echo()
+        if self._echo_is_on:
+            reply = self._switch_echo_off()
         if (tail := tail_in(reply)) is None:
             raise DeviceError(f"{self._line.where} reports no voltage: {reply[:80]!r}")
         self._replies = Replies(prompt, tail)
@@ -101,7 +104,13 @@ class MdtDialogue:
         return self._ranges
 
     def activate(self) -> None:
-        """Do nothing: the amplifier always accepts setpoints, and keeps its voltage."""
+        """Switch off the echo of an amplifier that has restarted; its voltage stays.
+
+        Raises:
+            LineFault: If the line is lost.
+        """
+        if self._echo_is_back:
+            self._switch_echo_off()
 
     def deactivate(self) -> None:
         """Do nothing: the outputs hold."""
@@ -158,9 +167,27 @@ class MdtDialogue:
 
     def _ask(self, request: bytes, length_of: LengthOf, fits: Fits) -> bytes:
         frame = self._conversation.ask(request, length_of, fits=fits)
-        if self._echo_is_off and frame.startswith(request):  # the echo is back after a restart
+        if not self._echo_is_on and has_echo(frame, request):
+            self._echo_is_back = True  # after a restart
             self._restarted.add(DeviceFlag.RESTARTED)
         return frame
+
+    def _find_echo(self) -> bytes:
+        """Find out whether the amplifier echoes; return the reply to a query of the voltage."""
+        request = line_of(self._commands.get.format("X"))
+        reply = self._ask_until_quiet(request)
+        self._echo_is_on = has_echo(reply, request)
+        return reply
+
+    def _switch_echo_off(self) -> bytes:
+        """Switch off the echo, which is on; return the reply to a query of the voltage.
+
+        The command of the A models toggles the echo, so it must not be sent otherwise. Some models
+        keep the echo on.
+        """
+        self._ask_until_quiet(line_of(self._commands.echo_off))
+        self._echo_is_back = False
+        return self._find_echo()
 
     def _detect_prompt(self) -> bytes:
         """Send an unknown command; half a command that was sent before becomes part of it."""
@@ -172,16 +199,16 @@ class MdtDialogue:
         raise DeviceError(f"{self._line.where} does not reply like an MDT: {reply[:80]!r}")
 
     def _detect_identity(self) -> Identity:
-        # A models do not know the long commands.
+        # The A models answer `ID?` as well, although they do not know the other long commands.
         for commands in (LONG_COMMANDS, SHORT_COMMANDS):
             reply = self._ask_until_quiet(line_of(commands.identity))
             if identity := identity_in(reply):
-                self._commands = commands
+                self._commands = SHORT_COMMANDS if is_a_model(identity.model) else commands
                 return identity
         raise DeviceError(f"{self._line.where} is no MDT693 or MDT694: {reply[:80]!r}")
 
     def _find_ranges(self) -> list[tuple[float, float]]:
-        commands, limit_v = self._commands, self._ask_number(self._commands.limit)
+        commands, limit_v = self._commands, limit_of(self._ask_number(self._commands.limit))
         ranges = []
         for name in self._outputs:
             low_v = self._ask_number(commands.lowest.format(name.upper()))

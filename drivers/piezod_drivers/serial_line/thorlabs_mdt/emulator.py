@@ -1,22 +1,19 @@
-"""The emulated MDT693A, MDT693B and MDT694B amplifiers."""
+"""The emulated MDT693B and MDT694B amplifiers, and all plug-ins."""
 
-import re
 from collections.abc import Callable
 from functools import partial
 from typing import Final, NamedTuple
 
 from piezod.devices.emulation.bench import SharedRig
-from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
+from piezod_drivers.serial_line.thorlabs_mdt.emulation.a_model import MdtAEmulator
+from piezod_drivers.serial_line.thorlabs_mdt.emulation.values import LIMIT_V, RefusalError, volts
 
 _LONGEST: Final = 128
-_LIMIT_V: Final = 150.0
 _HIGHEST_V: Final = 150.5
 _UNKNOWN, _INVALID = "CMD_NOT_DEFINED", "CMD_ARG_INVALID"
-_NUMBER: Final = re.compile(r"[+-]?[0-9]{1,6}(\.[0-9]{0,9})?")
-
-
-class _RefusalError(Exception):
-    """Raised if a command is refused, with the device's text."""
+_PAIR: Final = {ord("\r"): ord("\n"), ord("\n"): ord("\r")}
+"""Either byte ends a command, and so do both together, in any order."""
 
 
 class MdtModel(NamedTuple):
@@ -26,13 +23,11 @@ class MdtModel(NamedTuple):
         name: Reported model.
         axes: Names of its axes.
         firmware: Reported firmware.
-        legacy: Whether it is an A model, whose protocol B models call compatibility mode.
     """
 
     name: str
     axes: str
     firmware: str
-    legacy: bool = False
 
 
 class MdtEmulator:
@@ -49,14 +44,15 @@ class MdtEmulator:
         self._serial = serial or "140421-07"
         self._axes = model.axes[: bench.n_axes]
         # After power-up the echo is on.
-        self.echo, self.compatible = True, model.legacy
+        self.echo, self.compatible = True, False
         self._line = b""
+        self._partner = -1  # byte that would belong to the last end of a command
         self._long: dict[str, Callable[[str], str]] = {
             "ID?": self._identify,
             "SERIAL?": lambda _: f"{self._serial}\r",
             "FRIENDLY?": lambda _: "piezo\r",
             "ECHO=": self._set_echo,
-            "VLIMIT?": lambda _: f"[ {_LIMIT_V:.0f}]\r",
+            "VLIMIT?": lambda _: f"[ {LIMIT_V:.0f}]\r",
             "CM?": lambda _: f"[MDT693A Compatibility Mode {'On' if self.compatible else 'Off'}]\r",
             "CM=": self._set_compatible,
         }
@@ -69,18 +65,19 @@ class MdtEmulator:
             self._long |= {"XYZVOLTAGE?": self._get_all, "XYZVOLTAGE=": self._set_all}
         for i, name in enumerate(self._axes):
             self._add_axis(i, name)
-        if model.legacy:
-            # An A model knows only the short commands.
-            self._long.clear()
 
     def receive(self, data: bytes) -> list[bytes]:
         """Process bytes of the host; return the replies."""
         replies = []
         for byte in data:
-            if byte == ord("\r"):
+            is_partner, self._partner = byte == self._partner, -1
+            if is_partner:
+                continue
+            if byte in _PAIR:
                 line, self._line = self._line, b""
-                replies.append(self._answer(line))
-            elif byte != ord("\n") and len(self._line) < _LONGEST:
+                replies.append(self._answer(line, chr(byte)))
+                self._partner = _PAIR[byte]
+            elif len(self._line) < _LONGEST:
                 self._line += bytes((byte,))
         return replies
 
@@ -88,20 +85,18 @@ class MdtEmulator:
         """Return nothing: the amplifier only replies."""
         return []
 
-    def _answer(self, line: bytes) -> bytes:
+    def _answer(self, line: bytes, end: str) -> bytes:
         text = line.decode("ascii", "replace")
-        echo = f"{text}\r" if self.echo else ""
+        echo = f"{text}{end}" if self.echo else ""
         try:
             body, refused = self._execute(text.strip().upper()), False
-        except _RefusalError as refusal:
+        except RefusalError as refusal:
             body, refused = str(refusal), True
         if not self.compatible:
             return f"{echo}{body}>".encode("ascii", "replace")
         if refused:
             return f"{echo}!".encode("ascii", "replace")
-        # An A model puts its prompt before the value, a B model in compatibility mode behind it.
-        reply = f"*{body}" if self._model.legacy else f"{body}*"
-        return f"{echo}{reply}".encode("ascii", "replace")
+        return f"{echo}{body}*".encode("ascii", "replace")
 
     def _execute(self, text: str) -> str:
         for commands in (self._long, self._short):
@@ -109,13 +104,13 @@ class MdtEmulator:
             for word in sorted(commands, key=len, reverse=True):
                 if text == word or (text.startswith(word) and word[-1] not in "?IR%"):
                     return commands[word](text.removeprefix(word).strip())
-        raise _RefusalError(_UNKNOWN)
+        raise RefusalError(_UNKNOWN)
 
     def _add_axis(self, i: int, name: str) -> None:
         get, put = partial(self._get, i), partial(self._set, i)
         self._long |= {f"{name}VOLTAGE?": get, f"{name}VOLTAGE=": put}
-        self._long |= {f"{name}MIN?": lambda _: "[ 0.00]\r"}
-        self._long |= {f"{name}MAX?": lambda _: f"[ {_HIGHEST_V:.2f}]\r"}
+        self._long |= {f"{name}MIN?": lambda _: "0\r"}
+        self._long |= {f"{name}MAX?": lambda _: f"{_HIGHEST_V:.2f}\r"}
         self._short |= {f"{name}R?": get, f"{name}R": get, f"{name}V": put}
         self._short |= {f"{name}L?": self._long[f"{name}MIN?"]}
         self._short |= {f"{name}H?": self._long[f"{name}MAX?"]}
@@ -124,9 +119,11 @@ class MdtEmulator:
         lines = (
             f"\r\r\rModel {self._model.name} Piezo Control Module",
             f"Firmware Version: {self._model.firmware}",
-            "Voltage Range: 150V",
-            f"Serial#: {self._serial}",
-            "Friendly Name: piezo",
+            "Voltage Range: 0V to 150V",
+            f"Serial#:{self._serial}",
+            "Friendly Name:piezo",
+            "Thorlabs, Inc. Newton, NJ 07860",
+            "www.thorlabs.com",
         )
         return "\r".join((*lines, "", ""))
 
@@ -142,9 +139,9 @@ class MdtEmulator:
         return f"[{self._bench.drive_v(axis):6.2f}]\r"
 
     def _set(self, axis: int, text: str) -> str:
-        value_v = _volts(text)
+        value_v = volts(text, _INVALID)
         if not self._bench.drive(axis, value_v):
-            raise _RefusalError(_INVALID)
+            raise RefusalError(_INVALID)
         return ""
 
     def _get_all(self, _text: str) -> str:
@@ -152,33 +149,33 @@ class MdtEmulator:
         return f"[{','.join(values)}]\r"
 
     def _set_all(self, text: str) -> str:
-        values_v = [_volts(part.strip()) for part in text.split(",")]
+        values_v = [volts(part.strip(), _INVALID) for part in text.split(",")]
         if len(values_v) != len(self._axes) or not self._bench.drive_all(values_v):
-            raise _RefusalError(_INVALID)
+            raise RefusalError(_INVALID)
         return ""
 
 
 def _switch(text: str) -> bool:
     if text not in {"0", "1"}:
-        raise _RefusalError(_INVALID)
+        raise RefusalError(_INVALID)
     return text == "1"
 
 
-def _volts(text: str) -> float:
-    if not _NUMBER.fullmatch(text) or not 0.0 <= float(text) <= _LIMIT_V:
-        raise _RefusalError(_INVALID)
-    return float(text)
-
-
-def _plugin(profile: str, model: MdtModel) -> EmulatorPlugin:
+def _plugin(
+    profile: str, name: str, axes: str, create: Callable[[SharedRig, str], Emulator]
+) -> EmulatorPlugin:
     return EmulatorPlugin(
         name=profile,
-        summary=f"Thorlabs {model.name}, amplifier with {len(model.axes)} outputs",
+        summary=f"Thorlabs {name}, amplifier with {len(axes)} outputs",
         wire="serial",
-        create=partial(MdtEmulator, model),
+        create=create,
     )
 
 
-MDT693A: Final = _plugin("mdt693a", MdtModel("MDT693A", "XYZ", "1.09", legacy=True))
-MDT693B: Final = _plugin("mdt693b", MdtModel("MDT693B", "XYZ", "2.09"))
-MDT694B: Final = _plugin("mdt694b", MdtModel("MDT694B", "X", "2.09"))
+def _b_plugin(profile: str, model: MdtModel) -> EmulatorPlugin:
+    return _plugin(profile, model.name, model.axes, partial(MdtEmulator, model))
+
+
+MDT693A: Final = _plugin("mdt693a", "MDT693A", "XYZ", MdtAEmulator)
+MDT693B: Final = _b_plugin("mdt693b", MdtModel("MDT693B", "XYZ", "2.09"))
+MDT694B: Final = _b_plugin("mdt694b", MdtModel("MDT694B", "X", "2.09"))

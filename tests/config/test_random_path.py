@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.config.random_path import random_path
 from piezod.config.waveforms import Reversals
-from piezod.control.reference.random_path import random_path
 from piezod.control.reference.waveforms import build_waveform
 
 DURATION_S = 20.0

@@ -1,0 +1,44 @@
+"""How fast an axis may learn, so that learning cannot make the first mode oscillate.
+
+What an identifier learns from a sample reaches the drive, and the drive rings the first mode, which
+is in the next samples: a feedback loop. The identifier integrates its errors, which turns the phase
+by 90°. At the mode the stage turns it by another 90° and amplifies by 1/(2ζ). So the loop
+oscillates if its gain at the mode exceeds one, however good the model is.
+
+In each sample an identifier removes the share k of its error, and the compensator goes the share σ
+of the way to the learned model. At the angular frequency ω these two filters leave k σ / (ω T)² of
+an error, for samples of period T. With a pace p both work p times as fast, and the gain is p² k σ /
+(ω T)² / (2ζ).
+"""
+
+from math import pi, sqrt
+from typing import Final
+
+from piezod.config.axes import FirstModeConfig
+
+FULL_PACE_PERIOD_S: Final = 1e-3
+"""The constants of identifiers and compensator are for samples of this period. More frequent
+samples do not make the stage change faster, so that each of them counts less."""
+RLS_SHARE: Final = 0.1
+"""k of recursive least squares: share of its error that it removes in a sample, while it moves."""
+FOLLOWED_SHARE: Final = 0.3
+"""σ: share of the distance to the learned model that the compensator goes in a cycle. The full
+distance, as in the paper, would pass the noise of the sensor on to the drive."""
+LARGEST_LOOP_GAIN: Final = 0.5
+"""Largest gain of the loop at the first mode, for a gain margin of two."""
+
+
+def learning_pace(period_s: float, mode: FirstModeConfig | None, learned_share: float) -> float:
+    """Return the pace p of learning, in (0, 1]: 1 is that of the constants.
+
+    Args:
+        period_s: Period of the loop, in s.
+        mode: First mode; None if it is unknown.
+        learned_share: k, the share of its error that the identifier removes in a sample at pace 1.
+    """
+    pace = min(1.0, period_s / FULL_PACE_PERIOD_S)
+    if mode is None or learned_share == 0.0:
+        return pace
+    angle = 2.0 * pi * mode.frequency_hz * period_s  # ω T
+    allowed = LARGEST_LOOP_GAIN * 2.0 * mode.damping / (learned_share * FOLLOWED_SHARE)
+    return min(pace, angle * sqrt(allowed))

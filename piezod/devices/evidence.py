@@ -1,0 +1,29 @@
+"""What the profiles of a driver were checked against, other than code of their own authors."""
+
+import json
+from importlib.metadata import entry_points
+from importlib.resources import files
+from typing import Final
+
+from piezod.devices.registry import GROUP
+
+FILE: Final = "evidence.json"
+"""File in the package of a driver: word by profile, by driver."""
+
+
+def evidence_of(driver: str) -> dict[str, str]:
+    """Return what each profile of an installed driver was checked against, in one word.
+
+    The words are, the strongest first: "capture" (bytes of a real device), "node" (somebody else's
+    device in software), "client" (somebody else's program for the device), "manual" (a table or an
+    example of a manual), "protocol" (a program that does not know the device), "none". Empty if the
+    driver does not state it.
+    """
+    words: dict[str, str] = {}
+    for point in entry_points(group=GROUP, name=driver):
+        try:
+            text = files(point.module.partition(".")[0]).joinpath(FILE).read_text("utf-8")
+        except (ImportError, OSError, TypeError):
+            continue  # a driver that is one module, or a package without this file
+        words |= json.loads(text).get(driver, {})
+    return words

@@ -1,0 +1,147 @@
+"""Tests of learned models on the simulated rig: good ones, bad ones, pairs that do not fit."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.axes import CompensatorConfig
+from piezod.config.daemon import DaemonConfig
+from piezod.config.model_file import load_model
+from piezod.config.modes import Mode
+from piezod.control.assembly import check_stage
+from piezod.control.law.identifier import LearningGate
+from piezod.control.law.proof import LEAST_ERROR
+from piezod.errors import ModelError
+from piezod.hysteresis import even_thresholds
+from tests.control.rig_stage import RigStage, shipped_config
+
+RANGE_UM = 31.3
+
+
+def with_compensator(compensator: dict[str, Any], rate_hz: float = 500.0) -> DaemonConfig:
+    """Return the shipped configuration, whose model is graded, with this compensator."""
+    config = shipped_config()
+    settings = CompensatorConfig.model_validate(compensator)
+    axis = config.axes["x"].model_copy(update={"compensator": settings})
+    return config.model_copy(update={"axes": {"x": axis}, "rate_hz": rate_hz})
+
+
+def running(config: DaemonConfig, mode: Mode = Mode.ADAPTIVE) -> RigStage:
+    """Return a stage in RUN."""
+    stage = RigStage(config)
+    stage.until("SAFE")
+    stage.do(rq.Arm(), rq.SelectMode(mode=mode))
+    return stage
+
+
+def error_um(stage: RigStage, position_um: float) -> float:
+    """Move to a position; return the mean error after one and a half seconds, in µm."""
+    stage.do(rq.Goto(position_um=position_um))
+    records = stage.run(1.5)
+    return float(np.mean([each.axes[0].position_um for each in records[-50:]])) - position_um
+
+
+def learn_wrong(stage: RigStage, duration_s: float) -> float:
+    """Use a model with an offset of a tenth for a time, at 13 µm; return the worst error, in µm."""
+    identifier = stage.stage.axes[0].law.identifier
+    identifier.adaptation.adopt(identifier.weights, offset=0.1)
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE))
+    return max(abs(each.axes[0].position_um - 13.0) for each in stage.run(duration_s))
+
+
+@pytest.fixture
+def learns_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the learned model as it is: a good identifier would soon correct it."""
+    admits = LearningGate.admits
+
+    def refuses(gate: LearningGate, **sample: Any) -> bool:
+        return admits(gate, **sample) and False
+
+    monkeypatch.setattr(LearningGate, "admits", refuses)
+
+
+def test_default_identifier_fits_the_model_that_identify_makes() -> None:
+    """Without `compensator` a move of an adaptive stage ends at its target."""
+    stage = running(with_compensator({}))
+
+    assert abs(error_um(stage, 13.0)) < LEAST_ERROR * RANGE_UM
+    assert not stage.faults()
+
+
+@pytest.mark.parametrize("identifier", ["lms", "nlms"])
+def test_lms_is_refused_with_the_thresholds_of_the_model_file(identifier: str) -> None:
+    """The model file counts, not only the keys of the configuration."""
+    with pytest.raises(ModelError, match=rf"^axis x: identifier {identifier} needs even .*rls"):
+        check_stage(with_compensator({"identifier": identifier}))
+
+
+def test_lms_is_refused_with_the_thresholds_of_an_adopted_model() -> None:
+    """The stage keeps the model that it has; a model with even thresholds is accepted."""
+    config = with_compensator({"identifier": "lms"})
+    file = config.axes["x"].model
+    assert file is not None
+    graded, axis = load_model(file), config.axes["x"].model_copy(update={"model": None})
+    stage = RigStage(config.model_copy(update={"axes": {"x": axis}}))
+    stage.until("SAFE")
+    even = tuple(even_thresholds(19).tolist())
+
+    refused = stage.ask(rq.AdoptModel(model=graded))
+    thresholds = {"right_stop_thresholds": even, "left_stop_thresholds": even}
+    weights = {"right_stop_weights": (0.01,) * 19, "left_stop_weights": (0.01,) * 19}
+    accepted = stage.ask(rq.AdoptModel(model=graded.model_copy(update=thresholds | weights)))
+
+    assert not refused.accepted
+    assert "identifier lms needs even thresholds" in refused.why
+    assert "`identifier: rls`" in refused.why
+    assert accepted.accepted, accepted.why
+
+
+@pytest.mark.fault("D1")
+@pytest.mark.usefixtures("learns_nothing")
+def test_learned_model_that_is_worse_is_a_fault_and_is_dropped() -> None:
+    """The stage degrades to the identified model and arrives, although it was off in RUN."""
+    stage = running(with_compensator({}), Mode.FEEDFORWARD)
+    stage.do(rq.Goto(position_um=13.0))
+    stage.run(1.5)
+
+    worst_um = learn_wrong(stage, 1.5)
+
+    assert worst_um > 5 * LEAST_ERROR * RANGE_UM
+    assert stage.faults() == ["D1"]
+    assert (stage.state, stage.x.mode) == ("RUN", Mode.FEEDFORWARD)
+    assert abs(error_um(stage, 13.0)) < LEAST_ERROR * RANGE_UM
+    assert stage.stage.axes[0].law.identifier.offset == 0.0
+
+
+@pytest.mark.usefixtures("learns_nothing")
+def test_mode_feedforward_goes_back_to_a_proven_model_at_once() -> None:
+    """A model that has not yet proved itself is not kept."""
+    stage = running(with_compensator({}), Mode.FEEDFORWARD)
+    stage.do(rq.Goto(position_um=13.0))
+    stage.run(1.5)
+    worst_um = learn_wrong(stage, 0.5)
+
+    stage.do(rq.SelectMode(mode=Mode.FEEDFORWARD))
+    stage.run(0.3)
+
+    assert worst_um > 5 * LEAST_ERROR * RANGE_UM
+    assert abs(stage.x.position_um - 13.0) < LEAST_ERROR * RANGE_UM
+    assert not stage.faults()
+
+
+def test_proven_model_stays_when_learning_ends() -> None:
+    """What has improved the stage for a second is kept in mode `feedforward`."""
+    stage = running(with_compensator({}, rate_hz=1000.0), Mode.ADAPTIVE)
+    for position_um in (20.0, 2.0) * 3:
+        error_um(stage, position_um)
+    law = stage.stage.axes[0].law
+    proven = law.proof.proven.weights.copy()
+
+    stage.do(rq.SelectMode(mode=Mode.FEEDFORWARD))
+    stage.run(0.3)
+
+    assert np.max(np.abs(proven - law.proof.first.weights)) > 1e-6
+    np.testing.assert_allclose(law.compensator.weights, proven, rtol=1e-12)
+    assert law.compensator.offset == pytest.approx(law.proof.proven.offset)

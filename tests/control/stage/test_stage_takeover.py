@@ -1,0 +1,170 @@
+"""Tests of takeovers in which the read-back, the last write and the sensor do not agree."""
+
+from itertools import pairwise
+from math import isnan, nan
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from piezod.config import requests as rq
+from piezod.config.faults import Fault
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.stage.takeover import Claim, Evidence, take_over
+from piezod.devices.status import DeviceFlag
+from piezod.testing.injections import InjectionKind
+from tests.control.rig_stage import FaultyStage
+
+SLEW_STEP_V = 4.0
+TOLERANCE_V = 0.75
+
+
+def standing(position_um: float = 18.0, mode: Mode = Mode.FEEDFORWARD) -> FaultyStage:
+    """Return a stage that stands at a position, with an empty list of writes."""
+    stage = FaultyStage()
+    stage.cycle()
+    stage.do(rq.Arm(), rq.SelectMode(mode=mode), rq.Goto(position_um=position_um))
+    stage.run(0.5)
+    stage.channels.writes.clear()
+    return stage
+
+
+def written_v(stage: FaultyStage) -> list[float]:
+    """Return the voltages written since the list was cleared."""
+    return [drive_v for _, (drive_v,) in stage.channels.writes]
+
+
+def disagreements(stage: FaultyStage) -> list[str]:
+    """Return the reports of evidence that does not agree."""
+    return [event.text for event in stage.events if "do not agree" in event.text]
+
+
+@pytest.mark.fault("A7")
+@pytest.mark.parametrize("factor", [0.0, 0.5])
+@pytest.mark.parametrize("sensor_lost", [False, True])
+def test_wrong_read_back_makes_no_step(factor: float, sensor_lost: bool) -> None:
+    """The ramp starts at the last write: the sensor shows it, or it is the farther voltage."""
+    stage = standing()
+    before_v = stage.x.drive_v
+    stage.fail(InjectionKind.READ_BACK_OFFSET, value=(factor - 1.0) * before_v)
+    if sensor_lost:
+        stage.fail(InjectionKind.DROPPED, 300)
+    stage.cycle()
+    blind = stage.state
+    stage.until("FAULT")
+    steps_v = [abs(a - b) for a, b in pairwise([before_v, *written_v(stage)])]
+
+    assert blind == State.BLIND
+    assert max(steps_v) <= SLEW_STEP_V
+    assert f"last write {before_v:.4g} V" in disagreements(stage)[0]
+
+
+@pytest.mark.fault("A7")
+@pytest.mark.parametrize(
+    ("flag", "sensor_lost"),
+    [(None, False), (DeviceFlag.RESTARTED, False), (DeviceFlag.RESTARTED, True)],
+)
+def test_ramp_after_a_loss_of_power_makes_no_step_up(
+    flag: DeviceFlag | None, sensor_lost: bool
+) -> None:
+    """The sensor shows the fall, or the amplifier reports it."""
+    stage = standing()
+    stage.device.deactivate(stage.t_ns)
+    stage.device.activate(stage.t_ns)
+    if flag is not None:
+        stage.fail(InjectionKind.FLAGGED, 3, flag=flag)
+    if sensor_lost:
+        stage.fail(InjectionKind.DROPPED, 300)
+    stage.cycle()
+    blind = stage.state
+    stage.until("FAULT")
+
+    assert blind == State.BLIND
+    assert max(written_v(stage)) < TOLERANCE_V
+
+
+def test_arming_at_a_voltage_that_the_sensor_excludes_is_refused() -> None:
+    """The first write would make a step. A sensor that was never zeroed excludes nothing."""
+    stage = FaultyStage()
+    stage.channels.write([90.0], 0)
+    stage.fail(InjectionKind.READ_BACK_OFFSET, value=-90.0)
+    stage.run(0.1)
+    stage.stage.zero.set_um(0, 1e-3)
+    stage.cycle()
+    stage.channels.writes.clear()
+    refused = stage.ask(rq.Arm())
+    stage.stage.zero.set_um(0, 0.0)
+    accepted = stage.ask(rq.Arm())
+
+    assert "check the read-back" in refused.why
+    assert (refused.accepted, accepted.accepted) == (False, True)
+
+
+voltages = st.floats(-10.0, 160.0)
+positions = st.floats(-5.0, 35.0) | st.just(nan)
+
+
+@st.composite
+def claims(draw: st.DrawFn, *, none: bool = False) -> Claim:
+    """Return a voltage with the positions that a model may allow there, or with none."""
+    drive_v = draw(voltages | st.just(nan)) if none else draw(voltages)
+    if isnan(drive_v) or draw(st.booleans()):
+        return Claim(drive_v)
+    low_um = draw(st.floats(-5.0, 30.0))
+    return Claim(drive_v, low_um, low_um + draw(st.floats(0.0, 10.0)))
+
+
+@given(
+    read_back=claims(),
+    written=claims(none=True),
+    position_um=positions,
+    explained=st.booleans(),
+    safe_v=st.sampled_from([0.0, 75.0]),
+)
+@settings(max_examples=300)
+def test_takeover_is_at_a_credible_voltage(
+    read_back: Claim, written: Claim, position_um: float, explained: bool, safe_v: float
+) -> None:
+    """It is one of the two, never the one that the sensor alone excludes, and doubt is reported."""
+    known = Evidence(read_back, written, position_um, explained)
+    start_v, disagreement = take_over(known, safe_v, TOLERANCE_V)
+    claimed = [claim for claim in (read_back, written) if claim.drive_v == start_v]
+    other = [claim for claim in (read_back, written) if abs(claim.drive_v - start_v) > TOLERANCE_V]
+
+    assert claimed
+    if other and not other[0].excludes(position_um):
+        assert not all(claim.excludes(position_um) for claim in claimed)
+    if other and not explained and isnan(position_um):
+        assert abs(start_v - safe_v) >= abs(other[0].drive_v - safe_v)
+    assert bool(disagreement) == bool(other or claimed[0].excludes(position_um))
+
+
+@given(true_v=st.floats(20.0, 140.0), share=st.floats(0.0, 1.0), sensed=st.booleans())
+def test_ramp_from_the_credible_voltage_keeps_the_slew_limit(
+    true_v: float, share: float, sensed: bool
+) -> None:
+    """Whatever read-back claims that the output has fallen, with a sensor and without one."""
+    truth, wrong = (
+        Claim(drive_v, drive_v - 15.0, drive_v + 15.0) for drive_v in (true_v, share * true_v)
+    )
+    known = Evidence(wrong, truth, true_v if sensed else nan, fall_explained=False)
+    start_v, _ = take_over(known, 0.0, TOLERANCE_V)
+    first_v = start_v - min(start_v, SLEW_STEP_V)
+
+    assert abs(first_v - true_v) <= SLEW_STEP_V + TOLERANCE_V
+
+
+@pytest.mark.fault("A7")
+def test_single_wrong_read_back_at_a_stop_makes_no_step() -> None:
+    """It is smaller than a collapse, and the sensor does not show it."""
+    stage = standing()
+    before_v = stage.x.drive_v
+    stage.fail(InjectionKind.READ_BACK_OFFSET, 1, value=-15.0)
+    stage.cycle()
+    stage.ask(rq.Stop())
+    steps_v = [abs(a - b) for a, b in pairwise([before_v, *written_v(stage)])]
+
+    assert stage.state == State.RAMP
+    assert max(steps_v) <= SLEW_STEP_V
+    assert Fault.A7 not in stage.faults()

@@ -1,0 +1,72 @@
+"""Tests that no command reaches a trim whose gain is not safe."""
+
+from typing import Any
+
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.daemon import DaemonConfig
+from piezod.config.model_file import load_model
+from piezod.config.modes import Mode
+from piezod.config.trim import TrimConfig
+from piezod.control.assembly import check_stage
+from piezod.errors import ModelError
+from tests.control.rig_stage import RigStage, shipped_config
+
+GREEDY = {"gain_per_s": 5000.0, "authority_pct": 20.0}
+REFUSED = r"^axis x: a trim gain of 5000 1/s is not safe: .*; use at most \d+ 1/s$"
+
+
+def with_trim(trim: dict[str, Any], rate_hz: float, mode: Mode = Mode.FEEDFORWARD) -> DaemonConfig:
+    """Return the shipped configuration with this trim."""
+    config = shipped_config()
+    axis = config.axes["x"].model_copy(update={"trim": TrimConfig.model_validate(trim)})
+    return config.model_copy(update={"axes": {"x": axis}, "rate_hz": rate_hz, "mode": mode})
+
+
+@pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.TRIMMED])
+def test_unsafe_gain_in_the_file_is_refused_at_the_start(mode: Mode) -> None:
+    """A command could select the mode later."""
+    with pytest.raises(ModelError, match=REFUSED):
+        check_stage(with_trim(GREEDY, 200.0, mode))
+
+
+def test_default_gain_does_not_stop_a_slow_stage() -> None:
+    """At 20 Hz even the default is too much, but only for its mode."""
+    check_stage(with_trim({}, 20.0))
+    with pytest.raises(ModelError, match="a trim gain of 50 1/s is not safe"):
+        check_stage(with_trim({}, 20.0, Mode.TRIMMED))
+
+
+@pytest.mark.parametrize("armed", [True, False])
+def test_unsafe_gain_is_refused_at_the_switch(armed: bool) -> None:
+    """The answer has the reason and the gain that is allowed; the mode stays."""
+    stage = RigStage(with_trim(GREEDY, 200.0))
+    stage.until("SAFE")
+    if armed:
+        stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE))
+    before = stage.x.mode
+
+    answer = stage.ask(rq.SelectMode(mode=Mode.TRIMMED))
+
+    assert not answer.accepted
+    assert answer.why.startswith("axis x: a trim gain of 5000 1/s is not safe: ")
+    assert "use at most " in answer.why
+    assert stage.x.mode is before
+    assert stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE)).accepted
+
+
+def test_model_with_a_longer_delay_is_judged_when_it_is_adopted() -> None:
+    """A gain that was safe is refused with the new delay: the model, if the mode is in use."""
+    gain = {"gain_per_s": 100.0}
+    file = shipped_config().axes["x"].model
+    assert file is not None
+    slower = rq.AdoptModel(model=load_model(file).model_copy(update={"delay_s": 0.01}))
+    trimmed, other = (RigStage(with_trim(gain, 1000.0, m)) for m in (Mode.TRIMMED, Mode.ADAPTIVE))
+    for stage in (trimmed, other):
+        stage.until("SAFE")
+
+    assert other.ask(rq.SelectMode(mode=Mode.TRIMMED)).accepted
+    assert "a trim gain of 100 1/s is not safe" in trimmed.ask(slower).why
+    assert other.ask(slower).accepted
+    assert not other.ask(rq.SelectMode(mode=Mode.TRIMMED)).accepted

@@ -1,0 +1,118 @@
+"""Tests of axes without a sensor."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from piezod.config import requests as rq
+from piezod.config.daemon import DaemonConfig
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.config.waveforms import Setpoint, Sine
+from piezod.testing.injections import InjectionKind
+from tests.control.rig_stage import FaultyStage, RigStage, quick_config, shipped_config
+
+TARGETS_UM = st.lists(st.floats(0.0, 26.0), min_size=1, max_size=3)
+
+
+def open_loop(config: DaemonConfig | None = None) -> DaemonConfig:
+    """Return a configuration without its sensor."""
+    config = config or quick_config()
+    axis = config.axes["x"].model_copy(update={"sensor": None})
+    return config.model_copy(update={"axes": {"x": axis}})
+
+
+def armed(config: DaemonConfig) -> RigStage:
+    """Return an armed stage."""
+    stage = RigStage(config)
+    stage.cycle()
+    stage.do(rq.Arm())
+    return stage
+
+
+@given(targets_um=TARGETS_UM, mode=st.sampled_from([Mode.FEEDFORWARD, Mode.UNCOMPENSATED]))
+@settings(max_examples=10)
+def test_cycle_is_that_of_a_stage_with_a_sensor(targets_um: list[float], mode: Mode) -> None:
+    """Modes that do not need the sensor write the same voltages, to the last bit."""
+    stages = armed(quick_config()), armed(open_loop())
+    for stage in stages:
+        stage.do(rq.SelectMode(mode=mode))
+        for target_um in targets_um:
+            stage.do(rq.Goto(position_um=target_um))
+            stage.run(0.05)
+        stage.do(rq.Stop())
+    with_sensor, without = ([record.axes[0].drive_v for record in one.records] for one in stages)
+
+    assert without == with_sensor
+
+
+def test_stage_without_sensor_has_no_fault_of_a_sensor() -> None:
+    """It conditions, moves, follows a waveform and ramps down; its position is not available."""
+    stage = armed(open_loop())
+    sine = Sine(kind="sine", low=2.0, high=20.0, frequency_hz=5.0)
+    stage.do(rq.Condition())
+    stage.until("READY")
+    stage.do(rq.Goto(position_um=12.0))
+    stage.run(0.3)
+    stage.do(rq.Wave(command_um={"x": sine}, duration_s=0.4))
+    stage.run(0.5)
+    stage.do(rq.Stop())
+    stage.until("SAFE")
+    positions_um = [record.axes[0].position_um for record in stage.records]
+
+    assert stage.faults() == []
+    assert all(position_um != position_um for position_um in positions_um)  # noqa: PLR0124 - NaN
+    assert not any(record.axes[0].on_target for record in stage.records)
+
+
+@pytest.mark.parametrize(
+    ("request_", "what"),
+    [
+        (rq.SelectMode(mode=Mode.ADAPTIVE), "mode adaptive"),
+        (rq.SelectMode(mode=Mode.TRIMMED, axis="x"), "mode trimmed"),
+        (rq.Zero(), "zeroing"),
+        (
+            rq.Identify(drive_v={"x": Setpoint(kind="setpoint", level=3.0)}, duration_s=1.0),
+            "the identification",
+        ),
+    ],
+)
+def test_whatever_needs_a_sensor_says_so(request_: rq.Request, what: str) -> None:
+    """It is refused, and nothing moves."""
+    stage = armed(open_loop())
+    answer = stage.ask(request_)
+
+    assert not answer.accepted
+    assert answer.why.startswith(f"{what} needs a sensor, and axis x has none: configure one")
+    assert stage.state == State.READY
+
+
+def test_axis_beside_it_may_adapt() -> None:
+    """Only the axes that a request names must have a sensor."""
+    one = quick_config()
+    config = one.model_copy(update={"axes": {"x": one.axes["x"], "z": open_loop().axes["x"]}})
+    stage = armed(config)
+    everything = stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE))
+    stage.run(0.1)
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE, axis="x"))
+
+    assert "axis z has none" in everything.why
+    assert [axis.mode for axis in stage.stage.axes] == [Mode.ADAPTIVE, Mode.FEEDFORWARD]
+
+
+@pytest.mark.fault("A7")
+def test_without_a_sensor_a_collapsed_read_back_is_not_believed() -> None:
+    """Nothing else shows the fall: the ramp starts at the last write."""
+    stage = FaultyStage(open_loop(shipped_config()))
+    stage.cycle()
+    stage.do(rq.Arm(), rq.Goto(position_um=18.0))
+    stage.run(0.5)
+    before_v = stage.x.drive_v
+    stage.channels.writes.clear()
+    stage.fail(InjectionKind.READ_BACK_OFFSET, value=-before_v)
+    stage.until("FAULT")
+    written_v = [before_v, *(drive_v for _, (drive_v,) in stage.channels.writes)]
+
+    assert max(abs(a - b) for a, b in pairwise(written_v)) <= 4.0

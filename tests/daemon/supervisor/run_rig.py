@@ -1,0 +1,76 @@
+"""A stage that runs in the process of the test."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from subprocess import Popen
+from typing import Any, NamedTuple
+
+import httpx
+
+from piezod.daemon.lock import Lock
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.supervisor.run import run_stage
+from piezod.daemon.supervisor.signals import noted_signals
+from piezod.daemon.supervisor.terms import RunOptions
+from piezod.telemetry.shared_map import attach
+from piezod.telemetry.words import Word
+from tests.daemon.daemons import NO_TLS
+from tests.daemon.service.raw import HEAD, connected, read_to_end
+from tests.daemon.waiting import eventually
+
+
+class Rig(NamedTuple):
+    """A stage that can be run.
+
+    Attributes:
+        config: Its configuration.
+        paths: Its files.
+        processes: The processes that were started, each with its module.
+        safe_codes: The exit code of `piezod safe`, in a list.
+        loop_command: Arguments of Python in place of the loop process.
+    """
+
+    config: Path
+    paths: StagePaths
+    processes: list[tuple[str, "Popen[bytes]"]]
+    safe_codes: list[int]
+    loop_command: list[str]
+
+    def run(self, during: Callable[[], None]) -> bool:
+        """Run the stage; call a function meanwhile, and end the stage after it."""
+
+        def then_end() -> None:
+            try:
+                self.up()
+                during()
+            finally:
+                self.end()
+
+        self.paths.make_folders()
+        with Lock(self.paths.lock) as lock, ThreadPoolExecutor(1) as beside:
+            doing = beside.submit(then_end)
+            try:
+                with noted_signals() as signals:
+                    return run_stage(self.config, RunOptions(), self.paths, lock, signals)
+            finally:
+                doing.result()
+
+    def up(self) -> None:
+        """Wait for the first healthy cycle."""
+        eventually(lambda: self.paths.api_socket.exists() and self.processes)
+        eventually(lambda: attach(self.paths.loop_map).words[Word.HEALTHY_CYCLES])
+
+    def end(self) -> None:
+        """Request a shutdown; the stage may end by itself at any moment."""
+        head = HEAD % b"shutdown" + b"content-type: application/json\r\nconnection: close\r\n"
+        with suppress(OSError), connected(self.paths.api_socket) as connection:
+            connection.sendall(head + b"content-length: 2\r\n\r\n{}")
+            read_to_end(connection)
+
+    def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
+        """Send a request to the HTTP interface."""
+        transport = httpx.HTTPTransport(uds=str(self.paths.api_socket), verify=NO_TLS)
+        with httpx.Client(transport=transport, base_url="http://stage/v1", timeout=20) as client:
+            return client.request(method, path, json=body)

@@ -1,0 +1,177 @@
+"""Evidence that we did not write: `python -m tests.evidence` lists it per profile.
+
+A test with the mark `confirms` checks a profile of a driver against somebody else's program, or
+against facts of the maker. The command collects these marks from the source of the tests, writes
+`docs/evidence.md` for people, and one word per profile for `piezod drivers`. A test compares both
+files with the marks.
+"""
+
+import ast
+import json
+from collections.abc import Iterator, Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Final, NamedTuple, get_args
+
+from piezod.devices import emulators, registry
+from piezod.devices.evidence import FILE
+from piezod_drivers.modbus.profiles import PROFILES as MODBUS_PROFILES
+
+ROOT: Final = Path(__file__).parents[1]
+PAGE: Final = ROOT / "docs" / "evidence.md"
+WORDS: Final = ROOT / "drivers" / "piezod_drivers" / FILE
+MARK: Final = "confirms"
+KINDS: Final = {
+    "capture": "bytes that a real device has sent or received",
+    "node": "a device in software, by somebody else, with our driver",
+    "client": "a program for the device, by somebody else, with our emulated device",
+    "manual": "a table or an example of a manual or of public code, as data of a test",
+    "protocol": "a program by somebody else that knows the protocol, but not the device",
+}
+"""The kinds of evidence, the strongest first."""
+NONE: Final = "none"
+DESCRIBED: Final = {"ascii", "can_dbc"}
+"""Drivers for any device, with a description of it in the configuration."""
+WITHOUT_DEVICE: Final = {"simulated", "emulated"}
+"""Drivers of our own simulation: there is no device to be compared with."""
+HEAD: Final = """# Evidence
+
+No driver was tried on a real device yet. An emulator has the same misunderstandings as the driver
+of the same authors. Therefore each profile is also checked against something that others wrote.
+The tables list the tests that do so; nobody has confirmed the parts that they do not list.
+`piezod drivers` shows one word for each profile: the first of this list that a test has.
+
+Do not edit this page: `python -m tests.evidence` makes it from the marks of the tests.
+
+| word | what a test compares with |
+|---|---|
+"""
+PEERS: Final = "tests/peers/"
+"""Tests in this folder are run by `make peers`, the others by `make test`."""
+
+
+class Evidence(NamedTuple):
+    """A mark of a test.
+
+    Attributes:
+        driver: Name of the driver.
+        profile: Name of the profile.
+        part: The confirmed part of the profile.
+        by: Somebody else's program, or the manual with its page.
+        kind: One of `KINDS`.
+        test: The test, as pytest names it, without parameters.
+    """
+
+    driver: str
+    profile: str
+    part: str
+    by: str
+    kind: str
+    test: str
+
+
+def main() -> None:
+    """Write the page and the words."""
+    found = marks()
+    PAGE.write_text(page(found), encoding="utf-8")
+    WORDS.write_text(words(found), encoding="utf-8")
+
+
+def profiles() -> dict[str, tuple[str, ...]]:
+    """Return the profiles of each driver: the device types of its options or of its emulators.
+
+    A driver for devices that the configuration describes has one profile, which has its own name.
+    """
+    modules = {point.name: point.module for point in entry_points(group=emulators.GROUP)}
+    found: dict[str, tuple[str, ...]] = {}
+    for point in entry_points(group=registry.GROUP):
+        package = point.module.rpartition(".")[0]
+        if point.name in DESCRIBED:
+            found[point.name] = (point.name,)
+        elif point.name == "modbus":
+            found[point.name] = (*MODBUS_PROFILES, "registers")
+        elif point.name not in WITHOUT_DEVICE:
+            emulated = sorted(name for name in modules if modules[name].startswith(f"{package}."))
+            others = tuple(name for name in emulated if not name.endswith("-tcp"))
+            found[point.name] = tuple(_choices(point.name)) or others
+    return found
+
+
+def _choices(driver: str) -> Iterator[str]:
+    """Yield the device types that a configuration can name."""
+    fields = registry.load(driver).options_model.model_fields
+    for key in ("profile", "model"):
+        if key in fields:
+            yield from get_args(fields[key].annotation)
+
+
+def marks() -> list[Evidence]:
+    """Return the marks of all tests, read from their source: nothing is imported."""
+    found: list[Evidence] = []
+    for file in sorted((ROOT / "tests").rglob("test_*.py")):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                test = f"{file.relative_to(ROOT).as_posix()}::{node.name}"
+                for each in node.decorator_list:
+                    found += _evidence_of(each, test)
+    return sorted(found)
+
+
+def _evidence_of(decorator: ast.expr, test: str) -> Iterator[Evidence]:
+    """Yield the evidence of a decorator, if it is a mark; one mark may name several profiles."""
+    if not (isinstance(decorator, ast.Call) and isinstance(decorator.func, ast.Attribute)):
+        return
+    if decorator.func.attr != MARK:
+        return
+    driver, names = (ast.literal_eval(each) for each in decorator.args)
+    facts: dict[str, Any] = {
+        str(each.arg): ast.literal_eval(each.value) for each in decorator.keywords
+    }
+    for profile in (names,) if isinstance(names, str) else names:
+        yield Evidence(driver, profile, facts["part"], facts["by"], facts["kind"], test)
+
+
+def word_of(found: list[Evidence], driver: str, profile: str) -> str:
+    """Return the strongest kind of evidence of a profile."""
+    kinds = {each.kind for each in found if (each.driver, each.profile) == (driver, profile)}
+    return next((kind for kind in KINDS if kind in kinds), NONE)
+
+
+def words(found: list[Evidence]) -> str:
+    """Return the file with the word of each profile, by driver."""
+    table: Mapping[str, object] = {
+        driver: {profile: word_of(found, driver, profile) for profile in names}
+        for driver, names in sorted(profiles().items())
+    }
+    return json.dumps(table, indent=2) + "\n"
+
+
+def page(found: list[Evidence]) -> str:
+    """Return the page."""
+    return HEAD + "".join(f"{line}\n" for line in _lines(found))
+
+
+def _lines(found: list[Evidence]) -> Iterator[str]:
+    for kind, meaning in KINDS.items():
+        yield f"| {kind} | {meaning} |"
+    yield f"| {NONE} | nothing: only code of our own |"
+    for driver, names in sorted(profiles().items()):
+        yield from ("", f"## `{driver}`", "")
+        yield from ("| profile | word | confirmed part | by | test |", "|---|---|---|---|---|")
+        for profile in names:
+            rows = [each for each in found if (each.driver, each.profile) == (driver, profile)]
+            if not rows:
+                yield f"| `{profile}` | **{NONE}** | nobody has confirmed anything | | |"
+            for row in sorted(rows, key=lambda each: list(KINDS).index(each.kind)):
+                yield f"| `{profile}` | {row.kind} | {row.part} | {row.by} | {_link(row.test)} |"
+
+
+def _link(test: str) -> str:
+    path, _, name = test.partition("::")
+    target = " (`make peers`)" if path.startswith(PEERS) else ""
+    return f"[{name.removeprefix('test_').replace('_', ' ')}](../{path}){target}"
+
+
+if __name__ == "__main__":
+    main()
