@@ -6,7 +6,7 @@ Every result keeps the complete `document`: a newer daemon may report more than 
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from piezod.client.notebook import html_table
+from piezod.client.notebook import StatusTable
 
 Document: TypeAlias = dict[str, Any]
 
@@ -98,7 +98,7 @@ class AxisStatus:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Status(Result):
+class Status(Result, StatusTable):
     """A stage in its newest cycle.
 
     Attributes:
@@ -120,26 +120,6 @@ class Status(Result):
     shadow: bool = False
     stage: str = ""
     title: str = ""
-
-    def _repr_html_(self) -> str:
-        """Return the status as notebooks show it: a line on the stage, a table of its axes."""
-        faults = ", ".join(f"{each.id} {each.name}".strip() for each in self.faults) or "none"
-        shadow = ", shadow mode" if self.shadow else ""
-        return html_table(
-            f"{self.stage or 'stage'}: {self.state}, mode {self.mode}{shadow}; faults: {faults}",
-            ("axis", "position/µm", "command/µm", "error/µm", "drive/V", "on target"),
-            (
-                (
-                    name,
-                    axis.position_um,
-                    axis.command_um,
-                    axis.error_um,
-                    axis.drive_v,
-                    "yes" if axis.on_target else "no",
-                )
-                for name, axis in self.axes.items()
-            ),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from math import pi, sin
 from typing import Final
 
 from piezod.config.combined_waveforms import Sequence, Sum, WaveformConfig
+from piezod.config.packed_waveforms import LoopWaveform
 from piezod.config.waveforms import Multisine, Periodic
 
 NYQUIST_SHARE: Final = 0.5
@@ -18,7 +19,7 @@ COARSE_SHARE: Final = 0.1
 """Frequencies above this share of the rate give a warning."""
 
 
-def too_fast(waveform: WaveformConfig, rate_hz: float) -> str:
+def too_fast(waveform: LoopWaveform, rate_hz: float) -> str:
     """Return why a loop cannot make a waveform, or "".
 
     Args:
@@ -53,7 +54,7 @@ def coarse(waveforms: Mapping[str, WaveformConfig], rate_hz: float) -> Iterator[
             )
 
 
-def _highest_hz(waveform: WaveformConfig) -> float:
+def _highest_hz(waveform: LoopWaveform) -> float:
     """Return the highest frequency of the sines and triangles in a waveform; 0 without any."""
     match waveform:
         case Periodic(frequency_hz=frequency_hz):

@@ -72,3 +72,10 @@ def test_metrics_are_short_below_the_heading_of_their_group(
     """A true error and its measured counterpart differ in the group only."""
     assert metric_group(name) == group
     assert metric_heading(name) == heading
+
+
+def test_a_time_without_an_end_is_never() -> None:
+    """A step that does not settle has no number; an infinite error is no time."""
+    assert metric_text("settling_max_s", 0.0123) == "longest settling time 0.0123 s"
+    assert metric_text("settling_max_s", float("inf")) == "longest settling time never"
+    assert metric_text("tracking_max_pct", float("inf")) == "worst tracking error inf %"

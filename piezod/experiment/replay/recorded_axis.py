@@ -51,13 +51,15 @@ def recorded_axis(telemetry: RecordedTelemetry, axis: str) -> RecordedAxis:
     """Return one axis of a recording.
 
     Raises:
-        DataError: If the axis never follows a command.
+        DataError: If the axis never follows a command, or has no sample then.
     """
     cycles, columns = telemetry.cycles, telemetry.axes[axis]
     running = names_of(telemetry, "state", cycles["state"]) == State.RUN.value
     follows = running & np.isfinite(columns["command_um"])
-    if not np.any(follows & np.isfinite(columns["position_um"])):
+    if not follows.any():
         raise DataError(f"axis {axis} follows no command in this recording; record a movement")
+    if not np.any(follows & np.isfinite(columns["position_um"])):
+        raise DataError(f"axis {axis} has no valid sample while it follows a command")
     in_force_v = columns["in_force_v"]
     return RecordedAxis(
         t_s=cycles["t_s"],

@@ -12,12 +12,13 @@ from piezod.daemon.loop import accept
 from piezod.records.telemetry_reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from tests.daemon.bench import PEER, Bench
+from tests.daemon.daemons import REPOSITORY
 
 
 @pytest.fixture
-def bench(tmp_path: Path, rig_file: Path) -> Iterator[Bench]:
-    """Return a link without devices."""
-    bench = Bench(tmp_path, accept.load(rig_file))
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """Return a link without devices, for the shipped stage."""
+    bench = Bench(tmp_path, accept.load(REPOSITORY / "config" / "simulated.yaml"))
     yield bench
     bench.link.stage_audit.close()
 
