@@ -85,10 +85,9 @@ def recommended_drive(low_v: float, high_v: float) -> str:
         high_v: Highest voltage, in V.
     """
     # Rounded inwards to whole millivolts, so that the text has short numbers within the limits.
-    levels = _Levels(ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6)))
-    at, sine, hold = levels.at, levels.sine, levels.hold
-    half_v = (levels.high_mv - levels.low_mv) // 2 / 1e3
-    middle = f"{levels.low_mv / 1e3 + half_v:.10g}"
+    part = _PartWriter(ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6)))
+    half_v = (part.high_mv - part.low_mv) // 2 / 1e3
+    middle = f"{part.low_mv / 1e3 + half_v:.10g}"
     return f"""\
 identification:
   method: least-squares
@@ -99,13 +98,13 @@ identification:
     kind: sequence
     parts:
       # run-in, over the full swing
-      {sine(8, 0, 1, 0.5)}
+      {part.sine(8, 0, 1, 0.5)}
       # loops of all sizes
       - duration_s: 20
         waveform:
           kind: sine
-          low: {at(0)}
-          high: {at(1)}
+          low: {part.at(0)}
+          high: {part.at(1)}
           frequency_hz: 0.7
           envelope: {{kind: decaying, time_constant_s: 10}}
       # loops within loops, at all heights
@@ -113,50 +112,42 @@ identification:
         waveform:
           kind: sum
           parts:
-            - {{kind: triangle, low: {at(0)}, high: {middle}, frequency_hz: 0.7}}
+            - {{kind: triangle, low: {part.at(0)}, high: {middle}, frequency_hz: 0.7}}
             - {{kind: triangle, low: 0, high: {half_v:.10g}, frequency_hz: 0.1}}
       # fast, for the delay
-      {sine(2, 0, 0.7, 5)}
+      {part.sine(2, 0, 0.7, 5)}
       # up in two steps, each with a hold, for the creep, and small loops; then down
-      {sine(1, 0, 0.4, 0.5)}
-      {hold(5, 0.4)}
-      {sine(3, 0.4, 0.55, 1)}
-      {sine(1, 0.4, 0.8, 0.5)}
-      {hold(5, 0.8)}
-      {sine(3, 0.8, 0.95, 1)}
+      {part.sine(1, 0, 0.4, 0.5)}
+      {part.hold(5, 0.4)}
+      {part.sine(3, 0.4, 0.55, 1)}
+      {part.sine(1, 0.4, 0.8, 0.5)}
+      {part.hold(5, 0.8)}
+      {part.sine(3, 0.8, 0.95, 1)}
       - duration_s: 2
         waveform:
           kind: multisine
-          low: {at(0)}
+          low: {part.at(0)}
           components: [{{amplitude: {0.8 * half_v:.10g}, frequency_hz: 0.25, phase_deg: 180}}]
 """
 
 
-class _Levels(NamedTuple):
-    """Writes voltages as shares of a range, and parts of a sequence between them.
-
-    Attributes:
-        low_mv: Lowest voltage, in mV.
-        high_mv: Highest voltage, in mV.
-    """
+class _PartWriter(NamedTuple):
+    """Writes the parts of a sequence in YAML; levels are shares of the range."""
 
     low_mv: int
     high_mv: int
 
     def at(self, share: float) -> str:
-        """Return the voltage at a share of the range, in V."""
         return f"{round(self.low_mv + share * (self.high_mv - self.low_mv)) / 1e3:.10g}"
 
     def sine(self, duration_s: int, start: float, end: float, frequency_hz: float) -> str:
-        """Return a sine between two shares of the range."""
-        low_v, high_v = self.at(start), self.at(end)
-        waveform = f"kind: sine, low: {low_v}, high: {high_v}, frequency_hz: {frequency_hz:g}"
+        ends = f"low: {self.at(start)}, high: {self.at(end)}"
+        waveform = f"kind: sine, {ends}, frequency_hz: {frequency_hz:g}"
         return f"- {{duration_s: {duration_s}, waveform: {{{waveform}}}}}"
 
     def hold(self, duration_s: int, share: float) -> str:
-        """Return a hold at a share of the range."""
-        level_v = self.at(share)
-        return f"- {{duration_s: {duration_s}, waveform: {{kind: setpoint, level: {level_v}}}}}"
+        waveform = f"kind: setpoint, level: {self.at(share)}"
+        return f"- {{duration_s: {duration_s}, waveform: {{{waveform}}}}}"
 
 
 def _turning_points(positions: FloatArray) -> list[int]:

@@ -4,8 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.creep import NO_CREEP, logarithmic
 from piezod.control.law.model import StageModel
+from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, estimate_delay, has_one_frequency
 from piezod.experiment.fit.least_squares import (
     LeastSquaresFit,
@@ -15,22 +17,27 @@ from piezod.experiment.fit.least_squares import (
     fit_least_squares,
     search_slow_parameters,
 )
-from piezod.experiment.fit.lms_passes import repeated_lms
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.prediction import predicted_v
 from piezod.experiment.fit.record import Record, Rows
-from piezod.experiment.fit.record_checks import check_record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.hysteresis import (
     AffineRange,
+    LMSIdentifier,
     even_thresholds,
     graded_thresholds,
+    largest_stable_gain,
     new_bank,
     placed_thresholds,
     stop_regressors,
 )
 from piezod.hysteresis.memory import FloatArray
 
+PAPER_GAIN = 0.1
+"""γ of paper eq. (29)."""
+LMS_PASSES = 3
+"""Passes over the record. Paper, section 2.3: the procedure "can be repeated for several times
+until satisfactory results are obtained"."""
 FINE_ORDER = 40
 """Operators of the first fit, which shows where thresholds are needed."""
 
@@ -139,7 +146,7 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         DataError: If the record is too short or constant, or does not grow with the drive.
         ModelError: If the gain of LMS is not stable for this number of operators.
     """
-    check_record(record, settings.order, settings.delay_s or 0.0)
+    _check(record, settings)
     problem = FitProblem(settings.as_fitted(record), settings)
     bank, slow_parameters, linearised = problem.bank(), SlowParameters(), None
     # Creep looks like a delay, so both are searched together. With one frequency they cannot be
@@ -217,12 +224,17 @@ class FitProblem:
             delay_s: Delay, in s.
             held_out: (n,) samples that are not learned from; none by default.
         """
-        series, settings = self.series(delay_s), self._settings
+        series, gain = self.series(delay_s), self._settings.lms_gain
+        if gain is None:
+            # LMS is stable while 2 γ |φ|² < 2; that bound falls with the number of operators.
+            gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
         learned = series.counted if held_out is None else series.counted & ~held_out
         drives = np.where(learned, series.drives, np.nan)  # NaN advances the memory only
-        return repeated_lms(
-            bank, series.positions, drives, gain=settings.lms_gain, deadband=settings.deadband
-        )
+        identifier = LMSIdentifier(bank, gain=gain, deadband=self._settings.deadband)
+        for _ in range(LMS_PASSES):
+            identifier.reset()
+            identifier.run(np.clip(series.positions, 0.0, 1.0), drives)
+        return identifier.weights
 
     def model(
         self, bank: FloatArray, weights: FloatArray, slow_parameters: SlowParameters, delay_s: float
@@ -243,3 +255,28 @@ class FitProblem:
 
 def _range_of(values: FloatArray) -> AffineRange:
     return AffineRange.checked(float(values.min()), float(values.max()))
+
+
+def _check(record: Record, settings: FitSettings) -> None:
+    delay_s, n_weights = settings.delay_s or 0.0, 2 * settings.order
+    counted, fewest = record.counted(delay_s), SAMPLES_PER_WEIGHT * n_weights
+    drive_v = record.drive_delayed_by(delay_s)[counted]
+    position_um = record.position_um[counted]
+    if drive_v.size < fewest:
+        raise DataError(
+            f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
+            "more; record for longer, skip less, or fit fewer operators"
+        )
+    scaled = []
+    for name, values in (("drive_v", drive_v), ("position_um", position_um)):
+        low, high = float(values.min()), float(values.max())
+        if low == high:
+            raise DataError(f"{name} is {low:g} throughout; allowed is a signal that varies")
+        scaled.append(AffineRange.checked(low, high).to_unit(values))
+    correlation = float(np.corrcoef(scaled[0], scaled[1])[0, 1])
+    if correlation <= 0.0:
+        raise DataError(
+            "position_um does not grow with the drive: its correlation with drive_v is "
+            f"{correlation:.2f}; allowed is above 0; change the sign of one of them if the "
+            "sensor counts in the other direction, else check that it is the sensor of this drive"
+        )
