@@ -109,10 +109,8 @@ class Fit:
             weights, slow_parameters = self.problem.lms(bank, delay_s, held_out), SlowParameters()
         else:
             parameters = self.linearised.solved(self.linearised.counted & ~held_out)
-            weights, slow_parameters = (
-                parameters[: bank.shape[1]],
-                SlowParameters(*parameters[bank.shape[1] :]),
-            )
+            weights, slow = np.split(parameters, [bank.shape[1]])
+            slow_parameters = SlowParameters(*slow)
         return self.problem.model(bank, weights, slow_parameters, delay_s)
 
     def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
@@ -253,9 +251,7 @@ class FitProblem:
         series, settings = self.series(delay_s), self._settings
         learned = series.counted if held_out is None else series.counted & ~held_out
         drives = np.where(learned, series.drives, np.nan)  # NaN advances the memory only
-        return repeated_lms(
-            bank, series.positions, drives, gain=settings.lms_gain, deadband=settings.deadband
-        )
+        return repeated_lms(bank, series.positions, drives, settings.lms_gain, settings.deadband)
 
     def model(
         self, bank: FloatArray, weights: FloatArray, slow_parameters: SlowParameters, delay_s: float
