@@ -17,27 +17,21 @@ from piezod.experiment.fit.least_squares import (
     fit_least_squares,
     search_slow_parameters,
 )
+from piezod.experiment.fit.lms_passes import repeated_lms
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.prediction import predicted_v
 from piezod.experiment.fit.record import Record, Rows
 from piezod.experiment.fit.settings import FitSettings
 from piezod.hysteresis import (
     AffineRange,
-    LMSIdentifier,
     even_thresholds,
     graded_thresholds,
-    largest_stable_gain,
     new_bank,
     placed_thresholds,
     stop_regressors,
 )
 from piezod.hysteresis.memory import FloatArray
 
-PAPER_GAIN = 0.1
-"""γ of paper eq. (29)."""
-LMS_PASSES = 3
-"""Passes over the record. Paper, section 2.3: the procedure "can be repeated for several times
-until satisfactory results are obtained"."""
 FINE_ORDER = 40
 """Operators of the first fit, which shows where thresholds are needed."""
 
@@ -83,10 +77,8 @@ class Fit:
             weights, slow_parameters = self.problem.lms(bank, delay_s, held_out), SlowParameters()
         else:
             parameters = self.linearised.solved(self.linearised.counted & ~held_out)
-            weights, slow_parameters = (
-                parameters[: bank.shape[1]],
-                SlowParameters(*parameters[bank.shape[1] :]),
-            )
+            weights, slow = np.split(parameters, [bank.shape[1]])
+            slow_parameters = SlowParameters(*slow)
         return self.problem.model(bank, weights, slow_parameters, delay_s)
 
     def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
@@ -224,17 +216,10 @@ class FitProblem:
             delay_s: Delay, in s.
             held_out: (n,) samples that are not learned from; none by default.
         """
-        series, gain = self.series(delay_s), self._settings.lms_gain
-        if gain is None:
-            # LMS is stable while 2 γ |φ|² < 2; that bound falls with the number of operators.
-            gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
+        series, settings = self.series(delay_s), self._settings
         learned = series.counted if held_out is None else series.counted & ~held_out
         drives = np.where(learned, series.drives, np.nan)  # NaN advances the memory only
-        identifier = LMSIdentifier(bank, gain=gain, deadband=self._settings.deadband)
-        for _ in range(LMS_PASSES):
-            identifier.reset()
-            identifier.run(np.clip(series.positions, 0.0, 1.0), drives)
-        return identifier.weights
+        return repeated_lms(bank, series.positions, drives, settings.lms_gain, settings.deadband)
 
     def model(
         self, bank: FloatArray, weights: FloatArray, slow_parameters: SlowParameters, delay_s: float

@@ -20,7 +20,6 @@ def repeated_lms(
     bank: FloatArray,
     positions: FloatArray,
     drives: FloatArray,
-    *,
     gain: float | None,
     deadband: float,
 ) -> FloatArray:
