@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.output import error_console
 from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import (
     AxisOption,
@@ -104,6 +103,8 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
         answer = client.wave(waveforms, duration_s)
         warnings = _coarse(client, waveforms)
     for warning in warnings:
+        from piezod.cli.output import error_console  # rich takes long to import
+
         error_console().print(f"! {warning}", style="yellow")
     print_answer(answer, f"following for {duration_s:g} s", json=json)
 

@@ -41,6 +41,7 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = folder / "stage.yaml"
     model = SHIPPED.parent / "models" / "simulated-stack.yaml"
     text = SHIPPED.read_text(encoding="utf-8").replace("models/simulated-stack.yaml", str(model))
+    text = text.replace("rate_hz: 200", "rate_hz: 1000")  # the first mode is at 734 Hz
     path.write_text(text, encoding="utf-8")
     return path
 
