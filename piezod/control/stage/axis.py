@@ -103,6 +103,12 @@ class StageAxis:
         """Whether the axis follows a command."""
         return not self._forced
 
+    @property
+    def at_safe(self) -> bool:
+        """Whether the voltage in force is the safe one, within the tolerance of a read-back."""
+        off_v = abs(self.law.in_force_v - self.config.safe_v)
+        return off_v <= self.law.limits.read_back_tolerance_v
+
     def select(self, mode: Mode) -> None:
         """Change the mode without a jump."""
         self.law.switch(mode)

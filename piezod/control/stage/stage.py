@@ -118,27 +118,19 @@ class Stage:
     def ramp_first(self, t_ns: int) -> None:
         """Ramp down as soon as the read-back is known, if it is not the safe voltage."""
         self._ramps_first = True
-        if self.state is State.SAFE:
-            self._ramp_found(t_ns)
+        self._ramp_found(t_ns)
 
     def _ramp_found(self, t_ns: int) -> bool:
         """Ramp a voltage down that an earlier daemon has left; return whether there is one."""
-        at_safe = all(
-            abs(axis.law.in_force_v - axis.config.safe_v) <= axis.law.limits.read_back_tolerance_v
-            for axis in self.axes
-        )
-        if not self._ramps_first or not self.output.known or at_safe:
-            return False
-        self._ramps_first = False
-        self.go(Event.FOUND_DRIVEN, t_ns)
-        return True
+        known = self._ramps_first and self.output.known
+        found = known and not all(axis.at_safe for axis in self.axes)
+        if found:
+            self._ramps_first = False
+            self.go(Event.FOUND_DRIVEN, t_ns)
+        return found
 
     def forbid_entry(self, why: str) -> None:
-        """Refuse to arm from now on.
-
-        Args:
-            why: The reason, for people.
-        """
+        """Refuse to arm from now on, for a reason in words."""
         self._no_entry = why
 
     def hold_on_request(self, t_ns: int) -> str:
