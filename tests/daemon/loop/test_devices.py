@@ -6,6 +6,7 @@ import pytest
 
 from piezod.daemon.loop import devices as loop_devices
 from piezod.daemon.loop.devices import DeviceOpener
+from piezod.devices.interface import Identity
 from piezod.errors import DeviceUnavailableError
 from piezod.testing.fake_clock import FakeClock
 
@@ -21,6 +22,7 @@ class FakeChannels:
     def __init__(self, absent: int, wrong: Exception | None = None) -> None:
         self.absent, self.wrong = absent, wrong
         self.done: list[str] = []
+        self.identities: dict[str, Identity] = {}
 
     def open(self) -> None:
         self.done.append("open")
