@@ -24,7 +24,7 @@ async def status(context: ContextOf) -> JsonAnswer:
 
 @endpoint(router, "health")
 async def health(context: ContextOf) -> JsonAnswer:
-    """Return whether the loop runs on schedule; HTTP status 503 if not."""
+    """Return whether the loop runs cycles; HTTP status 503 if not."""
     healthy, document = context.stage.health()
     return JsonAnswer({"healthy": healthy, **document}, 200 if healthy else 503)
 
