@@ -122,10 +122,11 @@ class Stage:
 
     def _ramp_found(self, t_ns: int) -> bool:
         """Ramp a voltage down that an earlier daemon has left; return whether there is one."""
-        known = self._ramps_first and self.output.known
-        found = known and not all(axis.at_safe for axis in self.axes)
+        if not (self._ramps_first and self.output.known):
+            return False
+        self._ramps_first = False
+        found = not all(axis.at_safe for axis in self.axes)
         if found:
-            self._ramps_first = False
             self.go(Event.FOUND_DRIVEN, t_ns)
         return found
 

@@ -100,3 +100,18 @@ def test_amplifier_that_answers_late_is_ramped_down() -> None:
 
     assert lost == "BLIND"
     assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.fault("P2")
+def test_amplifier_that_was_found_at_rest_is_only_observed_later() -> None:
+    """A loss in SAFE, long after the start, writes nothing when the amplifier is back."""
+    stage = FaultyStage()
+    stage.run(0.1)
+    stage.controller.ramp_first(stage.t_ns)
+    stage.run(0.1)
+    stage.fail(InjectionKind.LOST, 200, flag=DeviceFlag.DISCONNECTED)
+    stage.until("BLIND")
+    stage.run(5.0)
+
+    assert stage.state in {"SAFE", "FAULT"}
+    assert stage.channels.writes == []
