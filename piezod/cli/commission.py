@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from piezod.cli.commission_steps import walk
+from piezod.cli.guardian import guardian
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.owned_stage import owning
@@ -78,7 +79,13 @@ def commission(
     check_writable(results.folder)
     opened: OneAxis | None = None
     try:
-        with owning(config), unwinding(), one_axis(stage, name, output_v) as opened:
+        with (
+            owning(config),
+            unwinding(),
+            guardian(config) as guard,
+            one_axis(stage, name, output_v, note=guard.note) as opened,
+        ):
+            guard.watch(name, opened)
             _print_identities(opened)
             steps = steps_of(opened.session, results.findings)
             walk(opened.session, steps, results.not_done, asking=not yes)

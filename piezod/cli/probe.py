@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from piezod.cli.commission_steps import walk
+from piezod.cli.guardian import Guardian, guardian
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import ConfigArgument, JsonOption
 from piezod.cli.owned_stage import owning
@@ -67,8 +68,8 @@ def probe(
         if not json:
             _print_text(found, all_hz, stage.rate_hz)
         if wiggle and complete:
-            with unwinding():
-                wiggled = _wiggle(stage, asking=not yes, err=json)
+            with unwinding(), guardian(config) as guard:
+                wiggled = _wiggle(stage, guard, asking=not yes, err=json)
     if json:
         devices = {name: _document(each) for name, each in found.items()}
         print_json({"devices": devices, "together_hz": all_hz, "wiggled": wiggled})
@@ -90,7 +91,9 @@ def _print_text(found: "Mapping[str, Probed]", all_hz: float, stage_rate_hz: flo
         console.print(f"all together allow {rate_text(all_hz, stage_rate_hz)}", soft_wrap=True)
 
 
-def _wiggle(stage: "DaemonConfig", *, asking: bool, err: bool) -> dict[str, object]:
+def _wiggle(
+    stage: "DaemonConfig", guard: Guardian, *, asking: bool, err: bool
+) -> dict[str, object]:
     """Do the first two steps of `piezod commission` with each axis."""
     from itertools import islice
 
@@ -100,7 +103,9 @@ def _wiggle(stage: "DaemonConfig", *, asking: bool, err: bool) -> dict[str, obje
     moved: dict[str, object] = {}
     for axis in stage.axes:
         findings = Findings()
-        with one_axis(stage, axis) as (session, _):
+        with one_axis(stage, axis, note=guard.note) as opened:
+            guard.watch(axis, opened)
+            session = opened.session
             steps = islice(steps_of(session, findings), 2)
             walk(session, steps, [], asking=asking, prefix=f"axis {axis}: ", err=err)
         if findings.polarity is not None:

@@ -4,10 +4,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-from piezod.cli.output import error_console
-
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
@@ -16,6 +12,17 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     Yields:
         A function of the present activity and of the share done, 0 to 1.
     """
+    # rich takes long to import, and this module is imported with the table of commands.
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    from piezod.cli.output import error_console
+
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),

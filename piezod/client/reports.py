@@ -38,7 +38,7 @@ class StageReports:
 
     @ClientMethod
     def health(self) -> Call[Health]:
-        """Return whether the loop runs on schedule, and the measured values for it."""
+        """Return whether the loop runs cycles, and the measured values for it."""
         return Call(ENDPOINTS["health"], reader(Health), also_fine=503)
 
     @ClientMethod

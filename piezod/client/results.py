@@ -127,7 +127,7 @@ class Health(Result):
     """The health of the loop.
 
     Attributes:
-        healthy: Whether the loop runs on schedule; `document` has the measured values.
+        healthy: Whether the loop runs cycles; `document` has the measured values.
     """
 
     healthy: bool

@@ -1,7 +1,7 @@
 """One axis of a stage, opened for manual driving, and returned to its initial voltage."""
 
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from math import nan
 from types import FrameType
@@ -79,7 +79,11 @@ def _ramp_back(session: Session, before: str) -> None:
 
 @contextmanager
 def one_axis(
-    config: DaemonConfig, axis: str, output_v: float = nan, clock: Clock | None = None
+    config: DaemonConfig,
+    axis: str,
+    output_v: float = nan,
+    clock: Clock | None = None,
+    note: Callable[[float], object] = float,
 ) -> Iterator[OneAxis]:
     """Open the devices of an axis; in any case return to the initial voltage at the end.
 
@@ -88,6 +92,7 @@ def one_axis(
         axis: Name of the axis.
         output_v: Voltage in force, in V, for an amplifier without read-back.
         clock: Clock of the cycles; by default that of the machine.
+        note: Called with each voltage before it is written, in V.
 
     Raises:
         DeviceError: If a device cannot be opened, or the voltage in force is unknown.
@@ -112,7 +117,7 @@ def one_axis(
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
-        session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v)
+        session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v, note)
         with _returning(session):
             yield OneAxis(session, channels.identities)
     finally:

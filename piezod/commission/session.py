@@ -57,6 +57,7 @@ class Session:
         ramp_v_per_s: Rate of `go`, in V/s.
         clock: Clock of the cycles.
         output_v: Voltage in force, in V, for an amplifier without read-back; otherwise NaN.
+        note: Called with each voltage before it is written, in V.
 
     Raises:
         DeviceError: If the voltage in force is unknown, or outside the limits.
@@ -70,8 +71,9 @@ class Session:
         ramp_v_per_s: float,
         clock: Clock,
         output_v: float = nan,
+        note: Callable[[float], object] = float,
     ) -> None:
-        self._channels, self._clock = channels, clock
+        self._channels, self._clock, self._note = channels, clock, note
         self.limits, self.rate_hz, self._ramp_v_per_s = limits, rate_hz, ramp_v_per_s
         self._reads_back = channels.capabilities().read_back
         initial_v = channels.read_back(clock.now_ns())[0] if self._reads_back else output_v
@@ -211,6 +213,7 @@ class Session:
             elapsed_s = min(now_ns - before_ns, LONGEST_PERIODS * period_ns) / NS_PER_S
             asked_v = [wave_v(wave_s)]
             admitted = guard.admit(now_ns, now_ns, asked_v, [self.drive_v], elapsed_s)
+            self._note(admitted.drive_v[0])
             accepted = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
             self._watch.check_write(accepted=accepted, drive_v=admitted.drive_v[0], now_ns=now_ns)
             # After a refused write the waveform waits, so that it continues without a jump.

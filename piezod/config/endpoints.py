@@ -130,7 +130,7 @@ _ROWS: Final = (
         "stream",
         streamed=True,
     ),
-    _get("health", "Return whether the loop runs on schedule, with HTTP status 503 if not."),
+    _get("health", "Return whether the loop runs cycles, with HTTP status 503 if not."),
     _get("realtime", "Return the real-time settings that the loop requested and obtained."),
     _get("config", "Return the configuration in force."),
     Endpoint("audit", "GET", "audit", KEEP, "Return who requested what, newest first."),

@@ -27,9 +27,7 @@ CHOICES: dict[bytes, Choice] = {}
 def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Choose once for each record, because the choice takes seconds."""
 
-    def known(
-        record: Record, wanted: Wanted, delay_s: float | None, *_progress: object
-    ) -> Choice:
+    def known(record: Record, wanted: Wanted, delay_s: float | None, *_progress: object) -> Choice:
         key = record.position_um.tobytes()
         if key not in CHOICES:
             CHOICES[key] = choose(record, wanted, delay_s)

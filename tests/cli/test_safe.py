@@ -244,3 +244,42 @@ def test_nothing_heavy_is_imported() -> None:
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert ended.stdout.splitlines()[-1] == "[]"
+
+
+KILLED = """
+import os, signal
+from pathlib import Path
+from types import SimpleNamespace
+from piezod.cli.guardian import guardian
+from piezod.cli.owned_stage import owning
+
+with owning(Path("stage.yaml")), guardian(Path("stage.yaml")) as guard:
+    guard.watch("x", SimpleNamespace(session=SimpleNamespace(found_v=20.0), identities=IDENTITIES))
+    guard.note(60.0)
+    os.kill(os.getpid(), signal.SIGKILL) if KILLED else None
+"""
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_killed_command_leaves_its_axis_as_it_found_it(
+    paths: StagePaths, rig: EmulatedRig, folder: Path, killed: bool
+) -> None:
+    """The guardian ramps back to the initial voltage; after an orderly end it does nothing."""
+    rig.close()
+    before = len(writes(folder / "trace.csv"))
+    script = KILLED.replace("KILLED", str(killed)).replace("IDENTITIES", "{}")
+    command = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )  # returns when the guardian, which has the same stderr, has ended too
+
+    after = [each.drive_v for each in writes(folder / "trace.csv")[before:]]
+    assert command.returncode == (-signal.SIGKILL if killed else 0), command.stderr
+    assert not is_held(paths.lock)
+    if killed:
+        assert "axis x: ramped from 60." in command.stderr
+        assert command.stderr.endswith(" V to 20.00 V\n")
+        assert after[-1] == 20.0
+        assert after[0] > 57.0
+        assert all(a - b <= 2.0 + 1e-9 for a, b in pairwise(after))
+    else:
+        assert (after, command.stderr) == ([], "")

@@ -30,13 +30,12 @@ class SelfTest:
         if self.waits:
             return None
         self.ended = True
-        if self.ramps_first and output_known and not _at_safe(axes):
+        if self.ramps_first and output_known and not all(map(_at_safe, axes)):
             return Event.FOUND_DRIVEN
         return Event.SELF_TEST_FAILED if blocked else Event.SELF_TEST_PASSED
 
 
-def _at_safe(axes: Sequence[StageAxis]) -> bool:
-    return all(
-        abs(axis.law.in_force_v - axis.config.safe_v) <= axis.law.limits.read_back_tolerance_v
-        for axis in axes
-    )
+def _at_safe(axis: StageAxis) -> bool:
+    """Return whether the voltage in force is the safe one, within the tolerance of a read-back."""
+    off_v = abs(axis.law.in_force_v - axis.config.safe_v)
+    return off_v <= axis.law.limits.read_back_tolerance_v

@@ -88,7 +88,7 @@ class Publisher:
         words = self._words
         self.state(record.state)
         words[_SKIPPED], words[_BEAT] = self._skipped, record.t_ns
-        if not skipped:  # the watchdog is fed with cycles that are on schedule only
+        if not skipped:  # a late cycle is a sign of life too, but not a healthy cycle
             self._healthy += 1
             words[_HEALTHY] = self._healthy
 
@@ -118,6 +118,6 @@ class Publisher:
         """Report that the process is alive and its devices are absent."""
         words = self._words
         words[_STATE], words[_BEAT] = _STATES[id(State.BLIND)], t_ns
-        # An absent device is no reason to restart the process, so that the watchdog is fed.
+        # An absent device is no reason to restart the process, so that it counts as healthy.
         self._healthy += 1
         words[_HEALTHY] = self._healthy

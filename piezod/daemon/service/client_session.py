@@ -53,7 +53,10 @@ class SessionAnswer(Response):
             await send({"type": "http.response.body", "body": body, "more_body": True})
             await self._connection.closing.wait()
         finally:
-            await self._end()
+            if self._connection.lost:
+                await self._end()
+            else:  # the daemon ends, and so does everything
+                self._context.state.lease.unbind(self._context.peer)
         await send({"type": "http.response.body", "body": b""})
 
     async def _end(self) -> None:

@@ -54,6 +54,7 @@ class PeerProtocol(H11Protocol):
         crowded: Whether its user has too many connections.
         since_s: Begin of the connection or end of its last request, on the clock of asyncio, in s.
         closing: Set when the connection is closed or the server ends.
+        lost: Whether the connection is closed.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class PeerProtocol(H11Protocol):
         self.limits = limits or ConnectionLimits()
         self._credentials: Credentials | None = None
         self.crowded = False
-        self.closing = asyncio.Event()
+        self.closing, self.lost = asyncio.Event(), False
         self._deadline: asyncio.TimerHandle | None = None
         self._blocked: asyncio.TimerHandle | None = None
         self._body_may_last = False
@@ -93,6 +94,7 @@ class PeerProtocol(H11Protocol):
         self._unset_keepalive_if_required()
         self._cancel_deadline()
         self.resume_writing()
+        self.lost = True
         self.closing.set()
 
     def data_received(self, data: bytes) -> None:

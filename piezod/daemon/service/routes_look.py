@@ -41,7 +41,7 @@ _HEALTH: Final[dict[int | str, dict[str, Any]]] = {
 
 @endpoint(router, "health", responses=_HEALTH)
 async def health(context: ContextOf) -> JsonAnswer:
-    """Return whether the loop runs on schedule; HTTP status 503 if not."""
+    """Return whether the loop runs cycles; HTTP status 503 if not."""
     healthy, document = context.stage.health()
     return JsonAnswer({"healthy": healthy, **document}, 200 if healthy else 503)
 

@@ -164,7 +164,7 @@ class StageService(Protocol):
         ...
 
     def health(self) -> tuple[bool, Document]:
-        """Return whether the loop runs on schedule, and the measured values for it."""
+        """Return whether the loop runs cycles, and the measured values for it."""
         ...
 
     def faults(self) -> list[Document]:

@@ -106,7 +106,7 @@ class StageLink:
         return {"stage": self._paths.name, **document}
 
     def health(self) -> tuple[bool, Document]:
-        """Return whether the loop runs on schedule, with the age of its last cycle."""
+        """Return whether the loop runs cycles, with the age of its last cycle."""
         # Before its first cycle a loop neither hangs nor is healthy.
         health, now_ns = self.loop.health, time.monotonic_ns()
         healthy = self.available and health.started and not health.hung(now_ns)

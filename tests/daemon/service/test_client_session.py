@@ -5,6 +5,8 @@ import os
 import pytest
 
 from piezod.daemon.service.client_session import RETRY_S
+from piezod.daemon.service.peer_protocol import ConnectionLimits
+from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
 
@@ -83,3 +85,13 @@ def test_one_session_at_a_time(served: Served) -> None:
     assert f"process {os.getpid()} has a session" in refused.json()["error"]["what"]
     assert not released
     eventually(lambda: kinds(served) == ["stop"])
+
+
+def test_end_of_the_service_waits_for_no_stop(serve: Serve) -> None:
+    """A daemon that ends has stopped the stage already."""
+    served = serve(ConnectionLimits())
+    with served.client() as client, client.stream("POST", "session", json={}) as answer:
+        served.server.should_exit = True
+        answer.read()
+
+    assert kinds(served) == []

@@ -287,6 +287,23 @@ def test_reload_by_a_signal(rig: Rig, capsys: pytest.CaptureFixture[str]) -> Non
     assert rig.run(reload)
 
 
+def test_reload_while_the_amplifier_is_lost_is_refused(rig: Rig) -> None:
+    """Its voltage is unknown: a new loop would take it for one at rest."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        words = attach(rig.paths.loop_map, writable=True).words
+        words[Word.LOOP_STATE] = list(State).index(State.BLIND)
+        words[Word.DEVICES_OPEN] = 1
+        configuration(rig.config.parent, rate_hz="25")
+        answers.append(rig.ask("POST", "reload", {}))
+
+    assert rig.run(reload)
+    assert answers[0].status_code == 409
+    assert "the amplifier was lost" in answers[0].json()["error"]["what"]
+    assert len(rig.processes) == 1
+
+
 def test_reload_during_a_recording_is_refused(rig: Rig) -> None:
     """The header of a recording has the configuration of all its records."""
     answers: list[httpx.Response] = []
