@@ -30,7 +30,7 @@ coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice a
 	$(BIN)/python -m pytest --cov $(WORKERS)
 
 stress: $(STAMP) ## run the tests that take longer
-	$(BIN)/python -m pytest -m stress --timeout 1800
+	PIEZOD_EXAMPLES=long $(BIN)/python -m pytest -m "stress or hypothesis" --timeout 1800
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers

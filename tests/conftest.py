@@ -9,9 +9,13 @@ import pytest
 from hypothesis import settings
 
 # No deadline: the first example may compile a kernel. In CI every run draws the same examples.
-settings.register_profile("local", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True)
-settings.load_profile("ci" if "CI" in os.environ else "local")
+# `make stress` asks for "long".
+settings.register_profile("local", deadline=None, max_examples=50)
+settings.register_profile("ci", settings.get_profile("local"), derandomize=True)
+settings.register_profile("long", deadline=None, max_examples=1000)
+settings.load_profile(
+    os.environ.get("PIEZOD_EXAMPLES") or ("ci" if "CI" in os.environ else "local")
+)
 
 BLANK_PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg=="

@@ -46,7 +46,7 @@ def mode(
 
 def reset(
     engineer: Annotated[
-        bool, typer.Option("--engineer", help="Reset level 3 latches too; only an engineer may.")
+        bool, typer.Option("--engineer", help="Also end the faults that only an engineer may end.")
     ] = False,
     stage: StageOption = None,
     socket: SocketOption = None,

@@ -117,7 +117,7 @@ class StageCommands:
         """Leave FAULT for SAFE, if no fault is present any more.
 
         Args:
-            engineer: Reset level 3 latches too, which only an engineer may.
+            engineer: Also end the faults that only an engineer may end.
         """
         return command("reset", engineer=engineer)
 

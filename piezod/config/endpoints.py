@@ -26,7 +26,7 @@ class Role(IntEnum):
     OPERATOR = 2
     """Arm, move, stop, reset, record and save."""
     ENGINEER = 3
-    """Identify, change model and configuration, reset level 3 latches, shut down."""
+    """Identify, change model and configuration, end the faults of an engineer, shut down."""
 
 
 class Access(NamedTuple):

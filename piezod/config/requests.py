@@ -158,7 +158,7 @@ class Reset(ConfigModel):
 
     kind: Literal["reset"] = "reset"
     engineer: bool = Field(
-        default=False, description="Reset level 3 latches too; only an engineer may."
+        default=False, description="Also end the faults that only an engineer may end."
     )
 
 

@@ -9,7 +9,7 @@ from piezod.records.frozen import FloatArray
 from piezod.records.telemetry_reader import RecordedTelemetry
 from piezod.units import NS_PER_S
 
-LATE_SHARE: Final = 0.5
+LATE_PART: Final = 0.5
 """A cycle is marked as late if it began later than this share of a period."""
 
 
@@ -78,7 +78,7 @@ def irregularities(telemetry: RecordedTelemetry, axis: str) -> tuple[Irregularit
     seq = cycles["seq"]
     lost = np.maximum(np.diff(seq, prepend=seq[:1] - 1) - 1, 0)
     invalid = ~np.isfinite(telemetry.axes[axis]["position_um"])
-    late = cycles["late_ns"] * telemetry.header.rate_hz > LATE_SHARE * NS_PER_S
+    late = cycles["late_ns"] * telemetry.header.rate_hz > LATE_PART * NS_PER_S
     kinds = {
         "periods skipped by the loop": skipped,
         "records lost": lost,

@@ -277,10 +277,10 @@ class FaultRegister:
         rule = self._rules[index]
         if self.present >> index & 1:
             return f"{rule.id} is present: {rule.name}; {rule.remedy}"
-        request = "an engineer's `piezod reset`" if rule.latch is Latch.L3 else "`piezod reset`"
+        reset = "`piezod reset --engineer`" if rule.latch is Latch.L3 else "`piezod reset`"
         return (
             f"{rule.id} was found: {rule.name}; {rule.remedy}; "
-            f"{request} ends it once it has been gone for a second"
+            f"{reset} ends it once it has been gone for a second"
         )
 
 

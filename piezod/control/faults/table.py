@@ -1,4 +1,4 @@
-"""All faults that a running daemon can detect: the reaction to each, and who may end it.
+"""The faults of a running daemon: the reaction to each, and who may end it.
 
 `docs/faults.md` shows this table; a test compares both.
 """
@@ -209,7 +209,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     # Loop.
     FaultRule(Fault.L1, "cycle late, periods skipped", LOOP, NONE, L0, "info",
               "if it happens often, `piezod status` shows which real-time set-up is missing"),
-    FaultRule(Fault.L2, "more than a tenth of the cycles late", LOOP, HOLD, L0, "error",
+    FaultRule(Fault.L2, "more than a tenth of the cycles lose periods", LOOP, HOLD, L0, "error",
               "lower rate_hz, or give the loop a processor and real-time priority"),
     FaultRule(Fault.L3, "loop hung", LOOP, RAMP, L2, "error",
               "report it, with the log"),

@@ -8,11 +8,14 @@ oscillates if its gain at the mode exceeds one, however good the model is.
 In each sample an identifier removes the share k of its error, and the compensator goes the share σ
 of the way to the learned model. At the angular frequency ω these two filters leave k σ / (ω T)² of
 an error, for samples of period T. With a pace p both work p times as fast, and the gain is p² k σ /
-(ω T)² / (2ζ).
+(ω T)² / (2ζ). This holds for a sharp mode. For a damped one the poles of the linear loop decide.
 """
 
+from cmath import exp
 from math import pi, sqrt
 from typing import Final
+
+import numpy as np
 
 from piezod.config.axes import FirstModeConfig
 
@@ -26,6 +29,8 @@ FOLLOWED_SHARE: Final = 0.3
 distance, as in the paper, would pass the noise of the sensor on to the drive."""
 LARGEST_LOOP_GAIN: Final = 0.5
 """Largest gain of the loop at the first mode, for a gain margin of two."""
+_SLOWER: Final = 0.95
+"""Ratio of the paces that are tried one after the other."""
 
 
 def learning_pace(period_s: float, mode: FirstModeConfig | None, learned_share: float) -> float:
@@ -41,4 +46,33 @@ def learning_pace(period_s: float, mode: FirstModeConfig | None, learned_share: 
         return pace
     angle = 2.0 * pi * mode.frequency_hz * period_s  # ω T
     allowed = LARGEST_LOOP_GAIN * 2.0 * mode.damping / (learned_share * FOLLOWED_SHARE)
-    return min(pace, angle * sqrt(allowed))
+    pace = min(pace, angle * sqrt(allowed))
+    while angle < pi and _oscillates(angle, mode.damping, learned_share / LARGEST_LOOP_GAIN, pace):
+        pace *= _SLOWER
+    return pace
+
+
+def _oscillates(angle: float, damping: float, learned_share: float, pace: float) -> bool:
+    """Return whether the linear loop of mode, identifier and compensator has a pole outside.
+
+    The states are position and velocity of the mode under a held drive, the learned offset, and the
+    offset in use.
+
+    Args:
+        angle: Phase by which the mode advances in a period, ω T, below π.
+        damping: ζ of the mode, below 1.
+        learned_share: k, the share of its error that the identifier removes in a sample at pace 1.
+        pace: The pace.
+    """
+    turns = angle * sqrt(1.0 - damping**2)
+    pole = exp(-damping * angle + 1j * turns)
+    c, s = pole.real, pole.imag / turns * angle  # s is scaled so that velocity is in position units
+    lead = damping * s
+    free = np.array([[c + lead, s], [-s, c - lead]])
+    step = np.zeros((4, 4))
+    step[:2, :2] = free
+    step[:2, 3] = (free - np.eye(2)) @ [1.0, 0.0]  # the drive is the command minus the offset
+    learn, follow = pace * learned_share, pace * FOLLOWED_SHARE
+    step[2] = [learn, 0.0, 1.0 - learn, learn]
+    step[3] = [0.0, 0.0, follow, 1.0 - follow]
+    return bool(np.max(np.abs(np.linalg.eigvals(step))) >= 1.0)

@@ -17,9 +17,11 @@ from piezod.units import NS_PER_S
 WINDOW_S: Final = 5.0
 """Shares of late cycles are taken over this time."""
 LASTING_SHARE, PUNCTUAL_SHARE = 0.1, 0.05
-"""L2 begins above the first share of late cycles, and ends below the second."""
+"""L2 begins if a larger share of the cycles loses periods than the first number. It ends below the
+second one."""
 PAUSE_S, PAUSE_PERIODS = 1.0, 5
-"""A gap of at least this time and these periods is L5: the machine or the process was suspended."""
+"""A gap of at least this time, and of at least this number of periods, is L5: the machine or the
+process was suspended."""
 SUSPENDED_NS: Final = NS_PER_S // 10
 """The machine was suspended if BOOTTIME gains this much on MONOTONIC between two cycles."""
 WALL_CLOCK_JUMP_NS: Final = NS_PER_S // 2

@@ -54,7 +54,7 @@ def _add_command(row: Endpoint) -> None:
 def _allowed(command: Request, context: RequestContext) -> Request:
     for_engineers = isinstance(command, Reset) and command.engineer
     if for_engineers and context.peer.role < Role.ENGINEER:
-        what = "only an engineer may reset level 3 latches"
+        what = "only an engineer may use `--engineer`"
         context.note(describe(command), what)
         raise ForbiddenError(what, "become a member of the group piezod-eng")
     return command

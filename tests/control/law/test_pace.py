@@ -4,7 +4,7 @@ from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from piezod.config.axes import FirstModeConfig
@@ -40,6 +40,7 @@ def largest_pole(
     damping=st.floats(0.001, 0.3),
     share=st.sampled_from([RLS_SHARE, 0.5, 1.18]),
 )
+@example(rate_hz=1000.0, frequency_hz=183.0, damping=0.25, share=1.18)  # a damped mode
 def test_learning_never_makes_a_mode_oscillate(
     rate_hz: float, frequency_hz: float, damping: float, share: float
 ) -> None:

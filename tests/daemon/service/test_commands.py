@@ -133,7 +133,7 @@ def test_files_are_not_read_for_clients(
 
 
 def test_only_engineers_reset_level_3(served: Served, client: httpx.Client) -> None:
-    """An operator cannot reset level 3 latches."""
+    """An operator cannot end the faults of an engineer."""
     served.roles.role = Role.OPERATOR
     codes = [client.post("reset", json={"engineer": asked}).status_code for asked in (True, False)]
 
