@@ -24,7 +24,7 @@ HAVE_A_CLOCK = {
     ROOT / "drivers/piezod_drivers/can_bus/library_bus.py",
     ROOT / "drivers/piezod_drivers/serial_line/thorlabs_apt/cube_line.py",
 }
-MAX_LINES = 400
+MAX_LINES = 400  # of a test; `tests.house` has the limit of the product
 
 
 def imported_by(file: Path) -> Iterator[str]:
@@ -61,11 +61,9 @@ def test_nothing_in_the_loop_reads_a_clock(folder: str, module: str) -> None:
     assert not [file for file in files if module in imported_by(file)]
 
 
-def test_no_file_is_too_long_to_read() -> None:
-    """No file has more than `MAX_LINES` lines."""
-    files = [
-        file for folder in ("piezod", "drivers", "tests") for file in ROOT.glob(f"{folder}/**/*.py")
-    ]
+def test_no_test_file_is_too_long_to_read() -> None:
+    """No test file has more than `MAX_LINES` lines."""
+    files = ROOT.glob("tests/**/*.py")
     lengths = {str(file.relative_to(ROOT)): len(file.read_text().splitlines()) for file in files}
 
     assert {name: n for name, n in lengths.items() if n > MAX_LINES} == {}

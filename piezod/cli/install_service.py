@@ -88,7 +88,8 @@ def _check_reachable(command: Path) -> None:
         if why := why_unreachable(part):
             what = f"{part.resolve()}: {why}; install piezod elsewhere: python3 -m venv /opt/piezod"
             raise typer.BadParameter(
-                f"{what}, then /opt/piezod/bin/pip install piezod", param_hint="--piezod"
+                f"{what}, then /opt/piezod/bin/pip install the wheel of piezod",
+                param_hint="--piezod",
             )
 
 

@@ -254,7 +254,7 @@ def _hold_after_crash(
     stage: Stage, t_ns: int, samples: Sequence[Sample], error: Exception
 ) -> Sequence[Sample]:
     """Hold the voltages of all axes after an exception in watching or reacting."""
-    text = f"judging failed: {error!r}"
+    text = f"watching or reacting failed: {error!r}"
     stage.report(_crashed(stage, t_ns, Fault.P4, -1, text))
     for axis in stage.axes:
         axis.hold()

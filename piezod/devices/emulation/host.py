@@ -60,11 +60,11 @@ class Host(ABC, Generic[EndT, DeviceT]):
         try:
             ready(self._end.place())
             while not stopping():
-                self.go_on(self.tick_ns)
+                self.advance(self.tick_ns)
         finally:
             self._end.vanish()
 
-    def go_on(self, within_ns: int) -> None:
+    def advance(self, within_ns: int) -> None:
         """Do all due work and handle requests for up to this time, in ns."""
         for hit in self._faults.at_once():
             self._befall(hit)

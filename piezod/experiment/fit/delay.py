@@ -9,7 +9,7 @@ from piezod.experiment.fit.record import Record
 from piezod.hysteresis import AffineRange
 from piezod.hysteresis.memory import FloatArray
 
-LONGEST_DELAY_S = 0.02
+SEARCHED_DELAY_S = 0.02
 FEWEST_PERIODS, MOST_PERIODS = 6, 60
 """Delays are searched from 0 to 20 ms, over at least 6 and at most 60 sample periods."""
 STEP_PERIODS = 0.1
@@ -88,7 +88,7 @@ def estimate_delay(
 
 def longest_delay_periods(period_s: float) -> int:
     """Return the longest delay of the search, in sample periods."""
-    return min(max(int(np.ceil(LONGEST_DELAY_S / period_s)), FEWEST_PERIODS), MOST_PERIODS)
+    return min(max(int(np.ceil(SEARCHED_DELAY_S / period_s)), FEWEST_PERIODS), MOST_PERIODS)
 
 
 def has_one_frequency(drive: FloatArray) -> bool:

@@ -63,7 +63,7 @@ class _Hosted:
             return Cia401Node(on_bench)
 
         self.host = NodeHost(self.end, make, on_bench, self.faults, "7")
-        self.host.go_on(0)  # boot-up
+        self.host.advance(0)  # boot-up
         self.end.sent.clear()
 
     def asked(self, *faults: str) -> list[Frame]:
@@ -71,7 +71,7 @@ class _Hosted:
         self.faults.set(map(parse, faults))
         self.end.sent.clear()
         self.end.coming = [ASK]
-        self.host.go_on(0)
+        self.host.advance(0)
         return self.end.sent
 
 
@@ -92,7 +92,7 @@ def test_each_fault_hits_frames() -> None:
     assert isinstance(hosted.end.calls[-1], bytes)
     assert hosted.asked("late:1:0.05") == []
     hosted.time.t_ns += 51 * MS
-    hosted.host.go_on(0)
+    hosted.host.advance(0)
     assert hosted.end.sent == [ANSWER]
 
 
@@ -111,7 +111,7 @@ def test_each_fault_hits_the_node(fault: str, calls: list[object], serials: list
     hosted.rig.drive_v = [50.0]
     assert hosted.asked(f"{fault}:now:0.01") == [] or fault == "bus-off"
     hosted.time.t_ns += 11 * MS
-    hosted.host.go_on(0)
+    hosted.host.advance(0)
 
     assert hosted.end.calls == calls
     assert hosted.serials == serials
@@ -128,9 +128,9 @@ def test_node_may_be_away_for_two_reasons(second: str, seconds: float) -> None:
         hosted.asked(f"{first}:now:0.02")
         hosted.asked(f"{second}:now:{seconds}")
         hosted.time.t_ns += 21 * MS
-        hosted.host.go_on(0)
+        hosted.host.advance(0)
         hosted.time.t_ns += 10 * MS
-        hosted.host.go_on(0)
+        hosted.host.advance(0)
 
         assert hosted.end.calls.count("there") == ("gone" in hosted.end.calls)
         assert hosted.end.calls[-1] in {"there", False}
@@ -144,7 +144,7 @@ def test_noise_comes_after_what_is_late() -> None:
     assert hosted.asked("noise:1:4") == []
     assert hosted.end.calls == []
     hosted.time.t_ns += 51 * MS
-    hosted.host.go_on(0)
+    hosted.host.advance(0)
 
     assert hosted.end.sent == [ANSWER, ANSWER]
     assert [type(each) for each in hosted.end.calls] == [bytes]
