@@ -161,7 +161,7 @@ def test_profile_that_nothing_emulates(piezod: Command) -> None:
         (("simulated", "--axes", "0"), "greater than or equal to 1"),
     ],
 )
-def test_what_cannot_be_emulated(
+def test_profile_without_emulator_is_refused(
     piezod: Command, stage: str, arguments: tuple[str, ...], what: str
 ) -> None:
     """A mistake on the command line exits with 2 and names the remedy."""

@@ -76,7 +76,7 @@ def test_document_has_the_choice(piezod: Command, data: Path) -> None:
         (("--creep", "--order", 5), {"creep": True, "order": 5, "method": "least-squares"}),
     ],
 )
-def test_what_is_given_is_not_chosen(
+def test_given_options_are_not_chosen(
     piezod: Command, data: Path, options: tuple[object, ...], fixed: dict[str, object]
 ) -> None:
     """All candidates have the given properties."""

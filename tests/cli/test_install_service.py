@@ -166,7 +166,7 @@ def test_homes_are_out_of_reach(path: str) -> None:
     assert "the service sees nothing below" in why_unreachable(Path(path))
 
 
-def test_what_everybody_can_run_is_reachable() -> None:
+def test_command_that_everybody_can_run_is_reachable() -> None:
     """A file is reachable if all its folders are open to all users."""
     assert why_unreachable(Path("/usr/bin/env")) == ""
 

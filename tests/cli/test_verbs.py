@@ -81,7 +81,7 @@ def test_command(
 def test_request_towards_safety_prints_what_happens(
     piezod: Command, daemon: FakeDaemon, verb: str, state: str, text: str
 ) -> None:
-    """What is printed depends on the state after the request."""
+    """The printed text depends on the state after the request."""
     daemon.answers[f"POST {verb}"] = {**ACCEPTED, "state": state}
 
     assert piezod(verb) == (0, f"{text}\n", "")

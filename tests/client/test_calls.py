@@ -1,4 +1,4 @@
-"""What each method of a client sends."""
+"""Tests of the requests that the methods of a client send."""
 
 import inspect
 import json

@@ -61,7 +61,7 @@ def test_the_end_of_a_range_is_not_missed_by_rounding() -> None:
 
 
 @pytest.mark.parametrize("calibration", [LineCalibration(), LineCalibration(gain=-15.0)])
-def test_what_is_beyond_the_range_stays_so(calibration: LineCalibration) -> None:
+def test_value_beyond_the_range_stays_beyond(calibration: LineCalibration) -> None:
     """A voltage out of range gives a value out of range: nothing is clamped."""
     one = output(calibration, 0.0, 10.0)
     for end_v, beyond in zip(one.reach_v(), (-1.0, 1.0), strict=True):

@@ -77,7 +77,7 @@ def install(kind: Kind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Inst
     return put
 
 
-def test_what_is_installed_is_listed(kind: Kind) -> None:
+def test_installed_drivers_are_listed(kind: Kind) -> None:
     """The plug-ins of piezod itself are listed."""
     assert kind.known in kind.lookup.names()
 

@@ -34,7 +34,7 @@ def test_stage_is_described() -> None:
 
 
 def test_axis_without_a_sensor_is_named() -> None:
-    """Whoever has forgotten the sensor sees it before the first run."""
+    """A forgotten sensor is reported before the first run."""
     checked = check_file(Path(__file__).parents[2] / "config" / "open-loop.yaml")
 
     assert checked.contents == "a stage: 1 axis at 200 Hz; x without a sensor"

@@ -53,7 +53,7 @@ def test_velocity_may_be_in_any_unit() -> None:
     assert noise_rms(TRUTH + noise(0.02), TRUTH, 0.0 * VELOCITY) == pytest.approx(found, rel=1e-2)
 
 
-def test_what_neither_velocity_nor_displacement_explains_is_noise() -> None:
+def test_unexplained_residual_is_noise() -> None:
     """A hum that is independent of the motion counts fully."""
     hum = 0.02 * np.sin(2.0 * np.pi * 50.0 * T_S)
     found = noise_rms(TRUTH + hum, TRUTH, VELOCITY)

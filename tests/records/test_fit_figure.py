@@ -44,7 +44,7 @@ def test_ways_up_and_down_are_told_apart(identification: Identification) -> None
     assert len(colours) == 2
 
 
-def test_what_noise_leaves_open_is_shaded(identification: Identification) -> None:
+def test_uncertainty_by_noise_is_shaded(identification: Identification) -> None:
     """The band has the given width around zero; samples without a width are left out."""
     band_v = np.full(identification.t_s.size, 0.25)
     band_v[:100] = np.nan

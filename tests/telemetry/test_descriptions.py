@@ -1,4 +1,4 @@
-"""What the fields of a record mean."""
+"""Tests of the descriptions of the fields of a record."""
 
 from piezod.config.faults import Fault
 from piezod.telemetry.descriptions import descriptions, mask_bits

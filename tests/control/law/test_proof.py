@@ -55,7 +55,7 @@ def test_model_in_use_is_proven_unless_it_is_worse(
 
 
 def test_model_of_the_start_of_a_window_is_proven() -> None:
-    """What changed during the window is proved in the next one only."""
+    """A change during the window is proved in the next one only."""
     subject = proof()
     for k in range(WINDOW):
         subject.add(0.5, 0.0, 0.0, model(2.0 + k))

@@ -1,4 +1,4 @@
-"""What a stage finds: a voltage of a killed daemon, faults of the loop before; and its causes."""
+"""Tests of a start after a killed daemon or another loop, and of the causes of states."""
 
 import pytest
 

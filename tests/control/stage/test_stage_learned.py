@@ -131,7 +131,7 @@ def test_mode_feedforward_goes_back_to_a_proven_model_at_once() -> None:
 
 
 def test_proven_model_stays_when_learning_ends() -> None:
-    """What has improved the stage for a second is kept in mode `feedforward`."""
+    """Weights that have improved the stage for a second are kept in mode `feedforward`."""
     stage = running(with_compensator({}, rate_hz=1000.0), Mode.ADAPTIVE)
     for position_um in (20.0, 2.0) * 3:
         error_um(stage, position_um)

@@ -168,7 +168,7 @@ def test_takeover_is_at_a_credible_voltage(
 def test_ramp_from_the_credible_voltage_keeps_the_slew_limit(
     true_v: float, share: float, sensed: bool
 ) -> None:
-    """Whatever read-back claims that the output has fallen, with a sensor and without one."""
+    """No read-back of a fallen output makes a step, with a sensor and without one."""
     truth, wrong = (
         Claim(drive_v, drive_v - 15.0, drive_v + 15.0) for drive_v in (true_v, share * true_v)
     )

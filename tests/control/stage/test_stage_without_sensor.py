@@ -79,7 +79,7 @@ def test_stage_without_sensor_has_no_fault_of_a_sensor() -> None:
         ),
     ],
 )
-def test_whatever_needs_a_sensor_says_so(request_: rq.Request, what: str) -> None:
+def test_requests_that_need_a_sensor_are_refused(request_: rq.Request, what: str) -> None:
     """It is refused, and nothing moves."""
     stage = armed(open_loop())
     answer = stage.ask(request_)

@@ -138,7 +138,7 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
 
 
 def test_answer_comes_with_the_state_that_the_request_causes(rig: Rig) -> None:
-    """Whoever gets an answer finds its consequences in the newest record."""
+    """When the answer arrives, the newest record has its consequences."""
     mailbox = MailboxWriter(rig.shared)
     number, estop = mailbox.post(encode(Goto(position_um=1.0)), 2 * 10**9), mailbox.post_estop()
     rig.run(1)

@@ -70,9 +70,7 @@ def test_links_are_not_followed(folder: RecordingsFolder, tmp_path: Path) -> Non
 
 @pytest.mark.fault("C7")
 @given(name=st.text() | st.from_regex(r"[0-9]{8}T[0-9]{6}Z[./a-z-]*", fullmatch=True))
-def test_whatever_is_found_is_in_the_folder(
-    name: str, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_found_files_are_in_the_folder(name: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Any text finds a file in the folder, or none."""
     folder = RecordingsFolder(tmp_path_factory.getbasetemp() / "recordings")
     found = folder.find(name)

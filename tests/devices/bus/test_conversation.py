@@ -71,7 +71,7 @@ def test_second_frame_is_dropped() -> None:
     assert conversation.take_noticed() == {DeviceFlag.OUT_OF_ORDER}
 
 
-def test_what_comes_unasked_is_dropped() -> None:
+def test_unsolicited_bytes_are_dropped() -> None:
     """Bytes that arrive just before the request is sent are dropped."""
     line = PlayedLine(lambda _: [(MS, b"2\n")])
     conversation = talk(line)

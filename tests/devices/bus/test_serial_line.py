@@ -102,7 +102,7 @@ def test_nothing_came(line: SerialLine, within_ns: int) -> None:
     assert line.receive(within_ns) == b""
 
 
-def test_what_came_before_opening_is_dropped(cable: Cable) -> None:
+def test_bytes_before_opening_are_dropped(cable: Cable) -> None:
     """A line starts with empty buffers."""
     line = SerialLine(str(cable.path), 9600)
     line.open()

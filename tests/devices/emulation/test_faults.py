@@ -103,7 +103,7 @@ def sent(reply: bytes, *hits: ActiveFault, wait_ns: int = 0) -> bytes:
         ),
     ],
 )
-def test_what_becomes_of_a_reply(hits: list[ActiveFault], comes: bytes) -> None:
+def test_reply_with_each_fault(hits: list[ActiveFault], comes: bytes) -> None:
     """The faults apply one after the other."""
     assert sent(b"abcd", *hits) == comes
 

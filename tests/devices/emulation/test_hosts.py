@@ -233,7 +233,7 @@ def test_late_and_lost_replies(line: Line, faults: WireFaults) -> None:
     assert line.now_ns() - begin_ns >= 30_000_000
 
 
-def test_what_nobody_reads_is_dropped(line: Line) -> None:
+def test_unread_bytes_are_dropped(line: Line) -> None:
     """A client that sends and never reads does not block the device."""
     for _ in range(100):
         with suppress(LineFault):  # the device may be slower than this test

@@ -93,7 +93,7 @@ def test_judging_raises_nothing_but_line_faults(pdu: bytes) -> None:
 @pytest.mark.parametrize("kind", ["int16", "uint16", "int32", "uint32", "float32"])
 @pytest.mark.parametrize("words", ["big", "little"])
 @given(value=st.floats(0, 30), scale=st.sampled_from([1e-3, 0.5, 1.0]))
-def test_what_is_packed_can_be_unpacked(kind: str, words: str, value: float, scale: float) -> None:
+def test_packed_values_can_be_unpacked(kind: str, words: str, value: float, scale: float) -> None:
     """Values are packed and unpacked within the resolution of the code, in both word orders."""
     register = Register.model_validate(
         {

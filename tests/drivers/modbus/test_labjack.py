@@ -59,7 +59,7 @@ def set_by_somebody_else(line: EmulatedLine, address: int, value: bytes) -> None
         (emulator.LABJACK_T8, "T8", 10.0),
     ],
 )
-def test_who_it_is(plugin: EmulatorPlugin, product: str, highest: float) -> None:
+def test_identity(plugin: EmulatorPlugin, product: str, highest: float) -> None:
     """A LabJack reports product, serial number and firmware, and the range of its outputs."""
     options = ModbusOptions.model_validate({"profile": f"labjack-{product.lower()}", "host": "h"})
     device, line, rig = emulated(plugin, options, ONE, "470012345")
@@ -174,7 +174,7 @@ def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
 
 
 @pytest.mark.sees("modbus", "A9")
-def test_who_was_stopped_before_the_reply_has_been_silent_since(
+def test_driver_stopped_before_the_reply_counts_as_silent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A process stopped during an exchange reads the outputs before it sets them again."""
@@ -196,7 +196,7 @@ def test_who_was_stopped_before_the_reply_has_been_silent_since(
 
 
 @pytest.mark.parametrize(("armed", "end_v"), [(None, 60), (WATCHED, 15)])
-def test_who_only_reads_leaves_outputs_and_watchdog_alone(
+def test_read_only_use_leaves_outputs_and_watchdog_alone(
     armed: dict[str, float] | None, end_v: float
 ) -> None:
     """With inputs only, no watchdog is armed and no armed one is stopped."""

@@ -32,7 +32,7 @@ class LateLine(EmulatedLine):
 @pytest.mark.sees("modbus", "B5")
 @pytest.mark.sees("modbus", "A1")
 @pytest.mark.parametrize("n_outputs", [1, 3])
-def test_what_is_acknowledged_is_in_force(n_outputs: int) -> None:
+def test_acknowledged_value_is_in_force(n_outputs: int) -> None:
     """With late replies, an accepted write is in force, and samples belong to it.
 
     An input reads the effect of the output in force at that very instant, never of an earlier one.

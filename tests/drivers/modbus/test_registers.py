@@ -100,7 +100,7 @@ def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
     assert [frame[7] for frame in line.sent] == [23]
 
 
-def test_who_sets_and_reads_in_time_is_not_silent() -> None:
+def test_driver_that_sets_and_reads_in_time_is_not_silent() -> None:
     """The status is read ten times a second, not before every request."""
     device, line, _ = opened(emulator.WAGO_750, {"profile": "wago-750", "host": "h"})
     assert isinstance(device, ExchangingBusDevice)
@@ -368,7 +368,7 @@ def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
         device.close()
 
 
-def test_what_a_device_does_not_tell() -> None:
+def test_device_that_reports_no_identity() -> None:
     """A module without a version register works, without a firmware in its identity."""
     options = ModbusOptions.model_validate({"unit": 2, "profile": "waveshare-ao8b", "port": "p"})
     device, _, _ = emulated(emulator.ICPDAS, options, Wiring((), ("AO1",)))

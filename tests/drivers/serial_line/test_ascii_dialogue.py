@@ -73,7 +73,7 @@ def test_a_command_never_sets_an_unused_channel() -> None:
         (b"x" * 300 + b"\nOK", DeviceFlag.GARBAGE),
     ],
 )
-def test_what_is_no_acknowledgement_refuses_the_setpoint(answer: bytes, flag: DeviceFlag) -> None:
+def test_other_reply_refuses_the_setpoint(answer: bytes, flag: DeviceFlag) -> None:
     """An error, or another line, fails the write with its flag."""
     dut, line = started(exchange(b"V 1.00\n", answer))
 
@@ -100,7 +100,7 @@ def test_a_connection_on_which_nothing_is_acknowledged_is_lost(
 
 @pytest.mark.sees("ascii", "A3")
 @pytest.mark.sees("ascii", "A12")
-def test_what_is_in_force_comes_from_the_device() -> None:
+def test_voltage_in_force_comes_from_the_device() -> None:
     """A voltage that another program has set is read back."""
     dut, line = started(
         exchange(b"V 1.00\n", b"OK\n"),

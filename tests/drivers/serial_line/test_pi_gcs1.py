@@ -118,7 +118,7 @@ def test_silent_device() -> None:
         device.open()
 
 
-def test_what_a_configuration_may_say() -> None:
+def test_configurations() -> None:
     """A range must rise; channels are the axes, in µm and V; the line limits the rate."""
     with pytest.raises(ValueError, match="must be above the first"):
         Gcs1Options(port="x", range_v=(10.0, 10.0))

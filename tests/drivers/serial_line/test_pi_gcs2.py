@@ -259,7 +259,7 @@ def test_silent_device() -> None:
     assert line.now_ns() > T0_NS
 
 
-def test_what_a_configuration_may_say() -> None:
+def test_configurations() -> None:
     """A range must rise; channels are the axes, in µm and V."""
     with pytest.raises(ValueError, match="must be above the first"):
         Gcs2Options(port="x", range_v=(10.0, 10.0))

@@ -87,7 +87,7 @@ def test_a_value_comes_back_as_it_was_sent(value: float, profile: ProfileName) -
 @pytest.mark.parametrize(
     "text", ["", "nan", "inf", "1_0", "1,5", "0x10", "\N{ARABIC-INDIC DIGIT ONE}", "1e999", "--1"]
 )
-def test_what_is_no_number_is_garbage(text: str) -> None:
+def test_text_without_a_number_is_garbage(text: str) -> None:
     """A number has only digits, a point and an exponent."""
     with pytest.raises(LineFault) as caught:
         codec.number(text)
@@ -95,7 +95,7 @@ def test_what_is_no_number_is_garbage(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "-1", "xyz", "1f", "1_0"])
-def test_what_is_no_status_word_is_garbage(text: str) -> None:
+def test_other_status_word_is_garbage(text: str) -> None:
     """A decimal status word has only digits."""
     with pytest.raises(LineFault) as caught:
         codec.word(text, 10)

@@ -56,7 +56,7 @@ def test_settings_that_are_taken(replies: Replies, frame: bytes) -> None:
         (LEGACY, b"!"),
     ],
 )
-def test_what_is_refused(replies: Replies, frame: bytes) -> None:
+def test_refused_values(replies: Replies, frame: bytes) -> None:
     """A refusal, by text or exclamation mark, is a wrong request."""
     for length in (replies.acknowledgement_length(frame), replies.values_length(frame)):
         assert length == len(frame)
@@ -69,7 +69,7 @@ def test_what_is_refused(replies: Replies, frame: bytes) -> None:
 @pytest.mark.parametrize(
     ("data", "length"), [(b">", -1), (b"ab>[ 1.0]\r>", -3), (b"[junk]\r>", -8), (b"[", 0)]
 )
-def test_what_is_no_value(data: bytes, length: int) -> None:
+def test_text_without_a_value(data: bytes, length: int) -> None:
     """The reply to a setting, or an invalid value, is dropped when a value is expected."""
     assert MODERN.values_length(data) == length
 
@@ -111,7 +111,7 @@ def test_any_bytes_while_opening(reply: bytes) -> None:
     assert identity is None or all(identity)
 
 
-def test_who_it_is() -> None:
+def test_identity() -> None:
     """Model, serial number and firmware are found in the lines of a reply."""
     reply = b"ID?\r*\r\r\rModel MDT693B Piezo Control Module\rFirmware Version: 1.05\r"
     assert identity_in(reply) == ("Thorlabs", "MDT693B", "unknown", "1.05")
@@ -145,12 +145,12 @@ def test_numbers(reply: bytes, number: float | None) -> None:
         (b"XVOLTAGE=2.000\r>", False),
     ],
 )
-def test_what_can_answer_a_setting(frame: bytes, taken: bool) -> None:
+def test_answers_to_a_setting(frame: bytes, taken: bool) -> None:
     """Only a prompt, a prompt behind the echo, or a refusal answers a setting."""
     assert Replies(b">", b"").is_acknowledgement(frame, b"XVOLTAGE=1.000\r") == taken
 
 
-def test_what_can_answer_a_query() -> None:
+def test_answers_to_a_query() -> None:
     """The requested number of voltages, or a refusal, answers a query."""
     replies = Replies(b">", b"\r>")
     assert replies.has_values(b"[ 1.00, 2.00, 3.00]\r>", 3)

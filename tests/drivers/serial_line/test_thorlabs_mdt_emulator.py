@@ -59,7 +59,7 @@ def test_replies(profile: str, request_: bytes, reply: bytes) -> None:
     assert emulator.due() == []
 
 
-def test_what_is_driven() -> None:
+def test_driven_voltage() -> None:
     """Voltages reach the axes by name; a command for all axes takes effect as a whole or not."""
     emulator, rig = emulated("mdt693b")
     emulator.receive(b"XVOLTAGE=1\rYVOLTAGE=2\nZ")

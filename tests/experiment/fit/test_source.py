@@ -1,4 +1,4 @@
-"""What can be read for a fit: CSV files, and recordings of running stages."""
+"""Tests of the sources of a fit: CSV files, and recordings of running stages."""
 
 from dataclasses import replace
 from pathlib import Path
