@@ -8,7 +8,7 @@ from piezod.daemon.background import BackgroundStream
 from piezod.daemon.descriptors import raise_limit
 from piezod.daemon.durations import ramped_down_within_s
 from piezod.daemon.lock import Lock
-from piezod.daemon.logging import set_up_logging
+from piezod.daemon.logging import logger, set_up_logging
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.supervisor.loop_run import LoopRun, RampDown
 from piezod.daemon.supervisor.marker import Marker
@@ -17,6 +17,8 @@ from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.supervisor import Supervisor
 from piezod.daemon.supervisor.terms import Ending, RunOptions
 from piezod.errors import DeviceUnavailableError
+
+_log = logger("supervisor")
 
 
 def run_stage(
@@ -52,6 +54,7 @@ def _run_stage(
     source: Path, options: RunOptions, paths: StagePaths, lock: Lock, signals: Signals
 ) -> bool:
     marker = Marker(paths.running)
+    _log.info("starting", stage=paths.name, note="the first start after an installation takes 20 s")
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
     if not run.accept(lambda: bool(signals.end) and not marker.unclean):
         return True  # no device was touched

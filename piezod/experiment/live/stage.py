@@ -11,6 +11,7 @@ from typing import Final, Self
 from piezod.client import StageClient
 from piezod.client.calls import Waveforms
 from piezod.client.telemetry import Telemetry as Interval
+from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Setpoint
@@ -216,7 +217,7 @@ class LiveStage:
         before_s = inf
         with closing(self._client.telemetry(RATE_HZ)) as intervals:
             for interval in intervals:
-                self.faults.update(interval.faults)
+                self.faults.update(set(interval.faults) - {Fault.L1})  # late samples are counted
                 self._advance(max(interval.t_s - before_s, 0.0))
                 before_s = interval.t_s
                 if done(interval):
