@@ -18,7 +18,7 @@ def loop(figure: Figure) -> Axes:
     (panel,) = [
         axes
         for axes in figure.axes
-        if axes.get_title(loc="left") == "(d) Residual over displacement"
+        if axes.get_title(loc="left") == "(d) Residual loop"
     ]
     return panel
 

@@ -56,7 +56,7 @@ def identification_figure(
     loop.set_title("(b) Loop")
     residual.set_title("(c) Residual: predicted minus measured")
     round_time_ticks(residual)
-    residual_loop.set(title="(d) Residual over displacement", xlabel="measured displacement (µm)")
+    residual_loop.set(title="(d) Residual loop", xlabel="measured displacement (µm)")
     add_percent_axis(residual_loop, identification.drive_range_v, "% of voltage range")
     for axes in (over_time, loop):
         axes.tick_params(labelbottom=False)
