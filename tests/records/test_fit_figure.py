@@ -15,11 +15,7 @@ from piezod.records.recording import Identification
 
 def loop(figure: Figure) -> Axes:
     """Return the panel with the residuals over the displacement."""
-    (panel,) = [
-        axes
-        for axes in figure.axes
-        if axes.get_title(loc="left") == "(d) Residual loop"
-    ]
+    (panel,) = [axes for axes in figure.axes if axes.get_title(loc="left") == "(d) Residual loop"]
     return panel
 
 
