@@ -10,7 +10,7 @@ from hypothesis import settings
 
 # No deadline: the first example may compile a kernel. In CI every run draws the same examples.
 # `make stress` asks for "long".
-settings.register_profile("local", deadline=None, max_examples=50)
+settings.register_profile("local", deadline=None, max_examples=30)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True)
 settings.register_profile("long", deadline=None, max_examples=1000)
 settings.load_profile(

@@ -103,7 +103,7 @@ def test_full_loop_is_13_to_16_pct_wide_for_every_seed(variant: str) -> None:
     assert max(widths_pct) <= 16
 
 
-@pytest.mark.parametrize("variant", ["stack", "afm"])
+@pytest.mark.parametrize("variant", ["stack", pytest.param("afm", marks=pytest.mark.stress)])
 def test_full_loop_stays_13_to_16_pct_wide_with_every_effect(
     run: Callable[..., Any], variant: str
 ) -> None:
