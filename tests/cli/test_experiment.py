@@ -195,6 +195,7 @@ def test_warnings_are_in_every_output(piezod: Command, experiment_file: Path, fo
     assert read_hdf5(folder / document["data"]).warnings == (warning,)
 
 
+@pytest.mark.stress
 @pytest.mark.usefixtures("run_once")
 def test_odd_titles_and_constant_commands(
     piezod: Command, experiment_file: Path, folder: Path, request: pytest.FixtureRequest

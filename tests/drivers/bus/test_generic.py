@@ -12,7 +12,7 @@ from tests.drivers.bus.bench import emulated
 from tests.drivers.bus.checks import Session, checks_of
 from tests.drivers.bus.profiles import PROFILES, Profile
 
-TWINS = frozenset({"psj-nv200-tcp", "psj-nv40", "mdt694b", "adam-4024", "icpdas", "waveshare"})
+TWINS = frozenset({"mdt694b", "psj-nv40", "icpdas", "waveshare"})
 """Profiles for `make stress`: `make test` has another profile of the same driver."""
 
 

@@ -102,6 +102,7 @@ def test_holds_creep_less_with_a_creep_model(folder: Path) -> None:
     assert np.ptp(recording(run(folder), "feedforward").drive_v[1100:]) > 0.5
 
 
+@pytest.mark.stress
 def test_trim_removes_the_remaining_creep(folder: Path) -> None:
     """In mode trimmed a hold ends at the command, up to noise and sensor."""
     feedforward_um, trimmed_um = (
