@@ -22,6 +22,7 @@ def read_all(terminal: int) -> str:
     return shown.decode()
 
 
+@pytest.mark.stress
 def test_bar_is_shown_on_a_terminal(folder: Path, experiment_file: Path) -> None:
     """The present activity is shown on a terminal; stdout has the document only."""
     with (folder / experiment_file).open("a", encoding="utf-8") as file:
