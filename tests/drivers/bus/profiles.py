@@ -151,6 +151,7 @@ PROFILES = (
         Port(),
         takes_long=True,
         shorter=_MDT_WAITS,
+        unseen=frozenset({"S10"}),  # it reports no serial number
     ),
     Profile(
         "mdt693b",
