@@ -29,6 +29,7 @@ import numpy as np
 from piezod.errors import DataError
 from piezod.records.atomic import replacing
 from piezod.records.frozen import FloatArray
+from piezod.records.nexus import new_group
 from piezod.records.recording import (
     COLUMN_NAMES,
     FIT_COLUMN_NAMES,
@@ -66,14 +67,14 @@ def write_hdf5(path: Path, result: ExperimentResult) -> None:
     with replacing(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
         file.attrs["NX_class"] = "NXroot"
         file.attrs["default"] = _ENTRY
-        entry = _group(file, _ENTRY, "NXentry")
+        entry = new_group(file, _ENTRY, "NXentry")
         entry["title"] = result.title
         entry["seed"] = result.seed
         entry["rate_hz"] = result.rate_hz
         entry["rate_hz"].attrs["units"] = "Hz"
         warnings = list(result.warnings)
         entry.create_dataset("warnings", data=warnings, dtype=h5py.string_dtype())
-        note = _group(entry, "configuration", "NXnote")
+        note = new_group(entry, "configuration", "NXnote")
         note["type"] = "application/yaml"
         note["data"] = result.configuration
         _write_attributes(entry, "versions", result.versions)
@@ -113,7 +114,7 @@ def _write_identification(entry: h5py.Group, identification: Identification) -> 
     group.attrs["auxiliary_signals"] = ["predicted_v", "position_um"]
     group.attrs["axis"] = identification.axis
     group.attrs["method"] = identification.method
-    parameters = _group(group, "parameters", "NXcollection")
+    parameters = new_group(group, "parameters", "NXcollection")
     for parameter, values in identification.parameters.items():
         parameters.create_dataset(parameter, data=values)
     _write_attributes(group, "fit_errors", identification.fit_errors)
@@ -145,7 +146,7 @@ def _auxiliary(recording: Recording) -> list[str]:
 def _data_group(
     entry: h5py.Group, name: str, signal: str, columns: Mapping[str, FloatArray]
 ) -> h5py.Group:
-    group = _group(entry, _free_name(entry, name), "NXdata")
+    group = new_group(entry, _free_name(entry, name), "NXdata")
     group.attrs["signal"] = signal
     group.attrs["axes"] = "t_s"
     for column, values in columns.items():
@@ -162,13 +163,6 @@ def _free_name(entry: h5py.Group, name: str) -> str:
     return free
 
 
-def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
-    # Without track_order HDF5 sorts by name; recordings and metrics must keep their order.
-    group = parent.create_group(name, track_order=True)
-    group.attrs["NX_class"] = nexus_class
-    return group
-
-
 def _base_name(group: h5py.Group) -> str:
     return str(group.name).rsplit("/", maxsplit=1)[-1]
 
@@ -181,7 +175,7 @@ def _write_array(group: h5py.Group, name: str, values: FloatArray, units: str) -
 
 
 def _write_attributes(group: h5py.Group, name: str, values: Mapping[str, float | str]) -> None:
-    collection = _group(group, name, "NXcollection")
+    collection = new_group(group, name, "NXcollection")
     for key, value in values.items():
         collection.attrs[key] = value
 

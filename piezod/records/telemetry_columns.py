@@ -9,6 +9,7 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 import piezod
+from piezod.records.nexus import new_group
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.units import NS_PER_S
 
@@ -109,7 +110,7 @@ class TelemetryColumns:
             )
 
     def _data_group(self, name: str, about: str, signal: str, axes: str = "t_s") -> h5py.Group:
-        group = _group(self._entry, name, "NXdata")
+        group = new_group(self._entry, name, "NXdata")
         group.attrs["description"] = about
         group.attrs["signal"], group.attrs["axes"] = signal, axes
         return group
@@ -131,14 +132,14 @@ class TelemetryColumns:
 
 
 def _lay_out_entry(file: h5py.File, header: TelemetryHeader) -> h5py.Group:
-    entry = _group(file, ENTRY, "NXentry")
+    entry = new_group(file, ENTRY, "NXentry")
     entry["title"], entry["start_time"] = header.title, header.started_at
     entry.attrs["description"] = _ABOUT
     entry.attrs["rate_hz"], entry.attrs["start_ns"] = header.rate_hz, header.start_ns
     entry.attrs["axes"], entry.attrs["lost"] = list(header.axes), np.int64(0)
     entry.attrs["default"] = f"axis_{header.axes[0]}"
     for name, text in header.notes.items():
-        _group(entry, name, "NXnote")["data"] = text
+        new_group(entry, name, "NXnote")["data"] = text
     return entry
 
 
@@ -169,9 +170,3 @@ def _grow(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
 
 def _public_names(dtype: np.dtype[np.void]) -> Iterator[str]:
     return (name for name in dtype.names or () if not name.startswith("_"))
-
-
-def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
-    group = parent.create_group(name, track_order=True)
-    group.attrs["NX_class"] = nexus_class
-    return group

@@ -139,7 +139,7 @@ class Stage:
             return ""
         if not held:
             self._hold_cause = cause
-        return self.go(Event.FAULT_HOLD if cause is HoldCause.FAULT else Event.HOLD, t_ns)
+        return self.go(Event.HOLD if cause is HoldCause.REQUEST else Event.FAULT_HOLD, t_ns)
 
     def hold_cause(self) -> HoldCause:
         """Return the cause of the last HOLD. Real-time safe."""

@@ -161,10 +161,7 @@ def _check_arming(
     elif slow := rate_refusal(placements, config.rate_hz):
         controller.forbid_entry(slow)
     elif config.rate_hz > rate_hz:
-        controller.forbid_entry(
-            f"rate_hz is {config.rate_hz:g}; this machine with these devices sustains at most "
-            f"{rate_hz:.0f} Hz: choose a lower rate"
-        )
+        controller.forbid_entry(f"{_kept_rate(config, rate_hz)}: choose a lower rate")
     elif missing and config.loop.strict_rt:
         controller.forbid_entry(
             f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
@@ -201,17 +198,18 @@ def _take_over(
 
 def _rate_event(config: DaemonConfig, t_ns: int, busy_ns: int, period_ns: int) -> StageEvent:
     """Return the event that says which rate this machine keeps."""
-    kept = (
-        f"a cycle takes {busy_ns / 1e3:.0f} µs; this machine with these devices keeps at most "
-        f"{sustained_rate_hz(busy_ns):.0f} Hz"
-    )
-    if period_ns <= round(NS_PER_S / config.rate_hz):
-        return StageEvent(t_ns, "info", "rate", f"rate_hz is {config.rate_hz:g}; {kept}")
-    text = (
-        f"rate_hz is {config.rate_hz:g}: {kept}; the stage is only observed, at "
-        f"{NS_PER_S / period_ns:.0f} Hz: choose a lower rate"
-    )
-    return StageEvent(t_ns, "warning", "rate", text)
+    rate_hz = sustained_rate_hz(busy_ns)
+    text = f"{_kept_rate(config, rate_hz)}; a cycle takes {busy_ns / 1e3:.0f} µs"
+    if config.rate_hz <= rate_hz:
+        return StageEvent(t_ns, "info", "rate", text)
+    observed = f"the stage is only observed, at {NS_PER_S / period_ns:.0f} Hz: choose a lower rate"
+    return StageEvent(t_ns, "warning", "rate", f"{text}; {observed}")
+
+
+def _kept_rate(config: DaemonConfig, rate_hz: float) -> str:
+    """Return the configured rate, and the one that the machine keeps, for people."""
+    kept = f"this machine with these devices keeps at most {rate_hz:.0f} Hz"
+    return f"rate_hz is {config.rate_hz:g}; {kept}"
 
 
 if __name__ == "__main__":

@@ -86,15 +86,11 @@ class Publisher:
             values += encode_axis(axis)
         self._ring.append(values)
         words = self._words
-        self.state(record.state)
+        words[_STATE] = _STATES[id(record.state)]
         words[_SKIPPED], words[_BEAT] = self._skipped, record.t_ns
         if not skipped:  # a late cycle is a sign of life too, but not a healthy cycle
             self._healthy += 1
             words[_HEALTHY] = self._healthy
-
-    def state(self, state: State) -> None:
-        """Publish the state of the stage."""
-        self._words[_STATE] = _STATES[id(state)]
 
     def events(self, events: Iterable[StageEvent]) -> None:
         """Publish events."""

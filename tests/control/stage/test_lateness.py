@@ -100,6 +100,15 @@ def test_lasting_lateness_holds_and_goes_on_by_itself() -> None:
 
 
 @pytest.mark.fault("L2")
+def test_refusal_names_the_lateness() -> None:
+    """The stage is held because of L2, and not because of a request."""
+    stage = SwingingStage()
+    late_for_long(stage)
+
+    assert "because of L2)" in stage.ask(rq.Goto(position_um=1.0)).why
+
+
+@pytest.mark.fault("L2")
 def test_movement_to_a_position_arrives_after_lasting_lateness() -> None:
     """A client that waits for its movement sees it arrive."""
     stage = SwingingStage()

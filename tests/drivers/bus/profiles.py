@@ -86,9 +86,11 @@ def _modbus(
     options: Options,
     unseen: str = "A7 A8 S10",
     arguments: tuple[str, ...] = (),
+    *,
+    takes_long: bool = False,
 ) -> Profile:
     blind = frozenset([*unseen.split(), *(["B4"] if isinstance(options, Tcp) else [])])
-    return Profile(name, "modbus", wiring, options, arguments, blind)
+    return Profile(name, "modbus", wiring, options, arguments, blind, takes_long=takes_long)
 
 
 def _units(*profiles: str) -> dict[str, object]:
@@ -103,9 +105,17 @@ MODBUS = (
     _modbus("adam-6024", Wiring(("AI0",), ("AO0",)), Tcp({"profile": "adam-6024"})),
     _modbus("wago-750", Wiring(("AI0",), ("AO0",)), Tcp({"profile": "wago-750"})),
     _modbus("adam-4024", Wiring((), ("AO0",)), Port({"profile": "adam-4024"})),
-    _modbus("icpdas", Wiring(("AI0",), ("AO0",)), Port(_units("icpdas-m7017", "icpdas-m7024"))),
     _modbus(
-        "waveshare", Wiring(("AI1",), ("AO1",)), Port(_units("waveshare-ai8b", "waveshare-ao8b"))
+        "icpdas",
+        Wiring(("AI0",), ("AO0",)),
+        Port(_units("icpdas-m7017", "icpdas-m7024")),
+        takes_long=True,
+    ),
+    _modbus(
+        "waveshare",
+        Wiring(("AI1",), ("AO1",)),
+        Port(_units("waveshare-ai8b", "waveshare-ao8b")),
+        takes_long=True,
     ),
 )
 
@@ -204,6 +214,7 @@ PROFILES = (
         Wiring.both(("ch0",)),
         Port({"profile": "nv40", "remote": True}),
         unseen=_NO_READ_BACK,
+        takes_long=True,
     ),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),
     Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),

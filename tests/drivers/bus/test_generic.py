@@ -12,15 +12,12 @@ from tests.drivers.bus.bench import emulated
 from tests.drivers.bus.checks import Session, checks_of
 from tests.drivers.bus.profiles import PROFILES, Profile
 
-TWINS = frozenset({"mdt694b", "psj-nv40", "icpdas", "waveshare"})
-"""Profiles for `make stress`: `make test` has another profile of the same driver."""
-
 
 def _row(profile: Profile) -> object:
     """Return a profile with the marks of the faults that its driver detects."""
     ids = {each for row in checks_of(profile) for each in row.ids}
     marks = [pytest.mark.sees(profile.driver, each) for each in sorted(ids)]
-    marks += [pytest.mark.stress] if profile.takes_long or profile.name in TWINS else []
+    marks += [pytest.mark.stress] if profile.takes_long else []
     return pytest.param(profile, marks=marks, id=profile.name)
 
 

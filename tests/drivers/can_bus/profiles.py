@@ -77,6 +77,6 @@ _NODE = Wiring(("ai1",), ("ao1",))
 _DEMO = Wiring(("position",), ("drive",))
 
 CANOPEN = Profile("canopen-401", "canopen", _NODE, canopen)
-CANOPEN_PDO = Profile("canopen-401", "canopen", _NODE, _by_pdo)
+CANOPEN_PDO = Profile("canopen-401", "canopen", _NODE, _by_pdo, takes_long=True)
 POLLED = Profile("can-dbc-demo", "can_dbc", _DEMO, polled)
 REPORTED = Profile("can-dbc-demo", "can_dbc", _DEMO, reported)

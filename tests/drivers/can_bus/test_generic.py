@@ -43,7 +43,7 @@ CASES = (
 def _case(name: str, profile: Profile, rows: tuple[Row, ...]) -> object:
     ids = sorted({each for row in rows for each in row.ids})
     marks = [pytest.mark.sees(profile.driver, each) for each in ids]
-    marks += [pytest.mark.stress] if name == "canopen-pdo" else []  # beside "canopen"
+    marks += [pytest.mark.stress] if profile.takes_long else []
     return pytest.param(profile, rows, marks=marks, id=name)
 
 
