@@ -97,7 +97,7 @@ def talking_port(config: Path) -> Iterator[Path]:
         "port": os.ttyname(slave),
         "inputs": {"x": {}},
         "read": [{"send": "P?", "reply": r"(?P<x>[\d.]+)"}],
-        "timeout_ms": 1,
+        "timeout_ms": 1000,
     }
     document = yaml.safe_load(config.read_text(encoding="utf-8"))
     document["devices"]["gauge"] = {"driver": "ascii", "options": options}
