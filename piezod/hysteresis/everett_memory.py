@@ -1,0 +1,155 @@
+"""The memory of a surface: the 24 regressors of the displacement at each extremum of the drive.
+
+The regressors are sums of `everett.fill_basis` over the loops that the drive has left open. They do
+not depend on the coefficients, so that the coefficients may change at any time. Between reversals
+one term changes, so that a step costs the same for any past:
+
+    rising:  b = b_m + basis(v, v_m),     falling:  b = b_M - basis(v_M, v),
+
+with the innermost minimum v_m and maximum v_M; the displacement is the sum of c_ij b_ij.
+"""
+
+from piezod.hysteresis.everett import SIZE, fill_basis, surface
+from piezod.hysteresis.memory import (
+    DEFAULT_CAPACITY,
+    MAXIMUM,
+    MINIMUM,
+    RISING,
+    SEEN,
+    FloatArray,
+    Memory,
+    accept_input,
+    backlash,
+    commit,
+    locate,
+    new_memory,
+)
+from piezod.jit import compiled
+
+_MAX_STEPS = 60
+"""Largest number of steps of the search for a drive; three to six are needed."""
+_SAME = 1e-14  # a smaller difference of displacements is rounding
+
+
+def new_surface_memory(capacity: int = DEFAULT_CAPACITY) -> Memory:
+    """Return a relaxed memory for the regressors."""
+    memory = new_memory(SIZE, capacity)
+    relax_surface(memory)
+    return memory
+
+
+def relax_surface(memory: Memory) -> None:
+    """Complete a relaxed memory: the outermost maximum lies on the branch from 0 to 1."""
+    fill_basis(1.0, 0.0, memory.values[MAXIMUM, 0])
+
+
+@compiled
+def advance_drive(memory: Memory, deadband: float, drive: float) -> float:
+    """Advance all regressors in `memory.now` by one drive; return it clamped. Real-time safe."""
+    drive = accept_input(memory, drive)
+    seen = backlash(memory, drive, deadband)
+    loop = locate(memory, seen)
+    now = memory.now
+    if loop.rising:
+        start = loop.minima - 1
+        fill_basis(seen, memory.levels[MINIMUM, start], now)
+        for j in range(now.size):
+            now[j] += memory.values[MINIMUM, start, j]
+    else:
+        start = loop.maxima - 1
+        fill_basis(memory.levels[MAXIMUM, start], seen, now)
+        for j in range(now.size):
+            now[j] = memory.values[MAXIMUM, start, j] - now[j]
+    commit(memory, loop, seen)
+    return drive
+
+
+@compiled
+def displacement(coefficients: FloatArray, regressors: FloatArray) -> float:
+    """Return the displacement of regressors, shape (24,). Real-time safe."""
+    # The sum runs in a fixed order, so that steps and runs agree to the bit.
+    total = 0.0
+    for j in range(coefficients.size):
+        total += coefficients[j] * regressors[j]
+    return total
+
+
+@compiled
+def _solve(
+    coefficients: FloatArray,
+    start: float,
+    rise: float,
+    low: float,
+    high: float,
+    guess: float,
+) -> float:
+    """Return the end of a branch that begins at `start` and along which E grows to `rise`.
+
+    Newton's method, with bisection where a step would leave the bracket [low, high]. The start lies
+    below the bracket on a rising branch, and above it on a falling one.
+    """
+    rising = start <= low
+    drive = guess
+    for _ in range(_MAX_STEPS):
+        if rising:
+            value, slope, _ = surface(coefficients, drive, start)
+            miss = value - rise
+        else:
+            value, _, slope = surface(coefficients, start, drive)
+            miss = rise - value
+        if abs(miss) < _SAME:
+            break
+        if miss > 0.0:
+            high = drive
+        else:
+            low = drive
+        drive -= miss / slope
+        if not low < drive < high:
+            drive = 0.5 * (low + high)
+    return drive
+
+
+@compiled
+def drive_for(memory: Memory, coefficients: FloatArray, position: float) -> float:
+    """Return the drive in [0, 1] that moves the stage to a displacement. Real-time safe.
+
+    The memory does not change. Every branch is monotone. The displacements of the extrema therefore
+    have the order of their drives, and the rule of deletion holds for displacements, too. If no
+    drive reaches the displacement, the result is the nearest end of the range.
+    """
+    levels, values, counts, last = memory.levels, memory.values, memory.counts, memory.last[SEEN]
+    now = displacement(coefficients, memory.now)
+    maxima, minima, low, high = counts[MAXIMUM], counts[MINIMUM], last, last
+    if position > now:
+        start, at_start, inside = last, now, counts[RISING] == 0
+        minima += inside  # the last drive would become a minimum
+        top = displacement(coefficients, values[MAXIMUM, maxima - 1])
+        while maxima > 1 and position >= top:
+            low = levels[MAXIMUM, maxima - 1]
+            maxima -= 1
+            minima -= 1
+            top = displacement(coefficients, values[MAXIMUM, maxima - 1])
+        high = levels[MAXIMUM, maxima - 1]
+        if position >= top:
+            return high
+        if not inside or minima <= counts[MINIMUM]:
+            start = levels[MINIMUM, minima - 1]
+            at_start = displacement(coefficients, values[MINIMUM, minima - 1])
+        return _solve(coefficients, start, position - at_start, low, high, low)
+    if position < now:
+        start, at_start, inside = last, now, counts[RISING] == 1
+        maxima += inside  # the last drive would become a maximum
+        bottom = displacement(coefficients, values[MINIMUM, minima - 1])
+        while minima > 1 and position <= bottom:
+            high = levels[MINIMUM, minima - 1]
+            minima -= 1
+            maxima -= 1
+            bottom = displacement(coefficients, values[MINIMUM, minima - 1])
+        low = levels[MINIMUM, minima - 1]
+        if position <= bottom:
+            return low
+        if not inside or maxima <= counts[MAXIMUM]:
+            start = levels[MAXIMUM, maxima - 1]
+            at_start = displacement(coefficients, values[MAXIMUM, maxima - 1])
+        return _solve(coefficients, start, at_start - position, low, high, high)
+    return last
