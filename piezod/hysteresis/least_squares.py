@@ -113,19 +113,37 @@ def solve_constrained(
     Raises:
         ModelError: If G is not positive definite: the record does not determine the parameters.
     """
-    factor, scale = _factor(gram)
-    rows, bounds = _constraints(bank, nonnegative, gram.shape[0])
-    # With z = Lᵀ D p - L⁻¹ D⁻¹ g the objective is ½ ‖z‖², up to a constant.
-    to_z = np.linalg.solve(factor, (rows / scale).T).T.astype(np.float64)
-    free = np.linalg.solve(factor, right_side / scale)
-    nearest = free + _least_distance(to_z, bounds - to_z @ free)
-    parameters = np.linalg.solve(factor.T, nearest) / scale
+    parameters = minimise(gram, right_side, *_constraints(bank, nonnegative, gram.shape[0]))
 
     weights, signed = slice(bank.shape[1]), list(nonnegative)
     # The solver keeps the constraints up to rounding; the next two lines keep them exactly.
     parameters[weights] = projected(bank, parameters[weights])
     parameters[signed] = np.maximum(parameters[signed], 0.0)
     return parameters
+
+
+def minimise(
+    gram: FloatArray, right_side: FloatArray, rows: FloatArray, bounds: FloatArray
+) -> FloatArray:
+    """Return the p that minimises ½ pᵀGp - gᵀp under A p ≥ b, shape (n,).
+
+    The constraints hold up to rounding.
+
+    Args:
+        gram: (n, n) G, positive definite.
+        right_side: (n,) g.
+        rows: (k, n) A.
+        bounds: (k,) b; some p must fulfil the constraints.
+
+    Raises:
+        ModelError: If G is not positive definite: the record does not determine the parameters.
+    """
+    factor, scale = _factor(gram)
+    # With z = Lᵀ D p - L⁻¹ D⁻¹ g the objective is ½ ‖z‖², up to a constant.
+    to_z = np.linalg.solve(factor, (rows / scale).T).T.astype(np.float64)
+    free = np.linalg.solve(factor, right_side / scale)
+    nearest = free + _least_distance(to_z, bounds - to_z @ free)
+    return np.linalg.solve(factor.T, nearest) / scale
 
 
 def parameter_covariance(gram: FloatArray, residual_variance: float) -> FloatArray:

@@ -1,0 +1,93 @@
+"""Regressors of a surface with creep: what each coefficient and each lag adds to a displacement."""
+
+import numpy as np
+
+from piezod.control.law.creep import TIME_CONSTANTS_S
+from piezod.hysteresis.everett import SIZE
+from piezod.hysteresis.everett_memory import advance_drive, new_surface_memory
+from piezod.hysteresis.memory import FloatArray, IntArray, Memory
+from piezod.jit import compiled
+
+
+def surface_regressors(drives: FloatArray) -> FloatArray:
+    """Return the factors of the coefficients for a record of drives, shape (n, 24).
+
+    Args:
+        drives: (n,) drives in [0, 1]; the memory is relaxed before the first.
+    """
+    regressors = np.empty((drives.size, SIZE))
+    _fill_regressors(*new_surface_memory(), np.ascontiguousarray(drives), regressors)
+    return regressors
+
+
+def with_creep(
+    values: FloatArray, weights: FloatArray, period_s: float, *, from_rest: bool
+) -> FloatArray:
+    """Return values over time with the creep that follows them, shape (n, p).
+
+    Creep is linear: that of a sum is the sum of the creeps. It therefore acts on each regressor.
+
+    Args:
+        values: (n, p) values, evenly in time.
+        weights: (K,) weight of each lag.
+        period_s: Sample period, in s.
+        from_rest: Whether the lags start at the first values; otherwise at the mean ones.
+    """
+    crept = np.ascontiguousarray(values).copy()
+    for weight, gain in zip(weights, _gains(period_s), strict=True):
+        if weight:
+            _add_lag(values, gain, weight, _start(values, from_rest=from_rest), crept)
+    return crept
+
+
+def lags_of(values: FloatArray, period_s: float, *, from_rest: bool) -> FloatArray:
+    """Return all lags of the creep that follow one value over time, shape (n, K).
+
+    Args:
+        values: (n,) value, evenly in time.
+        period_s: Sample period, in s.
+        from_rest: Whether the lags start at the first value; otherwise at the mean one.
+    """
+    column = np.ascontiguousarray(values)[:, np.newaxis]
+    lags = np.zeros((values.size, TIME_CONSTANTS_S.size, 1))
+    for k, gain in enumerate(_gains(period_s)):
+        _add_lag(column, gain, 1.0, _start(column, from_rest=from_rest), lags[:, k])
+    return lags[:, :, 0]
+
+
+def _gains(period_s: float) -> FloatArray:
+    return -np.expm1(-period_s / TIME_CONSTANTS_S)
+
+
+def _start(values: FloatArray, *, from_rest: bool) -> FloatArray:
+    return np.ascontiguousarray(values[0] if from_rest else np.mean(values, axis=0))
+
+
+@compiled
+def _fill_regressors(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    drives: FloatArray,
+    regressors: FloatArray,
+) -> None:
+    memory = Memory(levels, values, now, last, counts)
+    for k in range(drives.size):
+        advance_drive(memory, 0.0, drives[k])
+        for j in range(now.size):
+            regressors[k, j] = now[j]
+
+
+@compiled
+def _add_lag(
+    values: FloatArray, gain: float, weight: float, start: FloatArray, total: FloatArray
+) -> None:
+    # As `advance_creep`: a lag follows the value of the sample before.
+    lag = start.copy()
+    for k in range(values.shape[0]):
+        for j in range(lag.size):
+            if k > 0:
+                lag[j] += gain * (values[k - 1, j] - lag[j])
+            total[k, j] += weight * lag[j]
