@@ -13,7 +13,7 @@ _ABSENT: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
     "hysteresis": {"stage": {"irreversible_um": 0.0, "skew": 0.0}},
     "asymmetry": {"stage": {"skew": 0.0}},
     "creep": {"stage": {"creep_per_decade": 0.0}},
-    "drift": {"stage": {"drift": 0.0}},
+    "drift": {"stage": {"drift": 0.0, "gain_growth_per_s": 0.0}},
     "mode": {"stage": {"mode_hz": inf}},
     "gain_error": {"amplifier": {"gain_error": 0.0}},
     "amplifier_bandwidth": {"amplifier": {"bandwidth_hz": inf}},

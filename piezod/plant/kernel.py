@@ -1,83 +1,61 @@
 """The physics of one sub-step, compiled.
 
     command ─► converter ─► gain, limits ─► bandwidth, slew ─► + noise ─► drive
-    drive ─► Preisach hysteresis ─► + creep + drift ─► first mode ─► displacement
+    drive ─► hysteresis, gain ─► + creep + drift ─► first mode ─► displacement
     displacement ─► fibre curve ─► + noise ─► detector ─► anti-alias filter ─► delay ─► converter
 
-**Hysteresis.** The stage is a Preisach model, given by its Everett function: the change of
-displacement while the drive u (in nominal drives) rises from a minimum β to α is
-
-    E(α, β) = (r·D + i·D^p) · (1 + κ·(S − 1/2)),   D = α − β,   S = (α + β)/2
-
-On the way back from α to β the displacement falls by the same amount. E is the exact integral of
-the density μ(α, β) = −∂²E/∂α∂β = i·p·(p − 1)·D^(p − 2) · (1 + κ·(S − 1/2)) plus a reversible part
-on the diagonal. The density is nowhere negative if |κ·(S − 1/2)| ≤ 1. The state is the list of
-turning points that no later turning point has deleted; it needs no grid, so there is no
-discretisation error. The relative width of a loop grows with its swing as on a measured stage, and
-κ makes the two branches differ. `tests/plant/test_hysteresis.py` holds the comparison in numbers.
+The class of the hysteresis is a constant of the plant: `preisach.py`, `relays.py`, `bouc_wen.py`.
 """
 
 from math import exp
 from typing import Any, TypeAlias
 
 from piezod.jit import compiled
+from piezod.plant.bouc_wen import BOUC_WEN, bouc_wen
+from piezod.plant.preisach import preisach
+from piezod.plant.relays import RELAYS, relax
 
 Record: TypeAlias = Any  # a (1,) array of `layout.CONSTANTS` or `layout.STATE`
 
 
 @compiled
-def everett(upper: float, lower: float, constants: Record) -> float:
-    """Return the change of displacement between two drives, in travels: E of the module docstring.
+def hysteresis(middle: float, end: float, state: Record, constants: Record) -> float:
+    """Move the drive during one sub-step, for any class of hysteresis.
 
     Args:
-        upper: α, in nominal drives, at least `lower`.
-        lower: β, in nominal drives.
+        middle: Drive in the middle of the sub-step, in nominal drives, from `lowest` to `highest`.
+        end: Drive at the end.
+        state: State of the plant; `hysteretic` is the displacement at the end.
         constants: Constants of the plant.
+
+    Returns:
+        Displacement in the middle, in travels.
     """
-    c = constants[0]
-    swing = upper - lower
-    value = c.reversible * swing
-    if c.irreversible > 0.0:
-        value += c.irreversible * swing**c.exponent
-    return float(value * (1.0 + c.skew * ((upper + lower) / 2.0 - 0.5)))
+    s, c = state[0], constants[0]
+    if c.law == BOUC_WEN:
+        in_middle = bouc_wen(middle, state, constants)
+        bouc_wen(end, state, constants)
+    elif c.law == RELAYS:
+        before = s.part
+        after = relax(middle, state, constants)
+        in_middle = c.reversible * middle + c.irreversible * (before + after) / 2.0
+        s.hysteretic = c.reversible * end + c.irreversible * after
+        s.unit = end
+    else:
+        in_middle = preisach(middle, state, constants)
+        preisach(end, state, constants)
+    return float(in_middle)
 
 
 @compiled
-def hysteresis(unit: float, state: Record, constants: Record) -> float:
-    """Move the drive monotonically to `unit` and return the displacement in travels.
-
-    In the list of turning points, minima have even indices and maxima odd ones. The first two are
-    the ends of the range: the drive never passes them, and they are never deleted.
-
-    Args:
-        unit: Drive in nominal drives, from `lowest` to `highest`.
-        state: State of the plant.
-        constants: Constants of the plant.
-    """
-    s = state[0]
-    at, value = s.turn_at, s.turn_value
-    depth = s.depth
-    rising = depth % 2 == 1
-    if (rising and unit < s.unit) or (not rising and unit > s.unit):
-        if depth == len(at):  # a full list loses its innermost pair
-            depth -= 2
-            s.dropped += 1
-        at[depth] = s.unit
-        value[depth] = s.hysteretic
-        depth += 1
-        rising = not rising
-    if rising:
-        # Passing an earlier maximum closes the loop inside it; its two turning points are deleted.
-        while depth > 3 and unit >= at[depth - 2]:
-            depth -= 2
-        s.hysteretic = value[depth - 1] + everett(unit, at[depth - 1], constants)
-    else:
-        while depth > 3 and unit <= at[depth - 2]:
-            depth -= 2
-        s.hysteretic = value[depth - 1] - everett(at[depth - 1], unit, constants)
-    s.depth = depth
-    s.unit = unit
-    return float(s.hysteretic)
+def jump(unit: float, state: Record, constants: Record) -> float:
+    """Move the drive at once and return the displacement, in travels; relays need time."""
+    s, c = state[0], constants[0]
+    if c.law == RELAYS:
+        s.hysteretic = c.reversible * unit + c.irreversible * s.part
+        s.unit = unit
+        return float(s.hysteretic)
+    return hysteresis(unit, unit, state, constants)
 
 
 @compiled
@@ -166,9 +144,12 @@ def advance_stage(middle_v: float, end_v: float, state: Record, constants: Recor
         constants: Constants of the plant.
     """
     s, c = state[0], constants[0]
-    at_start = s.hysteretic
-    in_middle = hysteresis(min(max(middle_v / c.drive_v, c.lowest), c.highest), state, constants)
-    at_end = hysteresis(min(max(end_v / c.drive_v, c.lowest), c.highest), state, constants)
+    s.gain += c.gain_growth
+    at_start = s.gain * s.hysteretic
+    middle = min(max(middle_v / c.drive_v, c.lowest), c.highest)
+    end = min(max(end_v / c.drive_v, c.lowest), c.highest)
+    in_middle = s.gain * hysteresis(middle, end, state, constants)
+    at_end = s.gain * s.hysteretic
     s.drive_v = end_v
 
     mean = (at_start + 4.0 * in_middle + at_end) / 6.0  # Simpson's rule
@@ -199,7 +180,7 @@ def step_output(goal_v: float, state: Record, constants: Record) -> None:
     s, c = state[0], constants[0]
     s.output_v = goal_v
     unit = min(max((goal_v + s.noise_v) / c.drive_v, c.lowest), c.highest)
-    value = hysteresis(unit, state, constants)
+    value = s.gain * jump(unit, state, constants)
     s.static_um = c.travel_um * ((1.0 - c.creep_at_reference) * value + s.slow)
 
 

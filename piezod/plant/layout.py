@@ -9,10 +9,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from piezod.plant.bouc_wen import BOUC_WEN, bouc_wen_constants
+from piezod.plant.density import NODES, everett_table
 from piezod.plant.discretise import creep, mode, receiver
 from piezod.plant.fibre import BEST_GAP, peak_gap_um
-from piezod.plant.kernel import everett, fibre_v
+from piezod.plant.kernel import fibre_v
+from piezod.plant.laws import BoucWen, HysteresisLaw, PowerLaw, ThermalRelays
 from piezod.plant.parameters import AmplifierParameters, PlantParameters, SensorParameters
+from piezod.plant.preisach import POWER_LAW, TABLE, everett
+from piezod.plant.relays import CELLS, RELAYS, relay_constants
 
 MAX_TURNS: Final = 512
 """Turning points that the stage stores; a full list loses its innermost pair."""
@@ -22,6 +27,8 @@ NOISE_BLOCK: Final = 128
 """Sub-steps for which noise is drawn at once."""
 OVERDRIVE: Final = 0.2
 """Range beyond 0 and the nominal drive in which the stage still moves, in nominal drives."""
+_LOWEST: Final = -OVERDRIVE
+_HIGHEST: Final = 1 + OVERDRIVE
 
 CONSTANTS: Final = np.dtype(
     [
@@ -46,6 +53,7 @@ CONSTANTS: Final = np.dtype(
         ("irreversible", "f8"),
         ("exponent", "f8"),
         ("skew", "f8"),
+        ("gain_growth", "f8"),  # per sub-step
         ("travel_um", "f8"),
         ("creep_weights", "f8", (13,)),  # one for each lag, see `discretise.creep`
         ("creep_gains", "f8", (13,)),
@@ -61,6 +69,20 @@ CONSTANTS: Final = np.dtype(
         ("receiver", "f8", (3, 8)),  # rows of `discretise.receiver`
         ("adc_step_v", "f8"),  # 0: no quantisation
         ("saturation_v", "f8"),
+        ("law", "i8"),  # class of hysteresis; the fields below are 0 for the other classes
+        ("alpha", "f8"),  # of Bouc-Wen, like the next four
+        ("beta", "f8"),
+        ("gamma", "f8"),
+        ("g_at_rest", "f8"),
+        ("part_at_nominal", "f8"),
+        ("attempts", "f8"),  # of the relays, per sub-step
+        ("activation", "f8"),
+        ("cell", "f8", (CELLS,)),  # drive in the middle of each cell
+        ("spread", "f8", (CELLS,)),
+        ("relay_weight", "f8", (CELLS, CELLS)),
+        ("relays_at_rest", "f8", (CELLS, CELLS)),
+        ("part_at_rest", "f8"),
+        ("everett_table", "f8", (NODES, NODES)),
     ]
 )
 
@@ -70,7 +92,8 @@ STATE: Final = np.dtype(
         ("noise_v", "f8"),
         ("drive_v", "f8"),  # across the actuator
         ("unit", "f8"),  # drive across the actuator, in nominal drives
-        ("hysteretic", "f8"),  # displacement of the Preisach model, in travels
+        ("hysteretic", "f8"),  # displacement by the hysteresis at a gain of 1, in travels
+        ("gain", "f8"),
         ("depth", "i8"),
         ("dropped", "i8"),
         ("turn_at", "f8", (MAX_TURNS,)),  # drive at each turning point, in nominal drives
@@ -91,6 +114,10 @@ STATE: Final = np.dtype(
         ("past_slope_v", "f8", (DELAY_BUFFER,)),
         ("noise_used", "i8"),  # sub-steps of the block whose noise has been used
         ("noise", "f8", (NOISE_BLOCK, 2)),
+        ("g", "f8"),  # of Bouc-Wen
+        ("part", "f8"),  # of the relays, since rest
+        ("up", "f8", (CELLS, CELLS)),  # fraction of each relay that is up
+        ("relays_down", "f8", (CELLS,)),  # rates, for use within a sub-step
     ]
 )
 
@@ -111,13 +138,15 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
     values = {
         **_amplifier(parameters.amplifier, step_s),
         **_sensor(parameters.sensor, stage.travel_um, step_s),
+        **_hysteresis(parameters.hysteresis, stage.skew, step_s),
         "drive_v": stage.drive_v,
-        "lowest": -OVERDRIVE,
-        "highest": 1 + OVERDRIVE,
+        "lowest": _LOWEST,
+        "highest": _HIGHEST,
         "reversible": stage.reversible_um / stage.travel_um,
         "irreversible": stage.irreversible_um / stage.travel_um,
         "exponent": stage.exponent,
         "skew": stage.skew,
+        "gain_growth": stage.gain_growth_per_s * step_s,
         "travel_um": stage.travel_um,
         "creep_weights": lags.weights,
         "creep_gains": lags.gains,
@@ -130,6 +159,18 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
     for name, value in values.items():
         record[name] = value
     return record
+
+
+def _hysteresis(law: HysteresisLaw, skew: float, step_s: float) -> dict[str, Any]:
+    match law:
+        case PowerLaw():
+            return {"law": POWER_LAW}
+        case BoucWen():
+            return {"law": BOUC_WEN, **bouc_wen_constants(law, _HIGHEST)}
+        case ThermalRelays():
+            return {"law": RELAYS, **relay_constants(law, skew, step_s, _LOWEST, _HIGHEST)}
+        case _:
+            return {"law": TABLE, "everett_table": everett_table(law, skew)}
 
 
 def _amplifier(parameters: AmplifierParameters, step_s: float) -> dict[str, Any]:
@@ -185,14 +226,23 @@ def at_rest(record: Any) -> Any:
     """
     state = np.zeros(1, STATE)
     c = record[0]
+    state["gain"] = 1.0
+    state["g"] = c["g_at_rest"]
+    state["up"] = c["relays_at_rest"]
+    if c["law"] in (POWER_LAW, TABLE):
+        _at_rest_turns(state, record)
+    # Creep, drift, mode and noise are 0 at rest; only the light is not.
+    light_v = fibre_v(0.0, record)
+    for name in ("detector_v", "filter_v", "past_v"):
+        state[name] = light_v
+    return state
+
+
+def _at_rest_turns(state: Any, record: Any) -> None:
+    c = record[0]
     # Displacement is 0 at 0 V on the way down; the values at both ends follow from that.
     top = everett(c["highest"], 0.0, record)
     bottom = top - everett(c["highest"], c["lowest"], record)
     state["depth"] = 3
     state["turn_at"][0, :3] = c["lowest"], c["highest"], 0.0
     state["turn_value"][0, :3] = bottom, top, 0.0
-    # Creep, drift, mode and noise are 0 at rest; only the light is not.
-    light_v = fibre_v(0.0, record)
-    for name in ("detector_v", "filter_v", "past_v"):
-        state[name] = light_v
-    return state

@@ -6,30 +6,15 @@ and sensors. Infinity is allowed inside; it means that an effect is absent (see 
 """
 
 from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 
+from piezod.plant.laws import HysteresisLaw, PowerLaw
+from piezod.plant.ranges import ParameterRange
+
 # Largest relative deviation of a parameter from its nominal value, drawn with the seed.
 VARIATION = 0.1
-
-
-class ParameterRange(NamedTuple):
-    """Range, unit and meaning of a parameter; the options of the driver are made from it.
-
-    Attributes:
-        unit: Unit as printed; empty for a plain number.
-        low: Smallest value that a configuration may give.
-        high: Largest value that a configuration may give.
-        about: Meaning of the parameter.
-        varies: Whether it differs between specimens, that is with the seed.
-    """
-
-    unit: str
-    low: float
-    high: float
-    about: str
-    varies: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +50,10 @@ class StageParameters:
     drift_memory_s: Annotated[
         float, ParameterRange("s", 0.1, 1e5, "time constant of the decay of the drift at rest")
     ] = 60.0
+    gain_growth_per_s: Annotated[
+        float,
+        ParameterRange("1/s", 0, 1e-3, "growth of the gain, relative to its start", varies=False),
+    ] = 0.0
     mode_hz: Annotated[float, ParameterRange("Hz", 10, 5000, "first mechanical mode")] = 734.0
     mode_damping: Annotated[float, ParameterRange("", 0.001, 0.9, "damping ratio of the mode")] = (
         0.03
@@ -152,11 +141,19 @@ class SensorParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantParameters:
-    """One axis: stage, amplifier and sensor."""
+    """One axis: stage, amplifier and sensor.
+
+    Attributes:
+        stage: The actuator and the mechanics.
+        amplifier: From the commanded voltage to the drive.
+        sensor: From the displacement to the reported voltage.
+        hysteresis: Class of the hysteretic part of the stage, with its parameters.
+    """
 
     stage: StageParameters = field(default_factory=StageParameters)
     amplifier: AmplifierParameters = field(default_factory=AmplifierParameters)
     sensor: SensorParameters = field(default_factory=SensorParameters)
+    hysteresis: HysteresisLaw = field(default_factory=PowerLaw)
 
 
 def quantities(part: type[Any]) -> dict[str, ParameterRange]:
@@ -180,4 +177,5 @@ def specimen(nominal: PlantParameters, seed: np.random.SeedSequence) -> PlantPar
         stage=varied(nominal.stage),
         amplifier=varied(nominal.amplifier),
         sensor=varied(nominal.sensor),
+        hysteresis=varied(nominal.hysteresis),
     )

@@ -124,7 +124,9 @@ TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
         (
             "variant: cantilever",
             "10: variant: unknown value (got 'cantilever'), "
-            "allowed: stack, stack-uncalibrated, flexure, afm",
+            "allowed: stack, stack-uncalibrated, flexure, afm, preisach-exponential, "
+            "preisach-gaussian, preisach-asymmetric, thermal-relays, bouc-wen, light-damping, "
+            "no-antialias, gain-drift",
         ),
         ("stage: {modehz: 5}", "9: stage.modehz: unknown key, did you mean 'mode_hz'?"),
         ("effects: {delays: true}", "11: effects.delays: unknown key, did you mean 'delay'?"),

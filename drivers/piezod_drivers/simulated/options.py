@@ -115,9 +115,20 @@ else:
 class SimulatedOptions(ConfigModel):
     """Options of the simulated rig; every axis is a specimen of its own of the same variant."""
 
-    variant: Literal["stack", "stack-uncalibrated", "flexure", "afm"] = Field(
-        "stack", description="kind of stage"
-    )
+    variant: Literal[
+        "stack",
+        "stack-uncalibrated",
+        "flexure",
+        "afm",
+        "preisach-exponential",
+        "preisach-gaussian",
+        "preisach-asymmetric",
+        "thermal-relays",
+        "bouc-wen",
+        "light-damping",
+        "no-antialias",
+        "gain-drift",
+    ] = Field("stack", description="kind of stage")
     effects: Effects = Field(Effects(), description="switches, all on by default")
     stage: Stage = Field(Stage(), description="exact values; the others vary with the seed")
     amplifier: Amplifier = Field(Amplifier(), description="exact values, as for the stage")
@@ -156,6 +167,7 @@ class SimulatedOptions(ConfigModel):
             stage=replace(drawn.stage, **self.stage.model_dump(exclude_none=True)),
             amplifier=replace(drawn.amplifier, **self.amplifier.model_dump(exclude_none=True)),
             sensor=replace(drawn.sensor, **self.sensor.model_dump(exclude_none=True)),
+            hysteresis=drawn.hysteresis,
         )
         return without(
             configured, [name for name, on in self.effects.model_dump().items() if not on]

@@ -7,8 +7,8 @@ import pytest
 
 from piezod.config.modes import Mode
 from piezod.hysteresis.memory import FloatArray
-from piezod.plant.kernel import everett
 from piezod.plant.plant import Plant
+from piezod.plant.preisach import everett
 from tests.conftest import Figure
 from tests.experiment.stress_rig import (
     CYCLE_S,

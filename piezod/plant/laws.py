@@ -1,0 +1,123 @@
+"""Classes of hysteresis of the simulated stage, with their parameters.
+
+Each class describes the hysteretic part of the displacement, as a fraction of its own value at the
+nominal drive. `StageParameters.irreversible_um` scales that part; `reversible_um` is a linear part
+beside it. Drives are in nominal drives: 1 is the drive of the full travel.
+
+The numbers are assumptions about a typical soft PZT stack, made before any compensation was tried
+on these stages. The share of the hysteretic part (in `variants.py`) then gives the loop of 15 % of
+the travel that catalogues state as the maximum at large signals: Physik Instrumente, Fundamentals
+of Piezo Technology, "Hysteresis": 2 % at small signals, 10 to 15 % at large signals.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.plant.ranges import ParameterRange
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerLaw:
+    """Preisach model whose Everett function has a power of the swing.
+
+    Its parameters are `exponent` and `skew` of the stage.
+    """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExponentialDensity:
+    """Preisach model with exp(-(α-β)/decay) as its density.
+
+    Most relays of a soft ceramic are narrow; an exponential density in α-β describes this with one
+    parameter. Decays of 0.2 to 0.3 give the loops of a soft PZT.
+    """
+
+    decay: Annotated[
+        float, ParameterRange("", 0.05, 1, "width α-β at which the density is 1/e, nominal drives")
+    ] = 0.25
+
+    def density(self, width: Array, _middle: Array) -> Array:
+        """Return the density of relays, to a constant factor.
+
+        Args:
+            width: α-β in nominal drives, not negative.
+        """
+        return np.exp(-width / self.decay)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GaussianDensity:
+    """Preisach model with log-normal coercive and Gaussian bias drives.
+
+    The two densities are those of the homogenised energy model (R. C. Smith, S. Seelecke,
+    Z. Ounaies, J. Smith, J. Intell. Mater. Syst. Struct. 14, 2003). Unlike in the other classes
+    almost no relay is narrow, so a small loop is nearly a line.
+    """
+
+    median_coercive: Annotated[
+        float, ParameterRange("", 0.01, 1, "median of (α-β)/2, nominal drives")
+    ] = 0.1
+    coercive_spread: Annotated[
+        float, ParameterRange("", 0.1, 2, "standard deviation of ln((α-β)/2)")
+    ] = 0.5
+    bias_spread: Annotated[
+        float, ParameterRange("", 0.1, 10, "standard deviation of (α+β)/2, nominal drives")
+    ] = 0.5
+
+    def density(self, width: Array, middle: Array) -> Array:
+        """Return the density of relays, to a constant factor.
+
+        Args:
+            width: α-β in nominal drives, positive.
+            middle: (α+β)/2 in nominal drives.
+        """
+        coercive = np.log(width / 2 / self.median_coercive) / self.coercive_spread
+        bias = (middle - 0.5) / self.bias_spread  # symmetrical about half the nominal drive
+        return np.exp(-(coercive**2 + bias**2) / 2) / width
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermalRelays:
+    """Relays that switch with a rate of exp((|h|-hc)/w), h from the middle of each relay.
+
+    The density of the relays is exponential, as in `ExponentialDensity`. Thermally activated relays
+    explain after-effect and rate dependence (I. D. Mayergoyz, Mathematical Models of Hysteresis).
+    """
+
+    decay: Annotated[
+        float, ParameterRange("", 0.05, 1, "width α-β at which the density is 1/e, nominal drives")
+    ] = 0.25
+    activation: Annotated[
+        float, ParameterRange("", 0.004, 0.1, "drive w that changes a rate by e, nominal drives")
+    ] = 0.006
+    # So that the loop at 1 Hz is about that of relays without thermal activation.
+    attempts_hz: Annotated[
+        float, ParameterRange("1/s", 1, 1e5, "rate of switching of a relay at its threshold")
+    ] = 300.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoucWen:
+    """Hysteresis x = k·u + h with dh = α·du - β·|du|·h - γ·du·|h|.
+
+    The equation is that of T. S. Low and W. Guo, J. Microelectromech. Syst. 4, 1995, for a
+    piezoelectric actuator. β+γ = 4.4 lets a branch approach its asymptote within a quarter of the
+    nominal drive. α = -(β+γ)/(2β) follows from both: just after a turn at saturation the hysteretic
+    part stands still, as for relays. α is negative because the displacement lags the drive.
+    """
+
+    beta: Annotated[float, ParameterRange("", 0.5, 20, "β, per nominal drive")] = 4.0
+    gamma: Annotated[float, ParameterRange("", 0, 0.4, "γ, per nominal drive")] = 0.4
+
+    @property
+    def alpha(self) -> float:
+        """Return α, for a slope of 1 at saturation."""
+        return -(self.beta + self.gamma) / (2 * self.beta)
+
+
+HysteresisLaw: TypeAlias = PowerLaw | ExponentialDensity | GaussianDensity | ThermalRelays | BoucWen
