@@ -49,10 +49,10 @@ def lags_of(values: FloatArray, period_s: float, *, from_rest: bool) -> FloatArr
         from_rest: Whether the lags start at the first value; otherwise at the mean one.
     """
     column = np.ascontiguousarray(values)[:, np.newaxis]
-    lags = np.zeros((values.size, TIME_CONSTANTS_S.size, 1))
+    lags = np.zeros((TIME_CONSTANTS_S.size, values.size, 1))
     for k, gain in enumerate(_gains(period_s)):
-        _add_lag(column, gain, 1.0, _start(column, from_rest=from_rest), lags[:, k])
-    return lags[:, :, 0]
+        _add_lag(column, gain, 1.0, _start(column, from_rest=from_rest), lags[k])
+    return lags[:, :, 0].T
 
 
 def _gains(period_s: float) -> FloatArray:
@@ -85,9 +85,9 @@ def _add_lag(
     values: FloatArray, gain: float, weight: float, start: FloatArray, total: FloatArray
 ) -> None:
     # As `advance_creep`: a lag follows the value of the sample before.
-    lag = start.copy()
-    for k in range(values.shape[0]):
-        for j in range(lag.size):
-            if k > 0:
-                lag[j] += gain * (values[k - 1, j] - lag[j])
-            total[k, j] += weight * lag[j]
+    for j in range(start.size):
+        lag = start[j]
+        total[0, j] += weight * lag
+        for k in range(1, values.shape[0]):
+            lag += gain * (values[k - 1, j] - lag)
+            total[k, j] += weight * lag
