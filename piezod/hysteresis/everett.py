@@ -52,9 +52,7 @@ def fill_basis(upper: float, lower: float, basis: FloatArray) -> None:
 
 
 @compiled
-def surface(
-    coefficients: FloatArray, upper: float, lower: float
-) -> tuple[float, float, float]:
+def surface(coefficients: FloatArray, upper: float, lower: float) -> tuple[float, float, float]:
     """Return E, the slope of the rising branch and that of the falling branch. Real-time safe."""
     width = max(upper - lower, 0.0)
     root, x, y = sqrt(width), 2.0 * sqrt(width) - 1.0, upper + lower - 1.0

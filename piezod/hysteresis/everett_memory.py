@@ -153,3 +153,20 @@ def drive_for(memory: Memory, coefficients: FloatArray, position: float) -> floa
             at_start = displacement(coefficients, values[MAXIMUM, maxima - 1])
         return _solve(coefficients, start, at_start - position, low, high, high)
     return last
+
+
+@compiled
+def displacement_at(memory: Memory, coefficients: FloatArray, drive: float) -> float:
+    """Return the displacement to which a drive would move the stage; the memory does not change.
+
+    Real-time safe.
+    """
+    loop = locate(memory, drive)
+    levels, values = memory.levels, memory.values
+    if loop.rising:
+        start = loop.minima - 1
+        rise, _, _ = surface(coefficients, drive, levels[MINIMUM, start])
+        return displacement(coefficients, values[MINIMUM, start]) + rise
+    start = loop.maxima - 1
+    fall, _, _ = surface(coefficients, levels[MAXIMUM, start], drive)
+    return displacement(coefficients, values[MAXIMUM, start]) - fall
