@@ -21,7 +21,7 @@ from piezod.devices.wiring import ChannelPair
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import COMMAND_UM, TRUE_UM, VirtualStage, opened
-from piezod.hysteresis import Shadowed, stop_regressors
+from piezod.hysteresis import Shadowed
 from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
 from piezod.units import NS_PER_S
@@ -194,8 +194,8 @@ class StressRig:
     def _drives(self, learned: FloatArray) -> FloatArray:
         weights, offset, scale = learned[:-2], learned[-2], learned[-1]
         y = (1.0 + scale) * _PATH - offset
-        drives: FloatArray = y + stop_regressors(self._model.bank, np.clip(y, 0.0, 1.0)) @ weights
-        return drives
+        inside = np.clip(y, 0.0, 1.0)
+        return self._model.form.drives_at(weights, inside) + (y - inside)
 
 
 _TURNS = (0.0, 1.0, 0.0, 0.7, 0.2, 0.6, 0.3, 0.5, 0.4, 1.0, 0.4, 0.8, 0.5, 0.7)
