@@ -78,6 +78,8 @@ def _smoothing(settings: FitSettings, record: Record) -> str:
 
 def _settings(settings: FitSettings) -> str:
     creep = ", with creep" if settings.creep else ""
+    if settings.method is Method.SURFACE:
+        return f"by {settings.method}, a smooth surface of loops{creep}"
     operators = _count(settings.order, "operator")
     return f"by {settings.method}, {operators} on each side, thresholds {settings.spacing}{creep}"
 

@@ -19,14 +19,17 @@ from piezod.errors import ConfigError, Problem
 Text: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=255)]
 Threshold: TypeAlias = Annotated[float, Quantity(1e-9, 1 - 1e-9)]
 Weight: TypeAlias = Annotated[float, Quantity(-1e6, 1e6)]
-Thresholds: TypeAlias = Annotated[tuple[Threshold, ...], Field(min_length=1, max_length=1000)]
-Weights: TypeAlias = Annotated[tuple[Weight, ...], Field(min_length=1, max_length=1000)]
+Thresholds: TypeAlias = Annotated[tuple[Threshold, ...], Field(max_length=1000)]
+Weights: TypeAlias = Annotated[tuple[Weight, ...], Field(max_length=1000)]
 TimeConstants: TypeAlias = Annotated[
     tuple[Annotated[float, Quantity(1e-4, 1e6, "s")], ...], Field(max_length=50)
 ]
 CreepWeights: TypeAlias = Annotated[
     tuple[Annotated[float, Quantity(0, 0.1)], ...], Field(max_length=50)
 ]
+
+SURFACE_COEFFICIENTS = 24
+"""Number of coefficients of a surface."""
 
 
 class SourceConfig(ConfigModel):
@@ -46,21 +49,21 @@ class FitConfig(ConfigModel):
 
 
 class ModelFile(ConfigModel):
-    """An inverse model of stop operators over normalised displacement, 0 to 1."""
+    """A model of a stage over normalised drive and displacement, 0 to 1."""
 
     format: Literal["piezod-model"] = "piezod-model"
-    version: Literal[1] = 1
+    version: Literal[1, 2] = Field(default=1, description="1: stop operators; 2: a surface.")
     created_at: Text = Field(description="Time of creation, ISO 8601 with the offset from UTC.")
     created_by: Text = Field(description="Program and version that made it.")
-    method: Literal["lms", "least-squares"] = Field(description="Method of the fit.")
+    method: Literal["lms", "least-squares", "surface"] = Field(description="Method of the fit.")
     source: SourceConfig = Field(description="Data of the fit.")
     fit: FitConfig = Field(description="Errors of the fit.")
     drive_low_v: DriveV = Field(description="Drive voltage at 0 of the model, V.")
     drive_high_v: DriveV = Field(description="Drive voltage at 1 of the model, V.")
     position_low_um: PositionUm = Field(description="Position at 0 of the model, µm.")
     position_high_um: PositionUm = Field(description="Position at 1 of the model, µm.")
-    delay_s: Annotated[float, Quantity(0, 1, "s")] = Field(
-        description="Delay from drive to sensor in the data, s."
+    delay_s: Annotated[float, Quantity(-0.1, 1, "s")] = Field(
+        description="Delay from drive to sensor in the data, s; negative if samples are told early."
     )
     creep_time_constants_s: TimeConstants = Field(
         default=(), description="Time constants of the lags of the creep, s."
@@ -68,10 +71,17 @@ class ModelFile(ConfigModel):
     creep_weights: CreepWeights = Field(
         default=(), description="Contribution of each lag, as a fraction of the displacement."
     )
-    right_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
-    right_stop_weights: Weights = Field(description="One for each right threshold.")
-    left_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
-    left_stop_weights: Weights = Field(description="One for each left threshold.")
+    right_stop_thresholds: Thresholds = Field(
+        default=(), description="Increasing, between 0 and 1; version 1."
+    )
+    right_stop_weights: Weights = Field(default=(), description="One for each right threshold.")
+    left_stop_thresholds: Thresholds = Field(
+        default=(), description="Increasing, between 0 and 1; version 1."
+    )
+    left_stop_weights: Weights = Field(default=(), description="One for each left threshold.")
+    surface_coefficients: Weights = Field(
+        default=(), description="c_ij of the surface, version 2: 4 for each of 6 widths."
+    )
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:
@@ -93,8 +103,24 @@ class ModelFile(ConfigModel):
         if not total < 1.0:
             what = f"sum must be below 1, otherwise creep cannot be removed (got {total:g})"
             yield ("creep_weights",), what
+        yield from self._broken_form()
         yield from _broken_side("right", self.right_stop_thresholds, self.right_stop_weights)
         yield from _broken_side("left", self.left_stop_thresholds, self.left_stop_weights)
+
+    def _broken_form(self) -> Iterator[BrokenRule]:
+        stops = {
+            "right_stop_thresholds": self.right_stop_thresholds,
+            "left_stop_thresholds": self.left_stop_thresholds,
+        }
+        needed = SURFACE_COEFFICIENTS if self.version == 2 else 0
+        if len(self.surface_coefficients) != needed:
+            got = len(self.surface_coefficients)
+            what = f"needs {needed} entries in a file of version {self.version} (got {got})"
+            yield ("surface_coefficients",), what
+        for key, thresholds in stops.items():
+            if bool(thresholds) == (self.version == 2):
+                needs = "no entries" if self.version == 2 else "at least one entry"
+                yield (key,), f"needs {needs} in a file of version {self.version}"
 
 
 def _broken_order(high_key: str, high: float, low_key: str, low: float) -> Iterator[BrokenRule]:

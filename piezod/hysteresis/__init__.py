@@ -45,6 +45,8 @@ from piezod.hysteresis.slopes import (
     to_slopes,
     to_weights,
 )
+from piezod.hysteresis.surface_form import SurfaceForm
+from piezod.hysteresis.surface_rls import SurfaceIdentifier
 from piezod.hysteresis.thresholds import (
     even_thresholds,
     graded_thresholds,
@@ -74,6 +76,8 @@ __all__ = [
     "Shadowed",
     "SteppedStage",
     "StopForm",
+    "SurfaceForm",
+    "SurfaceIdentifier",
     "add_creep",
     "asymmetry",
     "even_thresholds",

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from piezod.errors import ModelError
-from piezod.hysteresis.everett import SIZE
+from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.everett_memory import (
     advance_drive,
@@ -13,7 +13,7 @@ from piezod.hysteresis.everett_memory import (
     drive_for,
     new_surface_memory,
 )
-from piezod.hysteresis.memory import FloatArray, IntArray, Memory
+from piezod.hysteresis.memory import MAXIMUM, MINIMUM, RISING, FloatArray, IntArray, Memory
 from piezod.jit import compiled
 
 
@@ -41,6 +41,11 @@ class SurfaceForm:
     def size(self) -> int:
         """Number of coefficients, 24."""
         return SIZE
+
+    @property
+    def two_sided(self) -> bool:
+        """False: every coefficient serves both branches."""
+        return False
 
     def smallest_slope(self, weights: FloatArray) -> float:
         """Return a lower bound of the slopes on all loops; it is monotone if positive."""
@@ -81,6 +86,32 @@ class SurfaceForm:
     def stage(self, weights: FloatArray) -> SurfaceStage:
         """Return a relaxed stage, which makes `positions_at` step by step."""
         return SurfaceStage(weights)
+
+    def widest_loop(
+        self, weights: FloatArray, positions: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the drives on both branches of the widest loop, shape (n,) each."""
+        drives = self.drives_at(weights, np.concatenate((positions, positions[::-1])))
+        return drives[: positions.size], drives[positions.size :][::-1]
+
+    def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:
+        """Return the change of the drives per change of each coefficient, shape (n, 24)."""
+        memory, rows = new_surface_memory(), []
+        for position in positions.tolist():
+            drive = drive_for(memory, weights, position)
+            advance_drive(memory, 0.0, drive)
+            if memory.counts[RISING]:
+                start = memory.levels[MINIMUM, memory.counts[MINIMUM] - 1]
+                _, slope, _ = surface(weights, drive, start)
+            else:
+                start = memory.levels[MAXIMUM, memory.counts[MAXIMUM] - 1]
+                _, _, slope = surface(weights, start, drive)
+            rows.append(-memory.now / slope)  # the position stays
+        return np.array(rows)
+
+    def as_recorded(self, weights: FloatArray) -> FloatArray:
+        """Return the coefficients, shape (..., 24)."""
+        return weights
 
 
 @compiled

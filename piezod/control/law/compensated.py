@@ -26,6 +26,8 @@ from piezod.hysteresis import (
     RLSIdentifier,
     Shadowed,
     StopForm,
+    SurfaceForm,
+    SurfaceIdentifier,
     covariance,
     has_even_thresholds,
     largest_stable_gain,
@@ -96,7 +98,8 @@ def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
     refuse_unstable(
         config.trim.gain_per_s,
         period_s,
-        delay_s + 0.5 * period_s,  # counted from the middle of the cycle in which a voltage holds
+        max(delay_s, 0.0)
+        + 0.5 * period_s,  # counted from the middle of the cycle in which a voltage holds
         mode.frequency_hz if mode else None,
         mode.damping if mode else None,
     )
@@ -179,6 +182,9 @@ def _adaptation(
     match form:
         case StopForm(bank):
             return _stop_adaptation(config, bank, weights, pace)
+        case SurfaceForm():
+            deadband = config.compensator.deadband_pct / 100.0
+            return SurfaceIdentifier(weights, pace=pace, deadband=deadband)
     raise TypeError(f"no identifier for a {type(form).__name__}")
 
 
@@ -216,6 +222,8 @@ def _pace(config: AxisConfig, form: ModelForm, period_ns: int) -> float:
     match form:
         case StopForm(bank):
             share = _stop_share(config, bank)
+        case SurfaceForm():
+            share = RLS_SHARE
         case _:
             raise TypeError(f"no identifier for a {type(form).__name__}")
     return learning_pace(period_ns / NS_PER_S, config.first_mode, share)

@@ -4,7 +4,8 @@ from typing import Protocol
 
 from piezod.control.law.creep import CreepState
 from piezod.control.law.step import StopKernel
-from piezod.hysteresis import ModelForm, StopForm
+from piezod.control.law.surface_step import SurfaceKernel
+from piezod.hysteresis import ModelForm, StopForm, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -72,4 +73,6 @@ def new_kernel(form: ModelForm, weights: FloatArray, creep: CreepState) -> Compe
     match form:
         case StopForm(bank):
             return StopKernel(bank, weights, creep)
+        case SurfaceForm():
+            return SurfaceKernel(weights, creep)
     raise TypeError(f"no compensator for a {type(form).__name__}")

@@ -8,7 +8,7 @@ from piezod.config.model_file import ModelFile, load_model
 from piezod.control.law.creep import CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.errors import ConfigError, ModelError, Problem
-from piezod.hysteresis import AffineRange, ModelForm, StopForm, new_bank
+from piezod.hysteresis import AffineRange, ModelForm, StopForm, SurfaceForm, new_bank
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -43,6 +43,8 @@ def _hysteresis(file: ModelFile) -> tuple[ModelForm, FloatArray]:
         case 1:
             bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
             return StopForm(bank), np.array([*file.left_stop_weights, *file.right_stop_weights])
+        case 2:
+            return SurfaceForm(), np.array(file.surface_coefficients)
 
 
 def read_model(path: Path) -> tuple[StageModel, ModelFile]:

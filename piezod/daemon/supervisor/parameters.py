@@ -237,10 +237,12 @@ def _with_weights(model: ModelFile | None, learned: LearnedAxis) -> ModelFile | 
         return None
     weights = tuple(learned.weights.tolist())
     left = len(model.left_stop_thresholds)
+    named = {"left_stop_weights": weights[:left], "right_stop_weights": weights[left:]}
+    if model.version == 2:
+        named = {"surface_coefficients": weights}
     return model.model_copy(
         update={
-            "left_stop_weights": weights[:left],
-            "right_stop_weights": weights[left:],
+            **named,
             "created_at": datetime.now(UTC).isoformat(timespec="seconds"),
             "created_by": f"piezod {piezod.__version__}, learned in the loop",
         }

@@ -6,7 +6,7 @@ from piezod.control.law.model import StageModel
 from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
-from piezod.hysteresis import ModelForm, StopForm
+from piezod.hysteresis import ModelForm, StopForm, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 
@@ -74,4 +74,6 @@ def _hysteresis_parameters(form: ModelForm, weights: FloatArray) -> dict[str, Fl
                 "left_stop_thresholds": inverse.left_stop_thresholds,
                 "left_stop_weights": inverse.left_stop_weights,
             }
+        case SurfaceForm():
+            return {"surface_coefficients": weights}
     raise TypeError(f"no account of a {type(form).__name__}")

@@ -11,7 +11,6 @@ from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, estimate_delay, has_one_frequency
 from piezod.experiment.fit.least_squares import (
     LeastSquaresFit,
-    Linearised,
     Series,
     SlowParameters,
     fit_least_squares,
@@ -20,8 +19,10 @@ from piezod.experiment.fit.least_squares import (
 from piezod.experiment.fit.lms_passes import repeated_lms
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.prediction import predicted_v
+from piezod.experiment.fit.problem import LinearProblem, Problem
 from piezod.experiment.fit.record import Record, Rows
 from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.surface_problem import SurfaceProblem
 from piezod.hysteresis import (
     AffineRange,
     StopForm,
@@ -45,19 +46,17 @@ class Fit:
         model: The model.
         settings: Settings of the fit.
         delay: Estimate of the delay, None if the delay was given.
-        smallest_slope: Smallest slope of the inverse model; it is monotone if positive.
+        smallest_slope: Smallest slope of the model; it is monotone if positive.
         problem: The problem that was solved.
         linearised: The problem, linear around the solution; None for LMS.
-        bank: (2, 2 M) thresholds and gains of the stops.
     """
 
     model: StageModel
     settings: FitSettings
     delay: DelayEstimate | None
     smallest_slope: float
-    problem: "FitProblem" = field(repr=False)
-    linearised: Linearised | None = field(repr=False)
-    bank: FloatArray = field(repr=False)
+    problem: Problem = field(repr=False)
+    linearised: LinearProblem | None = field(repr=False)
 
     @property
     def record(self) -> Record:
@@ -72,17 +71,9 @@ class Fit:
         """Return the model of the same record without some samples, shape (n,).
 
         These samples advance memory and creep, as a run-in does. Ranges, thresholds and delay are
-        those of the whole record. The problem of least squares is the one that is linear around its
-        solution.
+        those of the whole record. The problem is the one that is linear around its solution.
         """
-        bank, delay_s = self.bank, self.model.delay_s
-        if self.linearised is None:
-            weights, slow_parameters = self.problem.lms(bank, delay_s, held_out), SlowParameters()
-        else:
-            parameters = self.linearised.solved(self.linearised.counted & ~held_out)
-            weights, slow = np.split(parameters, [bank.shape[1]])
-            slow_parameters = SlowParameters(*slow)
-        return self.problem.model(bank, weights, slow_parameters, delay_s)
+        return self.problem.without(self.model, self.linearised, held_out)
 
     def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
         """Return the voltage predicted from a record, in V, shape (n,).
@@ -142,6 +133,8 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         ModelError: If the gain of LMS is not stable for this number of operators.
     """
     _check(record, settings)
+    if settings.method is Method.SURFACE:
+        return _fit_surface(record, settings)
     problem = FitProblem(settings.as_fitted(record), settings)
     bank, slow_parameters, linearised = problem.bank(), SlowParameters(), None
     # Creep looks like a delay, so both are searched together. With one frequency they cannot be
@@ -155,7 +148,25 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         weights, slow_parameters, linearised = problem.least_squares(bank, delay_s)
     model = problem.model(bank, weights, slow_parameters, delay_s)
     slope = model.form.smallest_slope(model.weights)
-    return Fit(model, settings, estimate, slope, problem, linearised, bank)
+    return Fit(model, settings, estimate, slope, problem, linearised)
+
+
+def _fit_surface(record: Record, settings: FitSettings) -> Fit:
+    problem = SurfaceProblem(settings.as_fitted(record), settings)
+    start_s = settings.delay_s
+    if start_s is None:
+        stops = FitProblem(problem.record, settings)
+        even = even_thresholds(settings.order)
+        estimate, start_s = stops.delay(new_bank(even, even), SlowParameters())
+    one_frequency = has_one_frequency(record.drive_v)
+    linearised = problem.solve(start_s, search_delay=settings.delay_s is None and not one_frequency)
+    model = problem.model(linearised.parameters)
+    if settings.delay_s is not None:
+        estimate = None
+    elif not one_frequency:
+        estimate = problem.delay(linearised)
+    slope = model.form.smallest_slope(model.weights)
+    return Fit(model, settings, estimate, slope, problem, linearised)
 
 
 class FitProblem:
@@ -168,9 +179,26 @@ class FitProblem:
 
     def __init__(self, record: Record, settings: FitSettings) -> None:
         counted = record.counted()
-        self.record, self._settings = record, settings
+        self._record, self._settings = record, settings
         self.drive_v = _range_of(record.drive_v[counted])
         self._position_um = _range_of(record.position_um[counted])
+
+    @property
+    def record(self) -> Record:
+        """The record, prepared for the method."""
+        return self._record
+
+    def without(
+        self, model: StageModel, linearised: LinearProblem | None, held_out: Rows
+    ) -> StageModel:
+        """Return the model of the record without some samples, as `Problem.without`."""
+        assert isinstance(model.form, StopForm)  # noqa: S101 - this problem makes no other
+        bank, delay_s = model.form.bank, model.delay_s
+        if linearised is None:
+            return self.model(bank, self.lms(bank, delay_s, held_out), SlowParameters(), delay_s)
+        parameters = linearised.solved(linearised.counted & ~held_out)
+        weights, slow = np.split(parameters, [bank.shape[1]])
+        return self.model(bank, weights, SlowParameters(*slow), delay_s)
 
     def series(self, delay_s: float) -> Series:
         """Return the normalised record, with each displacement beside its voltage."""

@@ -10,6 +10,8 @@ class Method(StrEnum):
     """The update of the paper, eq. (29), sample by sample, several times over the record."""
     LEAST_SQUARES = "least-squares"
     """All weights at once over the whole record, such that an inverse exists."""
+    SURFACE = "surface"
+    """A forward model with a smooth Everett surface, inverted while it runs; beyond the paper."""
 
 
 class Spacing(StrEnum):

@@ -13,7 +13,7 @@ import piezod
 from piezod.config.model_file import FitConfig, ModelFile, SourceConfig
 from piezod.errors import ModelError
 from piezod.experiment.fit.fit import Fit
-from piezod.hysteresis import StopForm
+from piezod.hysteresis import StopForm, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -51,6 +51,9 @@ def to_model_file(
         match model.form:
             case StopForm(bank):
                 return _stops_file(bank, model.weights, common)
+            case SurfaceForm():
+                coefficients = tuple(model.weights.tolist())
+                return ModelFile(version=2, surface_coefficients=coefficients, **common)
     except ValidationError as failure:
         first = failure.errors()[0]
         where = ".".join(map(str, first["loc"]))

@@ -82,6 +82,12 @@ class LinearisedSurface:
         """Predicted minus measured displacement in units of its range, shape (n,)."""
         return self.regressors @ self.parameters - self.target
 
+    def searched_but(self, place: int) -> Rows:
+        """Return the mask of the parameters that are searched, without one."""
+        searched = ~self.fixed
+        searched[place] = False
+        return searched
+
     def covariance(self, residual_variance: float) -> FloatArray:
         """Return the covariance of the parameters without active constraints, shape (34, 34).
 

@@ -7,7 +7,7 @@ import numpy as np
 from piezod.control.law.creep import LAGS_PER_DECADE
 from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.fit import Fit
-from piezod.experiment.fit.least_squares import Linearised
+from piezod.experiment.fit.problem import LinearProblem
 from piezod.hysteresis.memory import FloatArray
 
 SIGMAS_95 = 1.96
@@ -68,7 +68,7 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
     )
 
 
-def covariance_of(linearised: Linearised) -> tuple[float, FloatArray]:
+def covariance_of(linearised: LinearProblem) -> tuple[float, FloatArray]:
     """Return the number of independent samples, and the covariance of the parameters, (p, p).
 
     Neighbouring residuals are correlated, so that they contain less information than their number

@@ -1,0 +1,52 @@
+"""What a fit needs of the problem that it solves, for every form of model."""
+
+from typing import Protocol
+
+from piezod.control.law.model import StageModel
+from piezod.experiment.fit.record import Record, Rows
+from piezod.hysteresis.memory import FloatArray
+
+
+class LinearProblem(Protocol):
+    """A problem around its solution: linear in all parameters."""
+
+    @property
+    def regressors(self) -> FloatArray:
+        """Regressors of the parameters, shape (n, p); those of the weights come first."""
+
+    @property
+    def counted(self) -> Rows:
+        """Mask of the rows that count, shape (n,)."""
+
+    @property
+    def misses(self) -> FloatArray:
+        """Predicted minus recorded value in units of its range, shape (n,)."""
+
+    def covariance(self, residual_variance: float) -> FloatArray:
+        """Return the covariance of the parameters without active constraints, shape (p, p).
+
+        Args:
+            residual_variance: Mean squared residual per independent sample.
+        """
+
+    def solved(self, rows: Rows) -> FloatArray:
+        """Return the parameters that fit these rows best, shape (p,)."""
+
+
+class Problem(Protocol):
+    """A record, and what a fit searches in it."""
+
+    @property
+    def record(self) -> Record:
+        """The record, prepared for the method."""
+
+    def without(
+        self, model: StageModel, linearised: LinearProblem | None, held_out: Rows
+    ) -> StageModel:
+        """Return the model of the record without some samples.
+
+        Args:
+            model: Model of the whole record.
+            linearised: The problem, linear around it; None if it is not linear.
+            held_out: (n,) mask of the samples to leave out.
+        """

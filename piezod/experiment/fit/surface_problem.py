@@ -1,0 +1,118 @@
+"""A record with its ranges, and the parts of the fit of a surface to it."""
+
+import numpy as np
+
+from piezod.control.law.creep import NO_CREEP, TIME_CONSTANTS_S, CreepLaw
+from piezod.control.law.model import StageModel
+from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.problem import LinearProblem
+from piezod.experiment.fit.record import Record, Rows
+from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.surface import (
+    CREEP,
+    DELAY,
+    OFFSET,
+    LinearisedSurface,
+    SurfaceRecord,
+    fit_surface,
+)
+from piezod.hysteresis import AffineRange, SurfaceForm
+from piezod.hysteresis.everett import SIZE, surface
+from piezod.hysteresis.memory import FloatArray
+
+_PERIODS = 2.0
+"""Delays up to this many sample periods around the best one are told, with their errors."""
+_STEPS = 40
+
+
+class SurfaceProblem:
+    """A record with its ranges, and the parts of the fit of a surface.
+
+    Args:
+        record: Drive and displacement, prepared for the method.
+        settings: Settings of the fit.
+    """
+
+    def __init__(self, record: Record, settings: FitSettings) -> None:
+        counted = record.counted()
+        self._record, self._settings = record, settings
+        self._drive_v = _range_of(record.drive_v[counted])
+        self._position_um = _range_of(record.position_um[counted])
+
+    @property
+    def record(self) -> Record:
+        """The record, prepared for the method."""
+        return self._record
+
+    def solve(self, delay_s: float, *, search_delay: bool) -> LinearisedSurface:
+        """Return the best surface, with its creep if `creep` is set.
+
+        Args:
+            delay_s: Delay, or the start of its search, in s.
+            search_delay: Whether the delay is searched.
+        """
+        record = self._record
+        normalised = SurfaceRecord(
+            drives_at=lambda at_s: self._drive_v.to_unit(record.drive_delayed_by(at_s)),
+            positions=self._position_um.to_unit(record.position_um),
+            period_s=record.period_s,
+            from_rest=record.from_rest,
+            counted=record.counted(max(delay_s, 0.0)),
+        )
+        return fit_surface(
+            normalised,
+            creep=self._settings.creep,
+            delay_s=None if search_delay else delay_s,
+            start_delay_s=delay_s,
+        )
+
+    def model(self, parameters: FloatArray) -> StageModel:
+        """Return the model of fitted parameters, shape (34,), in V and µm."""
+        coefficients, weights = parameters[:SIZE], parameters[CREEP:OFFSET]
+        # [0, 1] becomes the range of the displacement without creep at the drives [0, 1].
+        top, _, _ = surface(coefficients, 1.0, 0.0)
+        width_um = self._position_um.width
+        low_um = self._position_um.low + float(parameters[OFFSET]) * width_um
+        return StageModel(
+            SurfaceForm(),
+            coefficients / top,
+            self._drive_v,
+            AffineRange.checked(low_um, low_um + top * width_um),
+            float(parameters[DELAY]) * self._record.period_s,
+            CreepLaw(TIME_CONSTANTS_S, weights.copy()) if weights.any() else NO_CREEP,
+        )
+
+    def without(
+        self,
+        model: StageModel,  # noqa: ARG002 - the linear problem has all of it
+        linearised: LinearProblem | None,
+        held_out: Rows,
+    ) -> StageModel:
+        """Return the model of the record without some samples, as `Problem.without`."""
+        assert linearised is not None  # noqa: S101 - a surface is always fitted by least squares
+        return self.model(linearised.solved(linearised.counted & ~held_out))
+
+    def delay(self, linearised: LinearisedSurface) -> DelayEstimate:
+        """Return the delay with its uncertainty, and the errors of delays around it."""
+        period_s, counted = self._record.period_s, linearised.counted
+        best = float(linearised.parameters[DELAY])
+        periods = best + np.linspace(-_PERIODS, _PERIODS, _STEPS + 1)
+        # Each other delay with the other parameters that fit best to it: a projection.
+        others, _ = np.linalg.qr(linearised.regressors[counted][:, linearised.searched_but(DELAY)])
+        shift = linearised.regressors[counted, DELAY]
+        misses = linearised.misses[counted]
+        shift, misses = (each - others @ (others.T @ each) for each in (shift, misses))
+        squares = [np.mean((misses + (each - best) * shift) ** 2) for each in periods]
+        rms = float(np.sqrt(np.mean(misses**2)))
+        return DelayEstimate(
+            delay_s=best * period_s,
+            candidates_s=periods * period_s,
+            criterion_pct=100.0 * np.sqrt(np.array(squares)),
+            one_frequency=False,
+            # The shift that could hide in the remaining error.
+            uncertainty_s=rms / float(np.sqrt(np.mean(shift**2))) * period_s,
+        )
+
+
+def _range_of(values: FloatArray) -> AffineRange:
+    return AffineRange.checked(float(values.min()), float(values.max()))
