@@ -103,21 +103,26 @@ class ThermalRelays:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoucWen:
-    """Hysteresis x = k·u + h with dh = α·du - β·|du|·h - γ·du·|h|.
+    """Hysteresis x = k·u - h with dh = α·du - β·|du|·h - γ·du·|h|.
 
     The equation is that of T. S. Low and W. Guo, J. Microelectromech. Syst. 4, 1995, for a
     piezoelectric actuator. β+γ = 4.4 lets a branch approach its asymptote within a quarter of the
-    nominal drive. α = -(β+γ)/(2β) follows from both: just after a turn at saturation the hysteretic
-    part stands still, as for relays. α is negative because the displacement lags the drive.
+    nominal drive. α = (β+γ)/(2β) follows from both: just after a turn at saturation the hysteretic
+    part stands still, as for relays.
     """
 
     beta: Annotated[float, ParameterRange("", 0.5, 20, "β, per nominal drive")] = 4.0
     gamma: Annotated[float, ParameterRange("", 0, 0.4, "γ, per nominal drive")] = 0.4
+    # Without it the noise of the amplifier would erase h within a second, at any voltage: |du| adds
+    # up the smallest oscillation. 6 mV of 150 V is 7 times that noise.
+    pinning: Annotated[
+        float, ParameterRange("", 0, 0.01, "oscillation that leaves h as it is, nominal drives")
+    ] = 4e-5
 
     @property
     def alpha(self) -> float:
-        """Return α, for a slope of 1 at saturation."""
-        return -(self.beta + self.gamma) / (2 * self.beta)
+        """α, for a slope of 0 just after a turn at saturation."""
+        return (self.beta + self.gamma) / (2 * self.beta)
 
 
 HysteresisLaw: TypeAlias = PowerLaw | ExponentialDensity | GaussianDensity | ThermalRelays | BoucWen

@@ -70,9 +70,10 @@ CONSTANTS: Final = np.dtype(
         ("adc_step_v", "f8"),  # 0: no quantisation
         ("saturation_v", "f8"),
         ("law", "i8"),  # class of hysteresis; the fields below are 0 for the other classes
-        ("alpha", "f8"),  # of Bouc-Wen, like the next four
+        ("alpha", "f8"),  # of Bouc-Wen, like the next five
         ("beta", "f8"),
         ("gamma", "f8"),
+        ("pinning", "f8"),
         ("g_at_rest", "f8"),
         ("part_at_nominal", "f8"),
         ("attempts", "f8"),  # of the relays, per sub-step
@@ -114,7 +115,8 @@ STATE: Final = np.dtype(
         ("past_slope_v", "f8", (DELAY_BUFFER,)),
         ("noise_used", "i8"),  # sub-steps of the block whose noise has been used
         ("noise", "f8", (NOISE_BLOCK, 2)),
-        ("g", "f8"),  # of Bouc-Wen
+        ("v", "f8"),  # of Bouc-Wen, like the next one
+        ("g", "f8"),
         ("part", "f8"),  # of the relays, since rest
         ("up", "f8", (CELLS, CELLS)),  # fraction of each relay that is up
         ("relays_down", "f8", (CELLS,)),  # rates, for use within a sub-step
@@ -227,7 +229,7 @@ def at_rest(record: Any) -> Any:
     state = np.zeros(1, STATE)
     c = record[0]
     state["gain"] = 1.0
-    state["g"] = c["g_at_rest"]
+    state["v"], state["g"] = c["pinning"], c["g_at_rest"]
     state["up"] = c["relays_at_rest"]
     if c["law"] in (POWER_LAW, TABLE):
         _at_rest_turns(state, record)
