@@ -140,7 +140,7 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
     values = {
         **_amplifier(parameters.amplifier, step_s),
         **_sensor(parameters.sensor, stage.travel_um, step_s),
-        **_hysteresis(parameters.hysteresis, stage.skew, step_s),
+        **_hysteresis(parameters.hysteresis, step_s),
         "drive_v": stage.drive_v,
         "lowest": _LOWEST,
         "highest": _HIGHEST,
@@ -163,16 +163,16 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
     return record
 
 
-def _hysteresis(law: HysteresisLaw, skew: float, step_s: float) -> dict[str, Any]:
+def _hysteresis(law: HysteresisLaw, step_s: float) -> dict[str, Any]:
     match law:
         case PowerLaw():
             return {"law": POWER_LAW}
         case BoucWen():
             return {"law": BOUC_WEN, **bouc_wen_constants(law, _HIGHEST)}
         case ThermalRelays():
-            return {"law": RELAYS, **relay_constants(law, skew, step_s, _LOWEST, _HIGHEST)}
+            return {"law": RELAYS, **relay_constants(law, step_s, _LOWEST, _HIGHEST)}
         case _:
-            return {"law": TABLE, "everett_table": everett_table(law, skew)}
+            return {"law": TABLE, "everett_table": everett_table(law)}
 
 
 def _amplifier(parameters: AmplifierParameters, step_s: float) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from piezod.plant.bouc_wen import risen
 from piezod.plant.plant import Plant
 
 STATIC = ("hysteresis", "asymmetry")
-ALPHA, BETA, GAMMA = 0.55, 4.0, 0.4  # α = (β+γ)/(2β)
+ALPHA, BETA, GAMMA = 0.55, 2.0, 0.2  # α = (β+γ)/(2β)
 PINNING = 4e-5
-REVERSIBLE_UM, IRREVERSIBLE_UM = 12.39, 17.61
+REVERSIBLE_UM, IRREVERSIBLE_UM = 16.1, 13.9
 
 
 def moved(h: float, start: float, end: float) -> float:

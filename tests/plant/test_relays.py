@@ -78,7 +78,7 @@ def test_relays_follow_their_rate_equation(
         to_up = LAW.attempts_hz * np.exp((unit - alpha) / LAW.activation)
         rate = to_up + LAW.attempts_hz * np.exp((beta - unit) / LAW.activation)
         up = to_up / rate + (up - to_up / rate) * np.exp(-rate * 1e-3)
-        expected_um.append(10.7 * unit + 19.3 * (np.sum(weight * up) - rest))
+        expected_um.append(15.7 * unit + 14.3 * (np.sum(weight * up) - rest))
     actual_um = run(make_plant("thermal-relays", only=STATIC), 150 * units).position_um
 
     assert np.ptp(actual_um) > 25
