@@ -1,9 +1,9 @@
 """Cost of one step of the simulated plant: 1 ms of its time, called from Python.
 
 Run it with `python benchmarks/bench_plant.py`. It prints the median over many steps with every
-effect on, with each effect off, and of the driver's whole cycle. Two references are measured in the
-same run: an empty compiled call with the same arguments, and a compiled chain of additions and
-multiplications of known length, which measures the speed of the machine.
+effect on, with each effect off, of each variant, and of the driver's whole cycle. Two references
+are measured in the same run: an empty compiled call with the same arguments, and a compiled chain
+of additions and multiplications of known length, which measures the speed of the machine.
 """
 
 from collections.abc import Callable
@@ -20,6 +20,7 @@ from piezod.plant.kernel import Record
 from piezod.plant.layout import at_rest, constants
 from piezod.plant.parameters import PlantParameters
 from piezod.plant.plant import Plant
+from piezod.plant.variants import VARIANTS
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 
@@ -96,6 +97,7 @@ def main() -> None:
             for effect in EFFECTS
         ),
         ("plant without any effect", plant_us(without(parameters, EFFECTS))),
+        *((f"variant {name}", plant_us(each.parameters)) for name, each in VARIANTS.items()),
         ("driver, read and write, one axis", rig_us(("x",))),
         ("driver, read and write, two axes", rig_us(("x", "y"))),
     ]

@@ -16,6 +16,7 @@ from docs.figures.drawings import (
 )
 from docs.figures.errors import full_table, short_table, worst_of_cases
 from docs.figures.runs import FILES, holds, load, of_the_paper, on_another_specimen, run
+from docs.figures.stages import stages_figure
 from piezod.config.modes import Mode
 from piezod.records.figures import mode_figure, overview_figure, save_png
 
@@ -29,6 +30,7 @@ def main() -> None:
     """Run, draw, and write the table into the page."""
     start_s = perf_counter()
     draw_paper()
+    save_png(IMAGES / "stages.png", stages_figure())
     recordings = {}
     for stage in FILES:
         recordings[stage] = run(load(stage)).recordings

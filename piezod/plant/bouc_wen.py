@@ -1,9 +1,10 @@
 """Bouc-Wen hysteresis, compiled, in closed form for each monotonic move of the drive.
 
-    y = (u + h) / n,   dh = α·du - β·|du|·h - γ·du·|h|
+    y = (u - h) / n,   dh = α·dv - β·|dv|·h - γ·dv·|h|
 
-y is the hysteretic part of the displacement and n its value at the nominal drive. The state is
-g = h/α, which is positive after a rise.
+y is the hysteretic part of the displacement and n its value at the nominal drive. v follows the
+drive u at the distance r, the pinning: it stands still while u oscillates by less. The state is
+v and g = h/α.
 """
 
 from math import exp, log1p
@@ -19,11 +20,11 @@ BOUC_WEN: Final = 2
 
 @compiled
 def risen(g: float, rise: float, beta: float, gamma: float) -> float:
-    """Return g after the drive has risen; a fall of the drive is the same for -g.
+    """Return g after v has risen; a fall is the same for -g.
 
     Args:
         g: At the start.
-        rise: Change of the drive in nominal drives, not negative.
+        rise: Change of v in nominal drives, not negative.
         beta: β.
         gamma: γ, less than β.
     """
@@ -48,11 +49,13 @@ def bouc_wen(unit: float, state: Record, constants: Record) -> float:
         constants: Constants of the plant.
     """
     s, c = state[0], constants[0]
-    if unit >= s.unit:
-        s.g = risen(s.g, unit - s.unit, c.beta, c.gamma)
-    else:
-        s.g = -risen(-s.g, s.unit - unit, c.beta, c.gamma)
-    part = (unit + c.alpha * (s.g - c.g_at_rest)) / c.part_at_nominal
+    if unit - c.pinning > s.v:
+        s.g = risen(s.g, unit - c.pinning - s.v, c.beta, c.gamma)
+        s.v = unit - c.pinning
+    elif unit + c.pinning < s.v:
+        s.g = -risen(-s.g, s.v - unit - c.pinning, c.beta, c.gamma)
+        s.v = unit + c.pinning
+    part = (unit - c.alpha * (s.g - c.g_at_rest)) / c.part_at_nominal
     s.hysteretic = c.reversible * unit + c.irreversible * part
     s.unit = unit
     return float(s.hysteretic)
@@ -66,12 +69,14 @@ def bouc_wen_constants(law: BoucWen, highest: float) -> dict[str, float]:
         highest: Highest drive, in nominal drives.
     """
     saturated = 1 / (law.beta + law.gamma)
-    at_rest = -risen(-saturated, highest, law.beta, law.gamma)
-    at_nominal = risen(at_rest, 1.0, law.beta, law.gamma)
+    way = 2 * law.pinning  # v turns later than the drive, by this distance
+    at_rest = -risen(-saturated, highest - way, law.beta, law.gamma)
+    at_nominal = risen(at_rest, 1 - way, law.beta, law.gamma)
     return {
         "alpha": law.alpha,
         "beta": law.beta,
         "gamma": law.gamma,
+        "pinning": law.pinning,
         "g_at_rest": at_rest,
-        "part_at_nominal": 1 + law.alpha * (at_nominal - at_rest),
+        "part_at_nominal": 1 - law.alpha * (at_nominal - at_rest),
     }

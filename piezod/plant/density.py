@@ -23,21 +23,18 @@ _AT, _SHARE = (_POINTS + 1) / 2, _WEIGHTS / 2  # Gauss-Legendre from 0 to 1
 
 
 @lru_cache(maxsize=8)  # a specimen is built more than once: it is checked before it is used
-def everett_table(law: ExponentialDensity | GaussianDensity, skew: float) -> Array:
+def everett_table(law: ExponentialDensity | GaussianDensity) -> Array:
     """Integrate a density over the range of the drive.
 
     Args:
         law: Density of the relays.
-        skew: Exponent of a factor exp(skew·((α+β)/2 - 1/2)) of the density; it makes the branches
-            of a loop differ.
 
     Returns:
         (NODES, NODES): Everett function at α (rows) and β (columns), 1 at α = 1 and β = 0.
     """
 
     def density(upper: Array, lower: Array) -> Array:
-        middle = (upper + lower) / 2
-        return law.density(upper - lower, middle) * np.exp(skew * (middle - 0.5))
+        return law.density(upper - lower, (upper + lower) / 2)
 
     start = FIRST + SPACING * np.arange(NODES - 1)
     cells = np.zeros((NODES - 1, NODES - 1))

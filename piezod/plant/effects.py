@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, Final
 
+from piezod.plant.laws import ExponentialDensity
 from piezod.plant.parameters import PlantParameters
 
 # Parameter values at which each effect is absent, by part of the plant. Switching an effect off
@@ -55,5 +56,7 @@ def without(parameters: PlantParameters, effects: Iterable[str]) -> PlantParamet
         }
         if effect == "hysteresis":  # the reversible part takes over the whole travel
             changes["stage"] = replace(changes["stage"], reversible_um=parameters.stage.travel_um)
+        if effect == "asymmetry" and isinstance(parameters.hysteresis, ExponentialDensity):
+            changes["hysteresis"] = replace(parameters.hysteresis, asymmetry=0.0)
         parameters = replace(parameters, **changes)
     return parameters

@@ -70,9 +70,10 @@ CONSTANTS: Final = np.dtype(
         ("adc_step_v", "f8"),  # 0: no quantisation
         ("saturation_v", "f8"),
         ("law", "i8"),  # class of hysteresis; the fields below are 0 for the other classes
-        ("alpha", "f8"),  # of Bouc-Wen, like the next four
+        ("alpha", "f8"),  # of Bouc-Wen, like the next five
         ("beta", "f8"),
         ("gamma", "f8"),
+        ("pinning", "f8"),
         ("g_at_rest", "f8"),
         ("part_at_nominal", "f8"),
         ("attempts", "f8"),  # of the relays, per sub-step
@@ -114,7 +115,8 @@ STATE: Final = np.dtype(
         ("past_slope_v", "f8", (DELAY_BUFFER,)),
         ("noise_used", "i8"),  # sub-steps of the block whose noise has been used
         ("noise", "f8", (NOISE_BLOCK, 2)),
-        ("g", "f8"),  # of Bouc-Wen
+        ("v", "f8"),  # of Bouc-Wen, like the next one
+        ("g", "f8"),
         ("part", "f8"),  # of the relays, since rest
         ("up", "f8", (CELLS, CELLS)),  # fraction of each relay that is up
         ("relays_down", "f8", (CELLS,)),  # rates, for use within a sub-step
@@ -138,7 +140,7 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
     values = {
         **_amplifier(parameters.amplifier, step_s),
         **_sensor(parameters.sensor, stage.travel_um, step_s),
-        **_hysteresis(parameters.hysteresis, stage.skew, step_s),
+        **_hysteresis(parameters.hysteresis, step_s),
         "drive_v": stage.drive_v,
         "lowest": _LOWEST,
         "highest": _HIGHEST,
@@ -161,16 +163,16 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
     return record
 
 
-def _hysteresis(law: HysteresisLaw, skew: float, step_s: float) -> dict[str, Any]:
+def _hysteresis(law: HysteresisLaw, step_s: float) -> dict[str, Any]:
     match law:
         case PowerLaw():
             return {"law": POWER_LAW}
         case BoucWen():
             return {"law": BOUC_WEN, **bouc_wen_constants(law, _HIGHEST)}
         case ThermalRelays():
-            return {"law": RELAYS, **relay_constants(law, skew, step_s, _LOWEST, _HIGHEST)}
+            return {"law": RELAYS, **relay_constants(law, step_s, _LOWEST, _HIGHEST)}
         case _:
-            return {"law": TABLE, "everett_table": everett_table(law, skew)}
+            return {"law": TABLE, "everett_table": everett_table(law)}
 
 
 def _amplifier(parameters: AmplifierParameters, step_s: float) -> dict[str, Any]:
@@ -227,7 +229,7 @@ def at_rest(record: Any) -> Any:
     state = np.zeros(1, STATE)
     c = record[0]
     state["gain"] = 1.0
-    state["g"] = c["g_at_rest"]
+    state["v"], state["g"] = c["pinning"], c["g_at_rest"]
     state["up"] = c["relays_at_rest"]
     if c["law"] in (POWER_LAW, TABLE):
         _at_rest_turns(state, record)

@@ -60,13 +60,12 @@ def relax(unit: float, state: Record, constants: Record) -> float:
 
 
 def relay_constants(
-    law: ThermalRelays, skew: float, step_s: float, lowest: float, highest: float
+    law: ThermalRelays, step_s: float, lowest: float, highest: float
 ) -> dict[str, Any]:
     """Return the constants of a stage that came from its highest drive to 0 long ago.
 
     Args:
         law: Parameters.
-        skew: Exponent of a factor exp(skew·((α+β)/2 - 1/2)) of the density.
         step_s: Sub-step in s.
         lowest: Lowest drive, in nominal drives.
         highest: Highest drive, in nominal drives.
@@ -80,7 +79,7 @@ def relay_constants(
     upper, lower = cell[:, None], cell[None, :]
     width, middle = np.maximum(upper - lower, size / 3), (upper + lower) / 2
     density = ExponentialDensity(decay=law.decay).density(width, middle)
-    weight = np.tril(density * np.exp(skew * (middle - 0.5)))
+    weight = np.tril(density)
     weight[np.diag_indices(CELLS)] /= 2  # half of such a cell is below the diagonal
 
     def relaxed(up: Array, unit: float, duration_s: float) -> Array:

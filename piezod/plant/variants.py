@@ -56,36 +56,36 @@ _AFM = PlantParameters(
 )
 
 # The stack with a hysteresis of another class. The share of the hysteretic part gives loops of 15 %
-# of the travel, see `laws.py`; nothing here was chosen after a result of any compensation.
+# of the travel, see `laws.py`; nothing here was chosen after a result of any compensation. The skew
+# is not used.
 
 _EXPONENTIAL = replace(
     _STACK,
-    stage=replace(_STACK.stage, reversible_um=11.83, irreversible_um=18.17, skew=0.0),
+    stage=replace(_STACK.stage, reversible_um=17.21, irreversible_um=12.79, skew=0.0),
     hysteresis=ExponentialDensity(),
 )
 
 _GAUSSIAN = replace(
     _STACK,
-    stage=replace(_STACK.stage, reversible_um=15.43, irreversible_um=14.57, skew=0.0),
+    stage=replace(_STACK.stage, reversible_um=19.86, irreversible_um=10.14, skew=0.0),
     hysteresis=GaussianDensity(),
 )
 
 _ASYMMETRIC = replace(
     _STACK,
-    # The density grows by a factor of 3.8 from 0 V to the full drive.
-    stage=replace(_STACK.stage, reversible_um=12.6, irreversible_um=17.4, skew=1.34),
-    hysteresis=ExponentialDensity(),
+    stage=replace(_STACK.stage, reversible_um=17.64, irreversible_um=12.36, skew=0.0),
+    hysteresis=ExponentialDensity(asymmetry=2.15),
 )
 
 _RELAYS = replace(
     _STACK,
-    stage=replace(_STACK.stage, reversible_um=10.7, irreversible_um=19.3, skew=0.0),
+    stage=replace(_STACK.stage, reversible_um=15.7, irreversible_um=14.3, skew=0.0),
     hysteresis=ThermalRelays(),
 )
 
 _BOUC_WEN = replace(
     _STACK,
-    stage=replace(_STACK.stage, reversible_um=12.39, irreversible_um=17.61, skew=0.0),
+    stage=replace(_STACK.stage, reversible_um=16.1, irreversible_um=13.9, skew=0.0),
     hysteresis=BoucWen(),
 )
 

@@ -128,6 +128,15 @@ TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
             "preisach-gaussian, preisach-asymmetric, thermal-relays, bouc-wen, light-damping, "
             "no-antialias, gain-drift",
         ),
+        (
+            "{variant: preisach-gaussian, stage: {exponent: 1.5}}",
+            "48: stage.exponent: the hysteresis of 'preisach-gaussian' has no exponent; "
+            "leave it out",
+        ),
+        (
+            "{variant: bouc-wen, stage: {skew: 0.5}}",
+            "35: stage.skew: the hysteresis of 'bouc-wen' has no skew; leave it out",
+        ),
         ("stage: {modehz: 5}", "9: stage.modehz: unknown key, did you mean 'mode_hz'?"),
         ("effects: {delays: true}", "11: effects.delays: unknown key, did you mean 'delay'?"),
         ("sensors: {}", "1: sensors: unknown key, did you mean 'sensor'?"),

@@ -14,6 +14,7 @@ from pydantic import Field, create_model, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.plant.effects import EFFECTS, without
+from piezod.plant.laws import PowerLaw
 from piezod.plant.parameters import (
     AmplifierParameters,
     PlantParameters,
@@ -139,6 +140,7 @@ class SimulatedOptions(ConfigModel):
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:
+        raise_rules(self._unused_parameters())
         raise_rules(_broken_rules(self._configured(VARIANTS[self.variant].parameters)))
         return self
 
@@ -161,6 +163,16 @@ class SimulatedOptions(ConfigModel):
         if self.calibration is not None:
             return self.calibration
         return Commissioned() if VARIANTS[self.variant].calibrated else SensorLine()
+
+    def _unused_parameters(self) -> Iterator[BrokenRule]:
+        """Yield given parameters that the variant's class of hysteresis does not have."""
+        law = VARIANTS[self.variant].parameters.hysteresis
+        if isinstance(law, PowerLaw):
+            return
+        for name in self.stage.model_dump(exclude_none=True):
+            if name in ("exponent", "skew"):
+                what = f"the hysteresis of {self.variant!r} has no {name}; leave it out"
+                yield ("stage", name), what
 
     def _configured(self, drawn: PlantParameters) -> PlantParameters:
         configured = PlantParameters(
