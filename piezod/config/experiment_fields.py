@@ -30,7 +30,7 @@ Metric: TypeAlias = Literal[
     "true_nonlinearity_pct",
     "noise_rms_pct",
 ]
-Method: TypeAlias = Literal["lms", "least-squares"]
+Method: TypeAlias = Literal["lms", "least-squares", "surface"]
 
 
 class IdentificationConfig(ConfigModel):

@@ -25,7 +25,7 @@ class SteppedStage(Protocol):
 
 
 class ModelForm(Protocol):
-    """The fixed part of a model of hysteresis. With all weights 0, drive and displacement agree."""
+    """The fixed part of a model of hysteresis."""
 
     @property
     def size(self) -> int:
@@ -34,6 +34,9 @@ class ModelForm(Protocol):
     @property
     def two_sided(self) -> bool:
         """Whether half of the weights belong to the right operators, and half to the left ones."""
+
+    def straight_line(self) -> FloatArray:
+        """Return weights, shape (size,), with which drive and displacement agree."""
 
     def smallest_slope(self, weights: FloatArray) -> float:
         """Return the smallest slope of the model anywhere; it is monotone if positive."""
@@ -114,6 +117,10 @@ class StopForm:
     def two_sided(self) -> bool:
         """True: M weights belong to left stops, and M to right stops."""
         return True
+
+    def straight_line(self) -> FloatArray:
+        """Return weights 0: drive and displacement agree."""
+        return np.zeros(self.size)
 
     def inverse(self, weights: FloatArray) -> InverseMPI:
         """Return the inverse model with a relaxed memory, in closed form."""

@@ -47,6 +47,10 @@ class SurfaceForm:
         """False: every coefficient serves both branches."""
         return False
 
+    def straight_line(self) -> FloatArray:
+        """Return the coefficients, shape (24,), with which drive and displacement agree."""
+        return np.eye(SIZE)[0]
+
     def smallest_slope(self, weights: FloatArray) -> float:
         """Return a lower bound of the slopes on all loops; it is monotone if positive."""
         return least_surface_slope(weights)

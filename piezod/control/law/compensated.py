@@ -80,7 +80,7 @@ def check_identifier(config: AxisConfig, form: ModelForm) -> None:
         ModelError: If the gain is not safe for this form, or if the identifier needs another one.
     """
     # The identifiers check their gain when they are built.
-    _adaptation(config, form, np.zeros(form.size), 1.0)
+    _adaptation(config, form, form.straight_line(), 1.0)
 
 
 def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
@@ -183,9 +183,18 @@ def _adaptation(
         case StopForm(bank):
             return _stop_adaptation(config, bank, weights, pace)
         case SurfaceForm():
-            deadband = config.compensator.deadband_pct / 100.0
-            return SurfaceIdentifier(weights, pace=pace, deadband=deadband)
+            return _surface_adaptation(config, weights, pace)
     raise TypeError(f"no identifier for a {type(form).__name__}")
+
+
+def _surface_adaptation(config: AxisConfig, weights: FloatArray, pace: float) -> SurfaceIdentifier:
+    settings = config.compensator
+    if settings.identifier != "rls":
+        raise ModelError(
+            f"identifier {settings.identifier} learns the weights of stops, and the model is a "
+            "surface: use `identifier: rls`"
+        )
+    return SurfaceIdentifier(weights, pace=pace, deadband=settings.deadband_pct / 100.0)
 
 
 def _stop_adaptation(
