@@ -29,6 +29,7 @@ from piezod.hysteresis import (
     NLMSIdentifier,
     RLSIdentifier,
     Shadowed,
+    StopForm,
     even_thresholds,
     new_bank,
 )
@@ -57,12 +58,12 @@ start_ns = time.perf_counter_ns()
 import numpy as np
 from piezod.config.modes import Mode
 from piezod.control.law.compensator import Compensator
-from piezod.hysteresis import LMSIdentifier, MPIModel, even_thresholds, new_bank
+from piezod.hysteresis import LMSIdentifier, MPIModel, StopForm, even_thresholds, new_bank
 bank = new_bank(even_thresholds(19), even_thresholds(19))
 MPIModel([0.5], [0.1], [0.1]).inverse().step(0.3)
 model_ns = time.perf_counter_ns() - start_ns
 lms = LMSIdentifier(bank)
-compensator = Compensator(bank, np.full(38, 0.01), mode=Mode.ADAPTIVE, fade_cycles=1)
+compensator = Compensator(StopForm(bank), np.full(38, 0.01), mode=Mode.ADAPTIVE, fade_cycles=1)
 lms.step(0.3, compensator.step(0.3, 0.0, 1.0, lms.weights))
 loop_ns = time.perf_counter_ns() - start_ns
 status = pathlib.Path("/proc/self/status").read_text()
@@ -133,10 +134,10 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
     inverse = model(ORDER).inverse()
     bank = new_bank(inverse.left_stop_thresholds, inverse.right_stop_thresholds)
     weights = np.concatenate((inverse.left_stop_weights, inverse.right_stop_weights))
-    lms, following = LMSIdentifier(bank), LMSIdentifier(bank)
+    form, lms, following = StopForm(bank), LMSIdentifier(bank), LMSIdentifier(bank)
     nlms, rls = NLMSIdentifier(bank), RLSIdentifier(bank, weights)
-    by_mode = {mode: Compensator(bank, weights, mode=mode, fade_cycles=1) for mode in Mode}
-    both = Compensator(bank, weights, mode=Mode.ADAPTIVE, fade_cycles=1)
+    by_mode = {mode: Compensator(form, weights, mode=mode, fade_cycles=1) for mode in Mode}
+    both = Compensator(form, weights, mode=Mode.ADAPTIVE, fade_cycles=1)
 
     def every(step: Callable[[float], object]) -> Callable[[], object]:
         def run() -> None:

@@ -12,7 +12,7 @@ from piezod.control.faults.register import FaultRegister
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.creep import CreepState
 from piezod.control.law.gains import check_gains, prefix_errors
-from piezod.control.law.model import StageModel
+from piezod.control.law.model import StageModel, unidentified_form
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
@@ -27,7 +27,7 @@ from piezod.control.watch.loop import LoopWatch
 from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Capabilities
 from piezod.errors import ModelError
-from piezod.hysteresis import AffineRange, even_thresholds, new_bank
+from piezod.hysteresis import AffineRange
 from piezod.units import NS_PER_S, s_to_ns
 
 
@@ -122,11 +122,11 @@ def _proportional_model(axis: StageAxisConfig) -> StageModel:
     It maps the range of the commands to the range of the drive in proportion.
     """
     low_um, high_um = axis.command_range_um or (0.0, 1.0)
-    thresholds = even_thresholds(axis.compensator.operators)
+    form = unidentified_form(axis)
     delay_s = axis.compensator.delay_s
     return StageModel(
-        bank=new_bank(thresholds, thresholds),
-        weights=np.zeros(2 * axis.compensator.operators),
+        form=form,
+        weights=np.zeros(form.size),
         drive_v=AffineRange(axis.limits.drive_min_v, axis.limits.drive_max_v),
         position_um=AffineRange(low_um, high_um),
         delay_s=0.0 if delay_s == "auto" else delay_s,

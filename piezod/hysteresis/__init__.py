@@ -8,12 +8,14 @@ which equation; a search for "eq. (16)" finds the functions of that equation.
 From the bottom up: `memory` (the past extrema that still matter), `bank` (all play operators of a
 model on one memory), `closed_form` (the model with fixed weights as two table look-ups), `slopes`
 (the condition for an inverse). On these build `operators`, `model`, `thresholds`, `least_squares`
-and the adaptive identifiers `lms`, `nlms` and `rls`. `metrics` computes the errors of a record.
+and the adaptive identifiers `lms`, `nlms` and `rls`. `forms` is how control and experiments see a
+model, whatever its class. `metrics` computes the errors of a record.
 """
 
 from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.bank import new_bank
 from piezod.hysteresis.creep import NO_CREEP, Creep, add_creep, remove_creep
+from piezod.hysteresis.forms import ModelForm, SteppedStage, StopForm
 from piezod.hysteresis.least_squares import (
     identify_least_squares,
     parameter_covariance,
@@ -66,9 +68,12 @@ __all__ = [
     "LMSIdentifier",
     "LearnedModel",
     "MPIModel",
+    "ModelForm",
     "NLMSIdentifier",
     "RLSIdentifier",
     "Shadowed",
+    "SteppedStage",
+    "StopForm",
     "add_creep",
     "asymmetry",
     "even_thresholds",

@@ -20,7 +20,7 @@ from piezod.config.daemon import DaemonConfig, SafetyConfig, load_daemon
 from piezod.control.law.compensated import check_identifier
 from piezod.devices import registry
 from piezod.devices.interface import Identity
-from piezod.hysteresis import graded_thresholds, new_bank
+from piezod.hysteresis import StopForm, graded_thresholds, new_bank
 from tests.commission.axes import configured
 
 WHO = {"rig": Identity("maker", "model", "serial", "firmware")}
@@ -68,7 +68,7 @@ def test_a_profile_can_adopt_any_model_that_identify_makes(tmp_path: Path) -> No
     thresholds = graded_thresholds(19)
 
     assert axis.compensator.delay_s == 0.0003
-    check_identifier(axis, new_bank(thresholds, thresholds))
+    check_identifier(axis, StopForm(new_bank(thresholds, thresholds)))
 
 
 def test_a_slow_stage_is_not_to_be_driven_fast(tmp_path: Path) -> None:

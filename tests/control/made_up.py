@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
 from piezod.control.law.compensator import Compensator
-from piezod.hysteresis import Creep, InverseMPI, new_bank
+from piezod.hysteresis import Creep, InverseMPI, StopForm, new_bank
 from piezod.hysteresis.creep import advance_creep
 
 Array = NDArray[np.float64]
@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 LEFT = np.array([0.1, 0.3, 0.55, 0.8])
 RIGHT = np.array([0.15, 0.4, 0.6, 0.9])
 BANK = new_bank(LEFT, RIGHT)
+FORM = StopForm(BANK)
 WEIGHTS = np.array([0.01, 0.03, 0.04, 0.05, 0.02, 0.01, 0.03, 0.04])  # left stops first
 CREEP = Creep(np.array([0.01, 0.02, 0.02]), 1.0 - np.exp(-1e-3 / np.array([0.03, 0.3, 3.0])))
 """5 % in total, for samples 1 ms apart."""
@@ -48,7 +49,7 @@ def wander(seconds: float) -> Array:
 
 def compensator(mode: Mode, weights: Array = WEIGHTS, fade_cycles: int = 1) -> Compensator:
     """Return a compensator of the stage at rest, without creep."""
-    return Compensator(BANK, weights, mode=mode, fade_cycles=fade_cycles)
+    return Compensator(FORM, weights, mode=mode, fade_cycles=fade_cycles)
 
 
 def drives(

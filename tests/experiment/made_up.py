@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from piezod.control.law.creep import logarithmic
+from piezod.control.law.model import StageModel
 from piezod.experiment.fit.record import Record
-from piezod.hysteresis import InverseMPI, add_creep, even_thresholds
+from piezod.hysteresis import InverseMPI, StopForm, add_creep, even_thresholds
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
 
@@ -26,6 +27,17 @@ def made_up_inverse() -> InverseMPI:
     """Return the inverse model of the made-up stage."""
     thresholds = even_thresholds(ORDER)
     return InverseMPI(thresholds, thresholds, RIGHT_WEIGHTS, LEFT_WEIGHTS)
+
+
+def stops_of(model: StageModel) -> StopForm:
+    """Return the form of a model that is a sum of stops."""
+    assert isinstance(model.form, StopForm)
+    return model.form
+
+
+def inverse_of(model: StageModel) -> InverseMPI:
+    """Return the inverse model of a stage in closed form."""
+    return stops_of(model).inverse(model.weights)
 
 
 def loops(t_s: FloatArray) -> FloatArray:

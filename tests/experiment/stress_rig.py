@@ -21,7 +21,7 @@ from piezod.devices.wiring import ChannelPair
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import COMMAND_UM, TRUE_UM, VirtualStage, opened
-from piezod.hysteresis import Shadowed, stop_regressors
+from piezod.hysteresis import Shadowed
 from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
 from piezod.units import NS_PER_S
@@ -194,7 +194,8 @@ class StressRig:
     def _drives(self, learned: FloatArray) -> FloatArray:
         weights, offset, scale = learned[:-2], learned[-2], learned[-1]
         y = (1.0 + scale) * _PATH - offset
-        drives: FloatArray = y + stop_regressors(self._model.bank, np.clip(y, 0.0, 1.0)) @ weights
+        inside = np.clip(y, 0.0, 1.0)
+        drives: FloatArray = self._model.form.drives_at(weights, inside) + (y - inside)
         return drives
 
 

@@ -21,9 +21,11 @@ from piezod.hysteresis import (
     Convergence,
     LearnedModel,
     LMSIdentifier,
+    ModelForm,
     NLMSIdentifier,
     RLSIdentifier,
     Shadowed,
+    StopForm,
     covariance,
     has_even_thresholds,
     largest_stable_gain,
@@ -69,14 +71,14 @@ class Start(NamedTuple):
     in_force_v: float
 
 
-def check_identifier(config: AxisConfig, bank: FloatArray) -> None:
-    """Refuse a gain, and thresholds, with which the identifier could diverge.
+def check_identifier(config: AxisConfig, form: ModelForm) -> None:
+    """Refuse a gain, and a form, with which the identifier could diverge.
 
     Raises:
-        ModelError: If the gain is not safe for these thresholds, or if the identifier needs others.
+        ModelError: If the gain is not safe for this form, or if the identifier needs another one.
     """
     # The identifiers check their gain when they are built.
-    _adaptation(config, bank, np.zeros(bank.shape[1]), 1.0)
+    _adaptation(config, form, np.zeros(form.size), 1.0)
 
 
 def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
@@ -122,7 +124,7 @@ def compensated_axis(
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
-    pace = _pace(config, model.bank, period_ns)
+    pace = _pace(config, model.form, period_ns)
     identifier = Identifier(
         _shadowed(config, model, pace, period_ns),
         model.drive_v,
@@ -135,7 +137,7 @@ def compensated_axis(
         creep,
     )
     compensator = Compensator(
-        model.bank,
+        model.form,
         model.weights,
         mode=mode,
         fade_cycles=_cycles(FADE_S, period_ns),
@@ -167,11 +169,20 @@ def _convergence(period_ns: int) -> Convergence:
 
 
 def _shadowed(config: AxisConfig, model: StageModel, pace: float, period_ns: int) -> Shadowed:
-    adaptation = _adaptation(config, model.bank, model.weights, pace)
+    adaptation = _adaptation(config, model.form, model.weights, pace)
     return Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns))
 
 
 def _adaptation(
+    config: AxisConfig, form: ModelForm, weights: FloatArray, pace: float
+) -> AdaptiveIdentifier:
+    match form:
+        case StopForm(bank):
+            return _stop_adaptation(config, bank, weights, pace)
+    raise TypeError(f"no identifier for a {type(form).__name__}")
+
+
+def _stop_adaptation(
     config: AxisConfig, bank: FloatArray, weights: FloatArray, pace: float
 ) -> AdaptiveIdentifier:
     settings = config.compensator
@@ -200,17 +211,25 @@ def _adaptation(
     return identifier
 
 
-def _pace(config: AxisConfig, bank: FloatArray, period_ns: int) -> float:
+def _pace(config: AxisConfig, form: ModelForm, period_ns: int) -> float:
     """Return the pace of learning, from the share of its error that the identifier removes."""
+    match form:
+        case StopForm(bank):
+            share = _stop_share(config, bank)
+        case _:
+            raise TypeError(f"no identifier for a {type(form).__name__}")
+    return learning_pace(period_ns / NS_PER_S, config.first_mode, share)
+
+
+def _stop_share(config: AxisConfig, bank: FloatArray) -> float:
     settings = config.compensator
     match settings.identifier:
         case "rls":
-            share = RLS_SHARE
+            return RLS_SHARE
         case "nlms":
-            share = settings.lms_gain
+            return settings.lms_gain
         case "lms":  # it removes 2 γ ‖E - x‖², and its largest stable gain is 1 / ‖E - x‖²
-            share = 2.0 * settings.lms_gain / largest_stable_gain(bank)
-    return learning_pace(period_ns / NS_PER_S, config.first_mode, share)
+            return 2.0 * settings.lms_gain / largest_stable_gain(bank)
 
 
 def _proof(model: StageModel, period_ns: int) -> ModelProof:

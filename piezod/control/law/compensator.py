@@ -1,6 +1,6 @@
 """The inverse compensator with the switch of the paper (section 3), in normalised units.
 
-One memory, that of the inverse model, serves every mode, so that a change of mode loses nothing.
+One memory, that of the kernel, serves every mode, so that a change of mode loses nothing.
 The modes differ in two numbers only. `strength` is 0 for a drive in proportion to the command and 1
 for a compensated drive. `share` is the part of the distance to the identifier's weights that the
 weights move in a cycle. Both are faded over a number of cycles, so that no change makes a jump.
@@ -20,19 +20,18 @@ import numpy as np
 
 from piezod.config.modes import Mode
 from piezod.control.law.creep import AT_REST, CreepState
+from piezod.control.law.kernel import new_kernel
 from piezod.control.law.pace import FOLLOWED_SHARE
-from piezod.control.law.step import BEYOND, OUTSIDE, POSITION, step
-from piezod.hysteresis import LearnedModel
-from piezod.hysteresis.bank import new_bank_memory
-from piezod.hysteresis.memory import MERGED, SEEN, FloatArray
+from piezod.hysteresis import LearnedModel, ModelForm
+from piezod.hysteresis.memory import FloatArray
 
 
 class Compensator:
     """Turns a normalised command into a normalised drive. Its methods are real-time safe.
 
     Args:
-        bank: Thresholds and gains of the inverse model's stops, from `new_bank`.
-        weights: (2 M,) initial weights [a^l, a^r]; all zero if the stage is not yet identified.
+        form: Form of the model.
+        weights: (form.size,) initial weights; all zero if the stage is not yet identified.
         mode: The mode in which it starts.
         fade_cycles: Cycles over which a change of mode or of weights is faded; at least 1.
         share: Share of the distance to the identifier's weights that mode `adaptive` moves in each
@@ -43,7 +42,7 @@ class Compensator:
 
     def __init__(
         self,
-        bank: FloatArray,
+        form: ModelForm,
         weights: FloatArray,
         *,
         mode: Mode,
@@ -53,30 +52,19 @@ class Compensator:
         trimmed_follows: bool = False,
     ) -> None:
         self.weights: FloatArray = weights.copy()
-        """Weights in use, shape (2 M,); they change in place if they follow the identifier."""
+        """Weights in use, shape (size,); they change in place if they follow the identifier."""
         self._offset, self._scale = 0.0, 0.0
         self._target = LearnedModel(weights.copy())
         self._fade_cycles, self._share = fade_cycles, share
         self._has_model = bool(np.any(weights))
-        self._memory = new_bank_memory(bank)
         self._adaptive = {Mode.ADAPTIVE, Mode.TRIMMED} if trimmed_follows else {Mode.ADAPTIVE}
         self._following = False
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
         self._zeroed, self._lags = creep.zeroed, creep.lags.copy()
         self._creep_weights = creep.creep.weights
-        self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
-        # The arrays keep their identity, so that this tuple never has to be built again.
-        self._arguments = (
-            *self._memory,
-            bank,
-            np.empty(bank.shape[1]),
-            self._pending,
-            self.weights,
-            self._lags,
-            creep.creep.gains,
-            self._creep_weights,
-        )
+        # The kernel changes weights and lags in place.
+        self._kernel = new_kernel(form, self.weights, creep._replace(lags=self._lags))
 
     @property
     def mode(self) -> Mode:
@@ -101,24 +89,23 @@ class Compensator:
     @property
     def limited(self) -> bool:
         """Whether the window limited the last requested drive."""
-        return self._pending.item(BEYOND) != 0.0
+        return self._kernel.beyond != 0.0
 
     @property
     def limited_direction(self) -> int:
         """1 if the last drive or displacement could go no higher, -1 if no lower, else 0."""
-        excess = self._pending.item(BEYOND) or self._pending.item(OUTSIDE)
+        excess = self._kernel.beyond or self._kernel.outside
         return (excess > 0.0) - (excess < 0.0)
 
     @property
     def position(self) -> float:
-        """Displacement in the operators after the last drive, unless that drive was not applied."""
-        pending: float = self._pending.item(POSITION)
-        return pending if isfinite(pending) else self._memory.last.item(SEEN)
+        """Displacement of the hysteresis after the last drive that was applied."""
+        return self._kernel.position
 
     @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory has removed."""
-        return int(self._memory.counts[MERGED])
+        return self._kernel.merged_pairs
 
     def switch(self, mode: Mode, proven: LearnedModel | None = None) -> None:
         """Change the mode; the drive changes over without a jump.
@@ -144,7 +131,7 @@ class Compensator:
             self._offset, self._scale = self._target.offset, self._target.scale
 
     def adopt(self, weights: FloatArray) -> None:
-        """Change over to other weights, shape (2 M,), without a jump."""
+        """Change over to other weights, shape (size,), without a jump."""
         self._target.weights[:] = weights
         self._fading = self._fade_cycles
         self._has_model = True
@@ -164,7 +151,7 @@ class Compensator:
     def expected(self) -> float:
         """Displacement that the sensor is expected to show after the last drive, normalised."""
         crept = float(self._creep_weights @ self._lags)
-        # Inverse of the map in `step`: what the operators have, plus creep and drift, as the sensor
+        # Inverse of the map in `step`: what the hysteresis has, plus creep and drift, as the sensor
         # shows it.
         return (self.position + crept + self._offset) / (1.0 + self._scale) - self._zeroed
 
@@ -179,7 +166,7 @@ class Compensator:
 
     def discard_last(self) -> None:
         """Take back the last drive: it was not applied."""
-        self._pending[POSITION] = np.nan
+        self._kernel.discard_last()
 
     def step(
         self,
@@ -197,7 +184,7 @@ class Compensator:
             command: Command in [0, 1]; clamped. NaN means no move.
             low: Lowest drive that the limits allow in this cycle.
             high: Highest drive that the limits allow in this cycle.
-            identified: (2 M,) weights of the identifier, followed in mode `adaptive`.
+            identified: (size,) weights of the identifier, followed in mode `adaptive`.
             offset: Offset of the identifier, followed likewise.
             scale: Scale of the identifier, followed likewise.
             trim: Displacement to add, in units of the range.
@@ -216,8 +203,7 @@ class Compensator:
         stretch = 1.0 + self._scale
         # The sensor's zero contains the creep at that instant, so it is added to the command.
         added = stretch * self._zeroed - self._offset + trim
-        position_arguments = command, stretch, added
-        return step(*self._arguments, target, share, self._strength, *position_arguments, low, high)
+        return self._kernel.step(target, share, self._strength, command, stretch, added, low, high)
 
 
 class DriveHistory:

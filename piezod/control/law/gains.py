@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
 from piezod.control.law.compensated import check_identifier, check_trim
+from piezod.control.law.model import unidentified_form
 from piezod.control.law.model_files import read_model
 from piezod.errors import DataError, ModelError
-from piezod.hysteresis import even_thresholds, new_bank
-from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis import ModelForm
 
 
 def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: bool) -> None:
@@ -30,13 +30,12 @@ def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: boo
     for name, axis in axes.items():
         if axis.model is not None:
             model, _ = read_model(axis.model)
-            properties = LoopProperties(model.bank, model.delay_s, period_s)
+            properties = LoopProperties(model.form, model.delay_s, period_s)
             check_axis_gains(name, axis, properties, trimmed=trimmed)
             continue
-        thresholds = even_thresholds(axis.compensator.operators)
         delay_s = axis.compensator.delay_s
         configured_s = None if delay_s == "auto" else delay_s
-        properties = LoopProperties(new_bank(thresholds, thresholds), configured_s, period_s)
+        properties = LoopProperties(unidentified_form(axis), configured_s, period_s)
         check_axis_gains(name, axis, properties, trimmed=trimmed)
 
 
@@ -44,12 +43,12 @@ class LoopProperties(NamedTuple):
     """Properties that decide which gains of an axis are safe.
 
     Attributes:
-        bank: Thresholds and gains of its model, shape (2, 2 M).
+        form: Form of its model.
         delay_s: Delay from drive to sensor, in s; None while it is unknown.
         period_s: Period of the loop, in s.
     """
 
-    bank: FloatArray
+    form: ModelForm
     delay_s: float | None
     period_s: float
 
@@ -69,7 +68,7 @@ def check_axis_gains(
         ModelError: If a gain is not safe; the text names the axis.
     """
     with prefix_errors(name):
-        check_identifier(axis, properties.bank)
+        check_identifier(axis, properties.form)
         if properties.delay_s is not None and trimmed:
             check_trim(axis, properties.period_s, properties.delay_s)
 

@@ -1,12 +1,13 @@
-"""The identified model of a stage: inverse model, ranges, creep and delay."""
+"""The identified model of a stage: hysteresis, ranges, creep and delay."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from piezod.config.axes import AxisConfig
 from piezod.control.law.creep import NO_CREEP, CreepLaw
 from piezod.errors import DataError
-from piezod.hysteresis import AffineRange, InverseMPI
+from piezod.hysteresis import AffineRange, ModelForm, StopForm
 from piezod.hysteresis.memory import FloatArray
 
 REST_BEYOND = 0.01
@@ -15,29 +16,23 @@ REST_BEYOND = 0.01
 
 @dataclass(frozen=True)
 class StageModel:
-    """An identified inverse model, paper eq. (16), with the ranges, the creep and the delay.
+    """An identified model of hysteresis, with the ranges, the creep and the delay.
 
     Attributes:
-        bank: (2, 2 M) thresholds and gains of the stops.
-        weights: (2 M,) weights [a^l, a^r].
+        form: Form of the model of hysteresis.
+        weights: (form.size,) weights of the form.
         drive_v: Range of the drive that is [0, 1], paper eq. (28), in V.
         position_um: Range of the displacement without creep that is [0, 1], in µm.
         delay_s: Delay of the displacement behind the voltage, in s.
         creep: Creep, which adds to the displacement of the hysteresis.
     """
 
-    bank: FloatArray
+    form: ModelForm
     weights: FloatArray
     drive_v: AffineRange
     position_um: AffineRange
     delay_s: float
     creep: CreepLaw = NO_CREEP
-
-    def inverse(self) -> InverseMPI:
-        """Return the inverse model with a relaxed memory."""
-        left, right = np.split(self.bank[0], 2)
-        left_weights, right_weights = np.split(self.weights, 2)
-        return InverseMPI(right, left, right_weights, left_weights)
 
     def zeroed_at(self, rest_v: float) -> "StageModel":
         """Return the model with the displacement at rest as zero.
@@ -57,9 +52,15 @@ class StageModel:
                 f"rest voltage is {rest_v:g} V; identify with a drive that starts at rest"
             )
         x = np.linspace(0.0, 1.0, 2001)
-        # The inverse model gives drives for positions: interpolate backwards. np.interp needs
-        # drives that do not fall.
-        z = np.maximum.accumulate(self.inverse().run(x))
+        # These are drives for positions: interpolate backwards. np.interp needs drives that do not
+        # fall.
+        rising, _ = self.form.widest_loop(self.weights, x)
+        z = np.maximum.accumulate(rising)
         rest_um = self.position_um.from_unit(float(np.interp(rest, z, x)))
         low, high = self.position_um
         return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
+
+
+def unidentified_form(config: AxisConfig) -> ModelForm:
+    """Return the form for an axis that has no model yet: evenly spaced stops."""
+    return StopForm.even(config.compensator.operators)

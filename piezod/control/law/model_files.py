@@ -8,8 +8,8 @@ from piezod.config.model_file import ModelFile, load_model
 from piezod.control.law.creep import CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.errors import ConfigError, ModelError, Problem
-from piezod.hysteresis import AffineRange, new_bank
-from piezod.hysteresis.slopes import smallest_slope_of
+from piezod.hysteresis import AffineRange, ModelForm, StopForm, new_bank
+from piezod.hysteresis.memory import FloatArray
 
 
 def from_model_file(file: ModelFile) -> StageModel:
@@ -19,9 +19,8 @@ def from_model_file(file: ModelFile) -> StageModel:
         ModelError: If the file has more thresholds on one side than on the other, or if the model
             is not monotone, as no real stage is.
     """
-    bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
-    weights = np.array([*file.left_stop_weights, *file.right_stop_weights])
-    slope = smallest_slope_of(bank, weights)
+    form, weights = _hysteresis(file)
+    slope = form.smallest_slope(weights)
     if slope <= 0.0:
         message = (
             f"the model is not monotone: its smallest slope is {slope:.3g}, allowed is above 0; "
@@ -29,13 +28,21 @@ def from_model_file(file: ModelFile) -> StageModel:
         )
         raise ModelError(message)
     return StageModel(
-        bank=bank,
+        form=form,
         weights=weights,
         drive_v=AffineRange.checked(file.drive_low_v, file.drive_high_v),
         position_um=AffineRange.checked(file.position_low_um, file.position_high_um),
         delay_s=file.delay_s,
         creep=CreepLaw(np.array(file.creep_time_constants_s), np.array(file.creep_weights)),
     )
+
+
+def _hysteresis(file: ModelFile) -> tuple[ModelForm, FloatArray]:
+    """Return the form of the model in a file, and its weights."""
+    match file.version:
+        case 1:
+            bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
+            return StopForm(bank), np.array([*file.left_stop_weights, *file.right_stop_weights])
 
 
 def read_model(path: Path) -> tuple[StageModel, ModelFile]:

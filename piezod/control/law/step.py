@@ -1,8 +1,15 @@
-"""One step of the compensator, compiled with numba."""
+"""One step of the compensator for a sum of stops, compiled with numba."""
 
-from piezod.hysteresis.bank import advance_plays, evaluate_plays, weighted_sum
+from collections.abc import Callable
+from functools import partial
+from math import isfinite
+
+import numpy as np
+
+from piezod.control.law.creep import CreepState
+from piezod.hysteresis.bank import advance_plays, evaluate_plays, new_bank_memory, weighted_sum
 from piezod.hysteresis.creep import advance_creep
-from piezod.hysteresis.memory import SEEN, FloatArray, IntArray, Memory, clamp, locate
+from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, IntArray, Memory, clamp, locate
 from piezod.jit import compiled
 
 POSITION, COMMAND, BEYOND, OUTSIDE = 0, 1, 2, 3
@@ -119,3 +126,59 @@ def step(  # noqa: D417 - arguments are described in groups
     pending[COMMAND] = command
     pending[BEYOND] = requested_drive - drive
     return drive
+
+
+class StopKernel:
+    """Kernel of the compensator for a sum of stops, on a memory of displacements.
+
+    Args:
+        bank: (2, 2 M) thresholds and gains of the stops, from `new_bank`.
+        weights: (2 M,) weights [a^l, a^r] in use; they change in place.
+        creep: Creep so far, and the displacement; its lags change in place.
+    """
+
+    def __init__(self, bank: FloatArray, weights: FloatArray, creep: CreepState) -> None:
+        self._memory = new_bank_memory(bank)
+        self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
+        # The arrays keep their identity, so that they are bound once. A partial function adds no
+        # Python frame to the step.
+        self.step: Callable[
+            [FloatArray, float, float, float, float, float, float, float], float
+        ] = partial(
+            step,
+            *self._memory,
+            bank,
+            np.empty(bank.shape[1]),
+            self._pending,
+            weights,
+            creep.lags,
+            creep.creep.gains,
+            creep.creep.weights,
+        )
+
+    @property
+    def position(self) -> float:
+        """Displacement of the hysteresis after the last drive that was applied."""
+        pending: float = self._pending.item(POSITION)
+        return pending if isfinite(pending) else self._memory.last.item(SEEN)
+
+    @property
+    def beyond(self) -> float:
+        """How far the last requested drive lay outside the window; negative below it."""
+        beyond: float = self._pending.item(BEYOND)
+        return beyond
+
+    @property
+    def outside(self) -> float:
+        """How far the last requested displacement lay outside the range; negative below it."""
+        outside: float = self._pending.item(OUTSIDE)
+        return outside
+
+    @property
+    def merged_pairs(self) -> int:
+        """Number of pairs of extrema that a full memory has removed."""
+        return int(self._memory.counts[MERGED])
+
+    def discard_last(self) -> None:
+        """Take back the last drive: it was not applied."""
+        self._pending[POSITION] = np.nan

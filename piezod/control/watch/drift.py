@@ -9,7 +9,6 @@ import numpy as np
 
 from piezod.control.law.model import StageModel
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
-from piezod.hysteresis.bank import GAINS, advance_plays, new_bank_memory
 from piezod.hysteresis.memory import FloatArray
 
 _LEVELS = 9
@@ -26,14 +25,7 @@ class ModelDrift:
     def __init__(self, model: StageModel, adaptation: AdaptiveIdentifier) -> None:
         rise = np.linspace(0.0, 1.0, _LEVELS)
         self._positions: FloatArray = np.concatenate((rise, rise[::-1]))
-        memory = new_bank_memory(model.bank)
-        rows = []
-        for position in self._positions:
-            advance_plays(memory, model.bank, 0.0, float(position))
-            # The factor of each weight in paper eq. (16): E_j - x = g_j (x - F_j), with the gains g
-            # of the bank.
-            rows.append(model.bank[GAINS] * (position - memory.now))
-        self._per_weight = np.array(rows)
+        self._per_weight = model.form.drive_gradient(model.weights, self._positions)
         self._identified = model.weights.copy()
         self._adaptation = adaptation
         self._moved = np.empty_like(self._identified)

@@ -26,11 +26,10 @@ class Plausible:
 
     def __init__(self, model: StageModel) -> None:
         rise = np.linspace(0.0, 1.0, 513)
-        drives = model.inverse().run(np.concatenate((rise, rise[::-1])))
+        rising, falling = model.form.widest_loop(model.weights, rise)
         grid = np.linspace(0.0, 1.0, _TABLE_SIZE)
-        # The inverse gives drives for positions; np.interp needs them to increase, to swap both.
-        up = np.maximum.accumulate(drives[: rise.size])
-        down = np.maximum.accumulate(drives[rise.size :][::-1])
+        # These are drives for positions; np.interp needs them to increase, to swap both.
+        up, down = np.maximum.accumulate(rising), np.maximum.accumulate(falling)
         one, other = np.interp(grid, up, rise), np.interp(grid, down, rise)
         self._low: list[float] = np.minimum(one, other).tolist()
         self._high: list[float] = np.maximum(one, other).tolist()

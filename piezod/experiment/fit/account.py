@@ -6,6 +6,7 @@ from piezod.control.law.model import StageModel
 from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
+from piezod.hysteresis import ModelForm, StopForm
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 
@@ -52,16 +53,25 @@ def _errors(fit: Fit, record: Record, validation: CrossValidation) -> dict[str, 
 
 def parameters_of(model: StageModel) -> dict[str, FloatArray]:
     """Return all parameters of a model, by name."""
-    inverse = model.inverse()
     return {
-        "right_stop_thresholds": inverse.right_stop_thresholds,
-        "right_stop_weights": inverse.right_stop_weights,
-        "left_stop_thresholds": inverse.left_stop_thresholds,
-        "left_stop_weights": inverse.left_stop_weights,
+        **_hysteresis_parameters(model.form, model.weights),
         "drive_range_v": np.array(model.drive_v),
         "position_range_um": np.array(model.position_um),
         "delay_s": np.array(model.delay_s),
         "creep_time_constants_s": model.creep.time_constants_s,
         "creep_weights": model.creep.weights,
-        "smallest_slope": np.array(inverse.smallest_slope),
+        "smallest_slope": np.array(model.form.smallest_slope(model.weights)),
     }
+
+
+def _hysteresis_parameters(form: ModelForm, weights: FloatArray) -> dict[str, FloatArray]:
+    match form:
+        case StopForm():
+            inverse = form.inverse(weights)
+            return {
+                "right_stop_thresholds": inverse.right_stop_thresholds,
+                "right_stop_weights": inverse.right_stop_weights,
+                "left_stop_thresholds": inverse.left_stop_thresholds,
+                "left_stop_weights": inverse.left_stop_weights,
+            }
+    raise TypeError(f"no account of a {type(form).__name__}")

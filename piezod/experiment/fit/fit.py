@@ -24,6 +24,7 @@ from piezod.experiment.fit.record import Record, Rows
 from piezod.experiment.fit.settings import FitSettings
 from piezod.hysteresis import (
     AffineRange,
+    StopForm,
     even_thresholds,
     graded_thresholds,
     new_bank,
@@ -47,6 +48,7 @@ class Fit:
         smallest_slope: Smallest slope of the inverse model; it is monotone if positive.
         problem: The problem that was solved.
         linearised: The problem, linear around the solution; None for LMS.
+        bank: (2, 2 M) thresholds and gains of the stops.
     """
 
     model: StageModel
@@ -55,6 +57,7 @@ class Fit:
     smallest_slope: float
     problem: "FitProblem" = field(repr=False)
     linearised: Linearised | None = field(repr=False)
+    bank: FloatArray = field(repr=False)
 
     @property
     def record(self) -> Record:
@@ -72,7 +75,7 @@ class Fit:
         those of the whole record. The problem of least squares is the one that is linear around its
         solution.
         """
-        bank, delay_s = self.model.bank, self.model.delay_s
+        bank, delay_s = self.bank, self.model.delay_s
         if self.linearised is None:
             weights, slow_parameters = self.problem.lms(bank, delay_s, held_out), SlowParameters()
         else:
@@ -151,8 +154,8 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
     else:
         weights, slow_parameters, linearised = problem.least_squares(bank, delay_s)
     model = problem.model(bank, weights, slow_parameters, delay_s)
-    slope = model.inverse().smallest_slope
-    return Fit(model, settings, estimate, slope, problem, linearised)
+    slope = model.form.smallest_slope(model.weights)
+    return Fit(model, settings, estimate, slope, problem, linearised, bank)
 
 
 class FitProblem:
@@ -229,7 +232,7 @@ class FitProblem:
         width_um = self._position_um.width / (1.0 + slow_parameters.stretch)
         low_um = self._position_um.low + slow_parameters.offset * width_um
         return StageModel(
-            bank,
+            StopForm(bank),
             weights,
             self.drive_v,
             AffineRange.checked(low_um, low_um + width_um),

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -12,6 +13,7 @@ import piezod
 from piezod.config.model_file import FitConfig, ModelFile, SourceConfig
 from piezod.errors import ModelError
 from piezod.experiment.fit.fit import Fit
+from piezod.hysteresis import StopForm
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -31,33 +33,50 @@ def to_model_file(
         OSError: If the data file cannot be read.
     """
     model = fit.model
-    left_thresholds, right_thresholds = _sides(model.bank[0])
-    left_weights, right_weights = _sides(model.weights)
+    common: dict[str, Any] = {
+        "created_at": created_at.isoformat(timespec="seconds"),
+        "created_by": f"piezod {piezod.__version__}",
+        "method": fit.settings.method.value,
+        "drive_low_v": model.drive_v.low,
+        "drive_high_v": model.drive_v.high,
+        "position_low_um": model.position_um.low,
+        "position_high_um": model.position_um.high,
+        "delay_s": model.delay_s,
+        "creep_time_constants_s": tuple(model.creep.time_constants_s.tolist()),
+        "creep_weights": tuple(model.creep.weights.tolist()),
+    }
     try:
-        return ModelFile(
-            created_at=created_at.isoformat(timespec="seconds"),
-            created_by=f"piezod {piezod.__version__}",
-            method=fit.settings.method.value,
-            source=SourceConfig(file=source.name, sha256=_sha256(source)),
-            fit=FitConfig(**errors_pct),
-            drive_low_v=model.drive_v.low,
-            drive_high_v=model.drive_v.high,
-            position_low_um=model.position_um.low,
-            position_high_um=model.position_um.high,
-            delay_s=model.delay_s,
-            creep_time_constants_s=tuple(model.creep.time_constants_s.tolist()),
-            creep_weights=tuple(model.creep.weights.tolist()),
-            right_stop_thresholds=right_thresholds,
-            right_stop_weights=right_weights,
-            left_stop_thresholds=left_thresholds,
-            left_stop_weights=left_weights,
-        )
+        common["source"] = SourceConfig(file=source.name, sha256=_sha256(source))
+        common["fit"] = FitConfig(**errors_pct)
+        match model.form:
+            case StopForm(bank):
+                return _stops_file(bank, model.weights, common)
     except ValidationError as failure:
         first = failure.errors()[0]
         where = ".".join(map(str, first["loc"]))
         raise ModelError(
             f"a model file cannot hold this model: {where}: {first['msg']}"
         ) from failure
+    raise TypeError(f"no model file for a {type(model.form).__name__}")
+
+
+def _stops_file(bank: FloatArray, weights: FloatArray, common: Mapping[str, Any]) -> ModelFile:
+    """Return a file of version 1.
+
+    Args:
+        bank: (2, 2 M) thresholds and gains of the stops.
+        weights: (2 M,) weights [a^l, a^r].
+        common: Fields that every model has, by name.
+    """
+    left_thresholds, right_thresholds = _sides(bank[0])
+    left_weights, right_weights = _sides(weights)
+    return ModelFile(
+        **common,
+        right_stop_thresholds=right_thresholds,
+        right_stop_weights=right_weights,
+        left_stop_thresholds=left_thresholds,
+        left_stop_weights=left_weights,
+    )
 
 
 def _sides(both: FloatArray) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -5,7 +5,6 @@ import numpy as np
 from piezod.control.law.creep import CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.fit.record import Record
-from piezod.hysteresis import stop_regressors
 from piezod.hysteresis.creep import remove_creep
 from piezod.hysteresis.memory import FloatArray
 
@@ -28,8 +27,7 @@ def predicted_v(model: StageModel, record: Record, deadband: float = 0.0) -> Flo
         deadband: Width of the backlash before the memory, in units of the range.
     """
     y = np.clip(quick_positions(model, record), 0.0, 1.0)
-    # Paper eq. (16), z = x + Σ a_j (E_j - x), for all samples at once.
-    return model.drive_v.from_unit(y + stop_regressors(model.bank, y, deadband) @ model.weights)
+    return model.drive_v.from_unit(model.form.drives_at(model.weights, y, deadband))
 
 
 def without_creep(

@@ -78,7 +78,7 @@ def replay(
         ModelError: If a gain of the configuration is not safe with this model.
     """
     period_s = 1.0 / rate_hz
-    check_identifier(config, model.bank)
+    check_identifier(config, model.form)
     if Mode.TRIMMED.value in modes:
         check_trim(config, period_s, model.delay_s)
     law = _law(recorded, config, model, Mode(str(modes[0])), round(period_s * NS_PER_S))

@@ -75,7 +75,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         for name, axis in config.axes.items()
     }
     for name, one in identified.items():
-        properties = LoopProperties(one.model.bank, one.model.delay_s, period_s)
+        properties = LoopProperties(one.model.form, one.model.delay_s, period_s)
         check_axis_gains(name, config.axes[name], properties, trimmed=trimmed)
     return identified
 

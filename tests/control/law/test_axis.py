@@ -13,7 +13,7 @@ from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.identifier import Identifier, ModelProof
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
-from piezod.hysteresis import AffineRange, Convergence, LearnedModel, even_thresholds, new_bank
+from piezod.hysteresis import AffineRange, Convergence, LearnedModel, StopForm
 from tests.control.fakes import MS, FakeGate, FakeTrim, RecordingIdentifier
 
 DRIVE_V = AffineRange(0.0, 150.0)
@@ -22,7 +22,7 @@ WIDE = Limits(0.0, 150.0, 1e9)
 SLOW = Limits(0.0, 150.0, 2000.0)  # 2 V in a cycle
 START_NS = 500 * MS
 AT_REST = Sample(0, 0.0, valid=True)
-BANK = new_bank(even_thresholds(1), even_thresholds(1))
+FORM = StopForm.even(1)
 
 
 def compensated(
@@ -53,7 +53,7 @@ def compensated(
         reference_um=reference_um,
         drive_v=DRIVE_V,
         position_um=POSITION_UM,
-        compensator=Compensator(BANK, np.array(weights), mode=Mode.FEEDFORWARD, fade_cycles=1),
+        compensator=Compensator(FORM, np.array(weights), mode=Mode.FEEDFORWARD, fade_cycles=1),
         identifier=identifier,
         history=history,
         limits=limits,

@@ -14,7 +14,7 @@ from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, LearnedModel, NLMSIdentifier
 from tests.control.fakes import MS
-from tests.control.made_up import BANK, WEIGHTS, Array, MadeUpStage, wander
+from tests.control.made_up import BANK, FORM, WEIGHTS, Array, MadeUpStage, wander
 
 RANGE = AffineRange(0.0, 1.0)
 FADE = 100
@@ -35,7 +35,7 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
         reference_um=reference,
         drive_v=RANGE,
         position_um=RANGE,
-        compensator=Compensator(BANK, WEIGHTS, mode=mode, fade_cycles=FADE, trimmed_follows=adapts),
+        compensator=Compensator(FORM, WEIGHTS, mode=mode, fade_cycles=FADE, trimmed_follows=adapts),
         identifier=Identifier(adaptation, RANGE, RANGE, history, 0, converged, LearningGate(MS)),
         history=history,
         limits=Limits(0.0, 1.0, 1e9),

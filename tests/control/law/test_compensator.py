@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from piezod.config.modes import Mode
 from piezod.control.law.compensator import Compensator
 from piezod.hysteresis import ExactInverse
-from tests.control.made_up import BANK, WEIGHTS, compensator, drives, inverse, sine
+from tests.control.made_up import FORM, WEIGHTS, compensator, drives, inverse, sine
 
 OTHER = 1.6 * WEIGHTS
 NONE = np.zeros(8)
@@ -54,7 +54,7 @@ def test_adaptive_drive_with_the_frozen_weights_is_feedforward(commands: list[fl
 )
 def test_trimmed_drive_is_that_of_its_base(follows: bool, base: Mode) -> None:
     """Without a trim both drives are the same to the bit."""
-    trimmed = Compensator(BANK, WEIGHTS, mode=Mode.TRIMMED, fade_cycles=1, trimmed_follows=follows)
+    trimmed = Compensator(FORM, WEIGHTS, mode=Mode.TRIMMED, fade_cycles=1, trimmed_follows=follows)
 
     assert drives(trimmed, sine(2), OTHER) == drives(compensator(base), sine(2), OTHER)
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from piezod.config.modes import Mode
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
-from tests.control.made_up import BANK, CREEP, WEIGHTS, Array, MadeUpStage
+from tests.control.made_up import CREEP, FORM, WEIGHTS, Array, MadeUpStage
 
 RELAXED = CreepState(CREEP, np.zeros(3), 0.0, 0.0)
 WINDOWS = st.one_of(
@@ -22,7 +22,7 @@ CYCLES = st.lists(
 
 def compensator(creep: CreepState = RELAXED) -> Compensator:
     """Return a compensator of the made-up stage, without a fade."""
-    return Compensator(BANK, WEIGHTS, mode=Mode.FEEDFORWARD, fade_cycles=1, creep=creep)
+    return Compensator(FORM, WEIGHTS, mode=Mode.FEEDFORWARD, fade_cycles=1, creep=creep)
 
 
 def driven(subject: Compensator, stage: MadeUpStage, commands: Array) -> tuple[Array, Array]:
@@ -45,7 +45,7 @@ def test_position_stays_after_a_step() -> None:
 def test_stage_creeps_without_creep_in_the_model() -> None:
     """Without compensation the stage of the test above creeps by more than 2 %."""
     step = np.full(10_000, 0.6)
-    plain = Compensator(BANK, WEIGHTS, mode=Mode.FEEDFORWARD, fade_cycles=1)
+    plain = Compensator(FORM, WEIGHTS, mode=Mode.FEEDFORWARD, fade_cycles=1)
 
     drives, positions = driven(plain, MadeUpStage(), step)
 

@@ -10,13 +10,20 @@ from piezod.control.faults.detection import Detection
 from piezod.control.law.identifier import ModelProof
 from piezod.control.law.model import StageModel
 from piezod.control.watch.adaptation import AdaptationWatch
-from piezod.hysteresis import LearnedModel, RLSIdentifier, Shadowed, even_thresholds, new_bank
+from piezod.hysteresis import (
+    LearnedModel,
+    RLSIdentifier,
+    Shadowed,
+    StopForm,
+    even_thresholds,
+    new_bank,
+)
 from piezod.hysteresis.normalisation import AffineRange
 from tests.control.fakes import MS
 
 POSITION_UM = AffineRange(0.0, 30.0)
 BANK = new_bank(even_thresholds(5), even_thresholds(5))
-MODEL = StageModel(BANK, np.full(10, 0.02), AffineRange(0.0, 150.0), POSITION_UM, 0.0)
+MODEL = StageModel(StopForm(BANK), np.full(10, 0.02), AffineRange(0.0, 150.0), POSITION_UM, 0.0)
 
 
 def learner() -> Shadowed:

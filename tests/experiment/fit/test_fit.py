@@ -20,6 +20,7 @@ from tests.experiment.made_up import (
     POSITION_UM,
     RATE_HZ,
     RIGHT_WEIGHTS,
+    inverse_of,
     made_up_inverse,
     record_of,
 )
@@ -42,7 +43,7 @@ def test_least_squares_finds_the_weights() -> None:
     """It finds the weights of a stage made of stops at the same thresholds."""
     fit = fitted(record_of())
 
-    inverse = fit.model.inverse()
+    inverse = inverse_of(fit.model)
     assert inverse.left_stop_weights == pytest.approx(LEFT_WEIGHTS, abs=5e-4)
     assert inverse.right_stop_weights == pytest.approx(RIGHT_WEIGHTS, abs=5e-4)
     assert fit.smallest_slope == pytest.approx(made_up_inverse().smallest_slope, abs=5e-4)
@@ -101,7 +102,7 @@ def test_prediction_is_the_inverse_model_s_output() -> None:
 
     x = np.clip(model.position_um.to_unit(record.position_um), 0.0, 1.0)
 
-    expected_v = model.drive_v.from_unit(model.inverse().run(x))
+    expected_v = model.drive_v.from_unit(inverse_of(model).run(x))
     assert predicted_v(model, record) == pytest.approx(expected_v, abs=1e-9)
 
 
@@ -215,7 +216,7 @@ def test_rest_between_the_ends_is_a_step_up_from_the_lower_one() -> None:
     at_rest = model.position_um.low - model.zeroed_at(middle_v).position_um.low
     unit = model.position_um.to_unit(at_rest)
 
-    assert model.inverse().step(unit) == pytest.approx(0.5, abs=1e-3)
+    assert inverse_of(model).step(unit) == pytest.approx(0.5, abs=1e-3)
 
 
 def test_rest_voltage_outside_the_model_is_refused() -> None:

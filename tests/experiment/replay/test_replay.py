@@ -80,7 +80,7 @@ def test_worse_model_is_told_apart(recording: Path) -> None:
     """A model almost without hysteresis is as bad as no compensation; the right one is better."""
     shipped = shipped_model()
     line = StageModel(
-        shipped.bank,
+        shipped.form,
         0.01 * shipped.weights,  # not 0: an axis without weights adopts learned ones
         shipped.drive_v,
         shipped.position_um,

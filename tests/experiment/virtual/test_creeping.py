@@ -8,19 +8,19 @@ from hypothesis import strategies as st
 from piezod.control.law.creep import CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.virtual.creeping import Creeping
-from piezod.hysteresis import AffineRange, add_creep, even_thresholds, new_bank
+from piezod.hysteresis import AffineRange, StopForm, add_creep
 from piezod.hysteresis.memory import FloatArray
 
 PERIOD_S = 0.01
 LAW = CreepLaw(np.array([0.1, 1.0, 10.0]), np.array([0.01, 0.02, 0.03]))
 WIDTH_UM = 30.0
-BANK = new_bank(even_thresholds(2), even_thresholds(2))
+FORM = StopForm.even(2)
 
 
 def model_at(rest: float, law: CreepLaw = LAW) -> StageModel:
     """Return a model whose zero is at a rest within its range."""
     position_um = AffineRange(-rest * WIDTH_UM, (1.0 - rest) * WIDTH_UM)
-    return StageModel(BANK, np.zeros(4), AffineRange(0.0, 150.0), position_um, 0.0, law)
+    return StageModel(FORM, np.zeros(4), AffineRange(0.0, 150.0), position_um, 0.0, law)
 
 
 class CreepingStage:

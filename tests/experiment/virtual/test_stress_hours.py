@@ -8,6 +8,7 @@ from piezod.config.waveforms import Reversals
 from piezod.control.reference.waveforms import build_waveform
 from piezod.hysteresis.slopes import LEAST_SLOPE, cells, fill_slopes, least_slope
 from tests.conftest import Figure
+from tests.experiment.made_up import stops_of
 from tests.experiment.stress_rig import (
     HIGH_UM,
     LOW_UM,
@@ -86,7 +87,7 @@ def random_commands(stage: Identified, duration_s: float, most_pct: float, figur
         kind="reversals", low=LOW_UM, high=HIGH_UM, min_swing=0.5, min_speed=1, max_speed=50, seed=4
     )
     rig = StressRig(stage, build_waveform(command, duration_s).value)
-    bank, weights = stage.model.bank, rig.axis.identifier.weights
+    bank, weights = stops_of(stage.model).bank, rig.axis.identifier.weights
     widths = cells(bank)
     slopes, least = np.empty_like(widths), np.inf
 

@@ -1,0 +1,160 @@
+"""Forms of a model of hysteresis: the part that is fixed while the weights are identified.
+
+Each method gets the weights, so that one form serves the identified and the learned model. All
+quantities are normalised. A record starts in the relaxed state, and contains no creep.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from piezod.hysteresis.bank import new_bank
+from piezod.hysteresis.least_squares import stop_regressors
+from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.model import InverseMPI
+from piezod.hysteresis.slopes import projected
+from piezod.hysteresis.thresholds import even_thresholds
+
+
+class SteppedStage(Protocol):
+    """A stage without creep that is driven step by step."""
+
+    def step(self, drive: float, /) -> float:
+        """Return the displacement for the next drive in [0, 1]. Real-time safe."""
+
+
+class ModelForm(Protocol):
+    """The fixed part of a model of hysteresis. With all weights 0, drive and displacement agree."""
+
+    @property
+    def size(self) -> int:
+        """Number of weights."""
+
+    @property
+    def two_sided(self) -> bool:
+        """Whether half of the weights belong to the right operators, and half to the left ones."""
+
+    def smallest_slope(self, weights: FloatArray) -> float:
+        """Return the smallest slope of the model anywhere; it is monotone if positive."""
+
+    def projected(self, weights: FloatArray) -> FloatArray:
+        """Return the weights, shape (size,), projected onto models that can be inverted."""
+
+    def drives_at(
+        self, weights: FloatArray, positions: FloatArray, deadband: float = 0.0
+    ) -> FloatArray:
+        """Return the drives for a record of displacements, shape (n,).
+
+        Args:
+            weights: (size,) weights.
+            positions: (n,) displacements in [0, 1].
+            deadband: Width of the backlash before the memory, in units of the range.
+        """
+
+    def positions_at(self, weights: FloatArray, drives: FloatArray) -> FloatArray:
+        """Return the displacements for a record of drives in [0, 1], shape (n,).
+
+        Raises:
+            ModelError: If the model is not invertible from every reachable state.
+        """
+
+    def stage(self, weights: FloatArray) -> SteppedStage:
+        """Return a relaxed stage, which makes `positions_at` step by step.
+
+        Raises:
+            ModelError: If the model is not invertible from every reachable state.
+        """
+
+    def widest_loop(
+        self, weights: FloatArray, positions: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the drives on both branches of the widest loop, shape (n,) each.
+
+        Args:
+            weights: (size,) weights.
+            positions: (n,) displacements that increase from 0 to 1.
+
+        Returns:
+            Drives at these displacements while they rise, and while they fall.
+        """
+
+    def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:
+        """Return the change of the drives per change of each weight, shape (n, size).
+
+        The arguments are those of `drives_at`.
+        """
+
+    def as_recorded(self, weights: FloatArray) -> FloatArray:
+        """Return weights, shape (..., size), in the order of the record of an experiment."""
+
+
+@dataclass(frozen=True, eq=False)
+class StopForm:
+    """An inverse model as a sum of stop operators, paper eq. (16), on a memory of displacements.
+
+    Attributes:
+        bank: (2, 2 M) thresholds and gains of the stops, from `new_bank`; weights are [a^l, a^r].
+    """
+
+    bank: FloatArray
+
+    @classmethod
+    def even(cls, order: int) -> "StopForm":
+        """Return the form with evenly spaced thresholds, `order` on each side."""
+        thresholds = even_thresholds(order)
+        return cls(new_bank(thresholds, thresholds))
+
+    @property
+    def size(self) -> int:
+        """Number of weights, 2 M."""
+        return self.bank.shape[1]
+
+    @property
+    def two_sided(self) -> bool:
+        """True: M weights belong to left stops, and M to right stops."""
+        return True
+
+    def inverse(self, weights: FloatArray) -> InverseMPI:
+        """Return the inverse model with a relaxed memory, in closed form."""
+        left, right = np.split(self.bank[0], 2)
+        left_weights, right_weights = np.split(weights, 2)
+        return InverseMPI(right, left, right_weights, left_weights)
+
+    def smallest_slope(self, weights: FloatArray) -> float:
+        """Return the smallest slope of the model anywhere; it is monotone if positive."""
+        return self.inverse(weights).smallest_slope
+
+    def projected(self, weights: FloatArray) -> FloatArray:
+        """Return the weights, shape (2 M,), projected onto models that can be inverted."""
+        return projected(self.bank, weights)
+
+    def drives_at(
+        self, weights: FloatArray, positions: FloatArray, deadband: float = 0.0
+    ) -> FloatArray:
+        """Return z = x + Σ a_j (E_j - x) for a record of displacements, shape (n,)."""
+        return positions + stop_regressors(self.bank, positions, deadband) @ weights
+
+    def positions_at(self, weights: FloatArray, drives: FloatArray) -> FloatArray:
+        """Return the displacements for a record of drives in [0, 1], shape (n,)."""
+        return self.inverse(weights).exact_inverse().run(drives)
+
+    def stage(self, weights: FloatArray) -> SteppedStage:
+        """Return a relaxed stage, which makes `positions_at` step by step."""
+        return self.inverse(weights).exact_inverse()
+
+    def widest_loop(
+        self, weights: FloatArray, positions: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the drives on both branches of the widest loop, shape (n,) each."""
+        drives = self.inverse(weights).run(np.concatenate((positions, positions[::-1])))
+        return drives[: positions.size], drives[positions.size :][::-1]
+
+    def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:  # noqa: ARG002 - the drive is linear in the weights
+        """Return E - x of all stops, shape (n, 2 M), paper eq. (29)."""
+        return stop_regressors(self.bank, positions)
+
+    def as_recorded(self, weights: FloatArray) -> FloatArray:
+        """Return the weights [a^r, a^l] of weights [a^l, a^r], shape (..., 2 M)."""
+        left, right = np.split(weights, 2, axis=-1)
+        return np.concatenate((right, left), axis=-1)
