@@ -195,7 +195,8 @@ class StressRig:
         weights, offset, scale = learned[:-2], learned[-2], learned[-1]
         y = (1.0 + scale) * _PATH - offset
         inside = np.clip(y, 0.0, 1.0)
-        return self._model.form.drives_at(weights, inside) + (y - inside)
+        drives: FloatArray = self._model.form.drives_at(weights, inside) + (y - inside)
+        return drives
 
 
 _TURNS = (0.0, 1.0, 0.0, 0.7, 0.2, 0.6, 0.3, 0.5, 0.4, 1.0, 0.4, 0.8, 0.5, 0.7)
