@@ -3,12 +3,12 @@
 While the drive of a stage rises from a minimum β to α, its displacement rises by E(α, β); while the
 drive falls from a maximum α to β, it falls by the same amount. A Preisach model is its Everett
 function E on the triangle 0 ≤ β ≤ α ≤ 1. Here E is a polynomial in the square root of the width D
-and in the middle of the loop, with 24 coefficients in which it is linear:
+and in the middle of the loop, linear in its 24 coefficients:
 
     E(α, β) = Σ_{i<6, j<4} c_ij D P_i(2√D - 1) P_j(α + β - 1),   D = α - β,
 
-with the Legendre polynomials P_n. The powers D, D^1.5, D², … of the width follow the density of real
-stages, which is large for narrow loops. The factor D makes E vanish on the diagonal.
+with the Legendre polynomials P_n. The powers D, D^1.5, D², … of the width follow the density of
+real stages, which is large for narrow loops. The factor D makes E vanish on the diagonal.
 
 The rising branch has the slope ∂E/∂α, the falling one -∂E/∂β:
 

@@ -10,6 +10,7 @@ is at least ε on every loop.
 """
 
 from functools import lru_cache
+from itertools import pairwise
 from math import comb
 
 import numpy as np
@@ -30,8 +31,8 @@ def slope_rows() -> FloatArray:
     """
     middles, to_middles = _nodes(_DEGREES[1], -1.0, 1.0)
     rows = []
-    for low, high in zip(_STRIPS[:-1], _STRIPS[1:], strict=True):
-        roots, to_roots = _nodes(_DEGREES[0], float(low), float(high))
+    for low, high in pairwise(_STRIPS.tolist()):
+        roots, to_roots = _nodes(_DEGREES[0], low, high)
         at_nodes = np.array([[_slopes_at(t, middle) for middle in middles] for t in roots])
         # (roots, middles, 2, 24) values become coefficients along the first two axes.
         rows.append(np.einsum("at,bs,tsij->abij", to_roots, to_middles, at_nodes))

@@ -3,7 +3,8 @@
 This is the Kalman filter of `rls`, in forward form. The regressors come from the drive, which is
 known without noise:
 
-    displacement = Σ c_ij b_ij + offset,   K = P b / (R + b' P b),   c ← c + K e,   P ← P - K b' P + Q.
+    displacement = Σ c_ij b_ij + offset,   K = P b / (R + b' P b),
+    c ← c + K e,   P ← P - K b' P + Q.
 
 A change of gain moves all coefficients in proportion. P and Q have a part along the coefficients
 for it, so that it is learned faster than a change of shape; a scale of its own is not needed.
@@ -32,7 +33,7 @@ from piezod.hysteresis.surface_form import SurfaceForm
 SHAPE_VARIANCE, SHAPE_BOUND, SHAPE_WALK = 1e-5, 1e-4, 1e-10
 """Initial and largest variance of a coefficient, and the variance that it gains per step."""
 GAIN_VARIANCE, GAIN_WALK = 1e-6, 1e-9
-"""Initial variance of a common factor of all coefficients, and the variance that it gains per step."""
+"""Initial variance of a common factor of all coefficients, and its growth per step."""
 
 
 class SurfaceIdentifier:
