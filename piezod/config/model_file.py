@@ -2,7 +2,7 @@
 
 import json
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
@@ -72,6 +72,26 @@ class ModelFile(ConfigModel):
     right_stop_weights: Weights = Field(description="One for each right threshold.")
     left_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
     left_stop_weights: Weights = Field(description="One for each left threshold.")
+
+    @property
+    def operators(self) -> str:
+        """Its operators, for people."""
+        count = len(self.right_stop_thresholds)
+        return f"{count} operator{'' if count == 1 else 's'} on each side"
+
+    def with_weights(self, weights: Sequence[float]) -> Self:
+        """Return the model with other weights.
+
+        Args:
+            weights: Weights in the order of the loop: the left stops come first.
+        """
+        left = len(self.left_stop_thresholds)
+        return self.model_copy(
+            update={
+                "left_stop_weights": tuple(weights[:left]),
+                "right_stop_weights": tuple(weights[left:]),
+            }
+        )
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:

@@ -97,8 +97,7 @@ def _describe_stage(path: Path) -> tuple[str, ...]:
 
 def _describe_model(path: Path) -> tuple[str, ...]:
     _, file = read_model(path)
-    operators = _count(len(file.right_stop_thresholds), "operator")
-    return (f"a model: {operators} on each side, by {file.method}",)
+    return (f"a model: {file.operators}, by {file.method}",)
 
 
 _DESCRIBE: Final = {
