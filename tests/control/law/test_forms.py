@@ -9,7 +9,8 @@ import pytest
 from piezod.config.modes import Mode
 from piezod.control.law.compensated import Start, check_identifier, compensated_axis
 from piezod.control.law.creep import AT_REST
-from piezod.control.law.kernel import new_kernel
+from piezod.control.law.kernel import POSITION
+from piezod.control.law.kernels import new_kernel
 from piezod.control.law.model import StageModel, unidentified_form
 from piezod.hysteresis import AffineRange, ModelForm, StopForm
 from tests.control.made_up import FORM, WEIGHTS
@@ -64,11 +65,21 @@ def test_kernel_forgets_a_drive_that_was_not_applied() -> None:
     arguments = (0.0, 1.0, 0.6, 1.0, 0.0, 0.0, 1.0)
 
     first = kernel.step(WEIGHTS, *arguments)
-    assert kernel.position == 0.6
+    assert kernel.carried[POSITION] == 0.6
     kernel.discard_last()
 
-    assert kernel.position == 0.0
+    assert kernel.carried[POSITION] == 0.0
     assert kernel.step(WEIGHTS, *arguments) == first
+
+
+def test_weights_that_are_not_finite_leave_the_displacement() -> None:
+    """The compensator expects the displacement before them."""
+    kernel = new_kernel(FORM, WEIGHTS.copy(), AT_REST._replace(quick=0.4))
+    kernel.step(WEIGHTS, 0.0, 1.0, 0.4, 1.0, 0.0, 0.0, 1.0)
+
+    kernel.step(np.full(8, np.nan), 1.0, 1.0, 0.6, 1.0, 0.0, 0.0, 1.0)
+
+    assert kernel.carried[POSITION] == 0.4
 
 
 def test_axis_without_a_model_has_even_stops() -> None:
