@@ -83,8 +83,8 @@ def step(  # noqa: D417 - arguments are described in groups
 ) -> float:
     """Return the drive for a command. Real-time safe.
 
-    The memory and the lags first advance to the displacement that the last drive has caused. All
-    quantities are normalised. Positional arguments and single arrays cost least in numba.
+    The memory and the lags first advance to the displacement that the last drive has caused.
+    Positional arguments and single arrays cost least in numba.
 
     Args:
         levels, values, now, last, counts: Arrays of a `Memory`.
@@ -94,8 +94,7 @@ def step(  # noqa: D417 - arguments are described in groups
             remaining distance that they move in this step.
         lags, creep_gains, creep_weights: (K,) lags, gains and weights of the creep.
         strength: 0 for a drive in proportion to the command, 1 for a compensated drive.
-        command, stretch, added: Command; its factor, and the displacement added to the product,
-            before it is compensated.
+        command, stretch, added: Command; its factor; displacement added to the product.
         low, high: Lowest and highest drive.
     """
     memory = Memory(levels, values, now, last, counts)
@@ -115,8 +114,7 @@ def step(  # noqa: D417 - arguments are described in groups
     if drive != model:  # at full strength, within the window, they are equal to the bit
         position = _position(memory, bank, plays, weights, drive)
     carried[NEXT] = position
-    # Weights that are not finite give no displacement; the memory then stays.
-    carried[POSITION] = position if isfinite(position) else memory.last[SEEN]
+    carried[POSITION] = position if isfinite(position) else memory.last[SEEN]  # NaN: it stays
     carried[COMMAND] = command
     carried[BEYOND] = requested_drive - drive
     return drive
