@@ -2,7 +2,7 @@
 
 import json
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
@@ -82,6 +82,37 @@ class ModelFile(ConfigModel):
     surface_coefficients: Weights = Field(
         default=(), description="c_ij of the surface, version 2: 4 for each of 6 widths."
     )
+    surface_activation: Annotated[float, Quantity(0, 0.1)] = Field(
+        default=0.0,
+        description="Growth of the lag per e-fold of the rate, as a share of the drive's range.",
+    )
+    surface_prompt_slope: Annotated[float, Quantity(0, 10)] = Field(
+        default=0.0, description="Slope of the part of the displacement that has no such lag."
+    )
+
+    @property
+    def operators(self) -> str:
+        """Its operators, for people."""
+        if self.version == 2:
+            return "a surface"
+        count = len(self.right_stop_thresholds)
+        return f"{count} operator{'' if count == 1 else 's'} on each side"
+
+    def with_weights(self, weights: Sequence[float]) -> Self:
+        """Return the model with other weights.
+
+        Args:
+            weights: Weights in the order of the loop: left stops first, or coefficients of the surface.
+        """
+        if self.version == 2:
+            return self.model_copy(update={"surface_coefficients": tuple(weights)})
+        left = len(self.left_stop_thresholds)
+        return self.model_copy(
+            update={
+                "left_stop_weights": tuple(weights[:left]),
+                "right_stop_weights": tuple(weights[left:]),
+            }
+        )
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:

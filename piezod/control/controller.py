@@ -28,7 +28,7 @@ class Learned(NamedTuple):
     """Learned parameters of an axis.
 
     Attributes:
-        weights: (2 M,) weights [a^l, a^r] of the identifier; they change in place.
+        weights: (size,) weights of the identifier; they change in place.
         offset: Offset of the displacement, in units of the range.
         scale: Relative gain of the hysteresis input over the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.

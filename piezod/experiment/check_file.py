@@ -97,10 +97,7 @@ def _describe_stage(path: Path) -> tuple[str, ...]:
 
 def _describe_model(path: Path) -> tuple[str, ...]:
     _, file = read_model(path)
-    if file.version == 2:
-        return (f"a model: a surface, by {file.method}",)
-    operators = _count(len(file.right_stop_thresholds), "operator")
-    return (f"a model: {operators} on each side, by {file.method}",)
+    return (f"a model: {file.operators}, by {file.method}",)
 
 
 _DESCRIBE: Final = {

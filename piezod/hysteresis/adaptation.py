@@ -13,7 +13,7 @@ class Adaptable(Protocol):
 
     @property
     def weights(self) -> FloatArray:
-        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place."""
+        """Weights, shape (size,); always the same array, which changes in place."""
 
     @property
     def offset(self) -> float:
@@ -29,7 +29,7 @@ class LearnedModel:
     """Copy of a learned model.
 
     Attributes:
-        weights: (2 M,) weights [a^l, a^r].
+        weights: (size,) weights of the form.
         offset: Offset of the displacement.
         scale: Relative gain of the operator input over the displacement.
     """
@@ -50,7 +50,7 @@ class LearnedModel:
 
 
 class AdaptiveIdentifier(Adaptable, Protocol):
-    """Learns the weights of the inverse model pair by pair. Real-time safe.
+    """Learns the weights of a model pair by pair. Real-time safe.
 
     After every learning step the inverse of the learned model exists.
     """

@@ -126,7 +126,7 @@ class TelemetryWriter:
         Args:
             axis: Name of the axis.
             t_ns: Instant, on the clock of the records.
-            weights: The weights, [a^l, a^r]; copied.
+            weights: The weights, in the order of the loop; copied.
         """
         row = np.array(weights, np.float64)
         if len(row) != self._widths.get(axis) or np.array_equal(row, self._newest.get(axis, ())):

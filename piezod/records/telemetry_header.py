@@ -16,7 +16,7 @@ class TelemetryHeader:
         start_ns: Instant of 0 s in the file, on the clock of the records.
         names: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
         notes: Texts of the recording by name, as in `{"configuration": "rate_hz: 1000"}`.
-        weights: Number of recorded weights of each axis, 2M; an axis without an entry has none.
+        weights: Number of recorded weights of each axis; an axis without an entry has none.
         descriptions: Meaning of each field, for people, as in `{"late_ns": "Wake-up after …"}`.
         bits: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
     """

@@ -28,8 +28,8 @@ class RecordedTelemetry:
         cycles: Columns by name, each of shape (n_records,); numbers for fields with names in the
             header.
         axes: Columns of each axis, by its name.
-        weights: `weights`, shape (n_snapshots, 2M), and `weights_t_s`, shape (n_snapshots,), of
-            each axis; (0, 0) if they were not recorded.
+        weights: `weights`, shape (n_snapshots, n_weights), and `weights_t_s`, shape
+            (n_snapshots,), of each axis; (0, 0) if they were not recorded.
     """
 
     header: TelemetryHeader

@@ -27,7 +27,7 @@ class LearnedAxis(NamedTuple):
     """Learned parameters of an axis.
 
     Attributes:
-        weights: Weights of the operators, in the order of the compensator's bank.
+        weights: Weights of the model, in the order of the compensator.
         offset: Offset of the displacement, normalised.
         scale: Scale of the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.

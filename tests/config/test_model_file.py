@@ -34,6 +34,15 @@ MODEL = ModelFile(
 TEXT = dump_model(MODEL)
 
 
+def test_learned_weights_are_in_the_order_of_the_loop() -> None:
+    """The left stops come first, however many there are on each side."""
+    learned = MODEL.with_weights([0.5, 0.1, 0.2, 0.3])
+
+    assert learned.left_stop_weights == (0.5,)
+    assert learned.right_stop_weights == (0.1, 0.2, 0.3)
+    assert learned.right_stop_thresholds == MODEL.right_stop_thresholds
+
+
 def problems_of(path: Path, old: str, new: str) -> list[str]:
     """Return the problems of the model file after replacing a part of its text."""
     assert TEXT.count(old) == 1

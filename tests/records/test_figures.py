@@ -146,6 +146,20 @@ def test_largest_parameters_are_labelled(recording: Recording) -> None:
     assert 2 <= len(labels) <= 8
 
 
+def test_parameters_without_sides_are_numbered_through(recording: Recording) -> None:
+    """A model whose weights belong to no side has one legend entry and plain numbers."""
+    weights = np.tile([0.0, 0.3, 0.1, -0.2, 0.05], (recording.weights_t_s.size, 1))
+    panel = _panel(
+        mode_figure(replace(recording, weights=weights, two_sided=False)), "(e) Parameters"
+    )
+    labels = {text.get_text(): float(text.xy[1]) for text in panel.texts}  # type: ignore[attr-defined]
+
+    assert labels == {"2": 0.3, "4": -0.2, "3": 0.1, "5": 0.05, "1": 0.0}
+    legend = panel.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["1 to 5"]
+
+
 def test_a_case_has_all_modes_on_the_same_scales(result: ExperimentResult) -> None:
     """Each mode has its line in each panel; the compensated ones have a panel of their own."""
     recordings = result.recordings[:3]

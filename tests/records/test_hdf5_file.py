@@ -64,6 +64,19 @@ def test_invalid_samples_and_odd_metrics_come_back(
     assert list(read.recordings[0].metrics) == list(metrics)
 
 
+def test_weights_without_sides_come_back(
+    file: Path, result: ExperimentResult, recording: Recording
+) -> None:
+    """A model whose weights belong to no side may have an odd number of them."""
+    weights = np.zeros((recording.weights_t_s.size, 5))
+    one_sided = replace(recording, weights=weights, two_sided=False)
+
+    read = _written(file, replace(result, recordings=(one_sided,)))
+
+    assert read.recordings == (one_sided,)
+    assert not read.recordings[0].two_sided
+
+
 def test_model_without_a_record_comes_back(file: Path, result: ExperimentResult) -> None:
     """An identification without samples and an experiment without recordings survive."""
     none = np.empty(0)

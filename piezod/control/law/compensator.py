@@ -20,7 +20,8 @@ import numpy as np
 
 from piezod.config.modes import Mode
 from piezod.control.law.creep import AT_REST, CreepState
-from piezod.control.law.kernel import new_kernel
+from piezod.control.law.kernel import BEYOND, OUTSIDE, POSITION
+from piezod.control.law.kernels import new_kernel
 from piezod.control.law.pace import FOLLOWED_SHARE
 from piezod.hysteresis import LearnedModel, ModelForm
 from piezod.hysteresis.memory import FloatArray
@@ -65,6 +66,7 @@ class Compensator:
         self._creep_weights = creep.creep.weights
         # The kernel changes weights and lags in place.
         self._kernel = new_kernel(form, self.weights, creep._replace(lags=self._lags))
+        self._carried = self._kernel.carried
 
     @property
     def mode(self) -> Mode:
@@ -89,18 +91,19 @@ class Compensator:
     @property
     def limited(self) -> bool:
         """Whether the window limited the last requested drive."""
-        return self._kernel.beyond != 0.0
+        return self._carried.item(BEYOND) != 0.0
 
     @property
     def limited_direction(self) -> int:
         """1 if the last drive or displacement could go no higher, -1 if no lower, else 0."""
-        excess = self._kernel.beyond or self._kernel.outside
+        excess = self._carried.item(BEYOND) or self._carried.item(OUTSIDE)
         return (excess > 0.0) - (excess < 0.0)
 
     @property
     def position(self) -> float:
         """Displacement of the hysteresis after the last drive that was applied."""
-        return self._kernel.position
+        position: float = self._carried.item(POSITION)
+        return position
 
     @property
     def merged_pairs(self) -> int:

@@ -160,7 +160,7 @@ class Identifier:
 
     @property
     def weights(self) -> FloatArray:
-        """Weights [a^l, a^r], shape (2 M,); they change in place."""
+        """Weights of the model, shape (size,); they change in place."""
         return self.adaptation.weights
 
     @property

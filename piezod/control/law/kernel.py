@@ -2,11 +2,17 @@
 
 from typing import Protocol
 
-from piezod.control.law.creep import CreepState
-from piezod.control.law.step import StopKernel
-from piezod.control.law.surface_step import SurfaceKernel
-from piezod.hysteresis import ModelForm, StopForm, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
+
+NEXT, COMMAND, BEYOND, OUTSIDE, POSITION = 0, 1, 2, 3, 4
+"""Indices of the array that carries values to the next step.
+
+- NEXT: input to which the memory will advance if the drive was applied; NaN for none.
+- COMMAND: the command, which is held if the next one is NaN.
+- BEYOND: how far the requested drive lay outside the window; negative below it.
+- OUTSIDE: how far the requested displacement lay outside the range; negative below it.
+- POSITION: displacement of the hysteresis after the last drive that was applied.
+"""
 
 
 class CompensatorKernel(Protocol):
@@ -15,7 +21,13 @@ class CompensatorKernel(Protocol):
     The weights and the lags of the creep, which it gets when it is made, change in place in each
     step. The memory advances in the next step, so that a drive that was not applied leaves no
     trace. All quantities are normalised.
+
+    Attributes:
+        carried: (5,) values carried from step to step; always the same array. An array, because
+            reading a number from it costs the loop less than a property.
     """
+
+    carried: FloatArray
 
     def step(
         self,
@@ -43,36 +55,8 @@ class CompensatorKernel(Protocol):
         """
 
     @property
-    def position(self) -> float:
-        """Displacement of the hysteresis after the last drive that was applied."""
-
-    @property
-    def beyond(self) -> float:
-        """How far the last requested drive lay outside the window; negative below it."""
-
-    @property
-    def outside(self) -> float:
-        """How far the last requested displacement lay outside the range; negative below it."""
-
-    @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory has removed."""
 
     def discard_last(self) -> None:
         """Take back the last drive: it was not applied."""
-
-
-def new_kernel(form: ModelForm, weights: FloatArray, creep: CreepState) -> CompensatorKernel:
-    """Return the kernel for a form, with a memory that has seen nothing but `creep.quick`.
-
-    Args:
-        form: Form of the model.
-        weights: (form.size,) weights in use; they change in place.
-        creep: Creep so far, and the displacement; its lags change in place.
-    """
-    match form:
-        case StopForm(bank):
-            return StopKernel(bank, weights, creep)
-        case SurfaceForm():
-            return SurfaceKernel(weights, creep)
-    raise TypeError(f"no compensator for a {type(form).__name__}")

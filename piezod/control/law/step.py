@@ -7,19 +7,11 @@ from math import isfinite
 import numpy as np
 
 from piezod.control.law.creep import CreepState
+from piezod.control.law.kernel import BEYOND, COMMAND, NEXT, OUTSIDE, POSITION
 from piezod.hysteresis.bank import advance_plays, evaluate_plays, new_bank_memory, weighted_sum
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, IntArray, Memory, clamp, locate
 from piezod.jit import compiled
-
-POSITION, COMMAND, BEYOND, OUTSIDE = 0, 1, 2, 3
-"""Indices of the array that carries values to the next step.
-
-- POSITION: displacement to which the memory will advance if the drive was applied; NaN for none.
-- COMMAND: the command, which is held if the next one is NaN.
-- BEYOND: how far the requested drive lay outside the window; negative below it.
-- OUTSIDE: how far the requested displacement lay outside the range; negative below it.
-"""
 
 _MAX_STEPS = 50  # of the search for a displacement; about ten are needed
 _SAME_DRIVE = 1e-13  # a smaller difference of drives is rounding
@@ -75,7 +67,7 @@ def step(  # noqa: D417 - arguments are described in groups
     counts: IntArray,
     bank: FloatArray,
     plays: FloatArray,
-    pending: FloatArray,
+    carried: FloatArray,
     weights: FloatArray,
     lags: FloatArray,
     creep_gains: FloatArray,
@@ -91,40 +83,40 @@ def step(  # noqa: D417 - arguments are described in groups
 ) -> float:
     """Return the drive for a command. Real-time safe.
 
-    The memory and the lags first advance to the displacement that the last drive has caused. All
-    quantities are normalised. Positional arguments and single arrays cost least in numba.
+    The memory and the lags first advance to the displacement that the last drive has caused.
+    Positional arguments and single arrays cost least in numba.
 
     Args:
         levels, values, now, last, counts: Arrays of a `Memory`.
         bank, plays: (2, 2 M) thresholds and gains of the stops; (2 M,) buffer for the plays.
-        pending: (4,) values that are carried from one step to the next.
+        carried: (5,) values that are carried from one step to the next.
         weights, target, share: (2 M,) weights in use; the weights that they approach; share of the
             remaining distance that they move in this step.
         lags, creep_gains, creep_weights: (K,) lags, gains and weights of the creep.
         strength: 0 for a drive in proportion to the command, 1 for a compensated drive.
-        command, stretch, added: Command; its factor, and the displacement added to the product,
-            before it is compensated.
+        command, stretch, added: Command; its factor; displacement added to the product.
         low, high: Lowest and highest drive.
     """
     memory = Memory(levels, values, now, last, counts)
-    if pending[POSITION] == pending[POSITION]:
-        advance_plays(memory, bank, 0.0, pending[POSITION])
+    if carried[NEXT] == carried[NEXT]:  # not NaN
+        advance_plays(memory, bank, 0.0, carried[NEXT])
     # The hysteresis only has to make what the creep has not yet made.
     crept = advance_creep(lags, creep_gains, creep_weights, memory.last[SEEN])
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
-    command = clamp(command, pending[COMMAND])
+    command = clamp(command, carried[COMMAND])
     requested_position = stretch * command + added - crept
     position = clamp(requested_position, command)
-    pending[OUTSIDE] = requested_position - position
+    carried[OUTSIDE] = requested_position - position
     model = _model(memory, bank, plays, weights, position)
     requested_drive = model + (1.0 - strength) * (command - model)
     drive = min(max(requested_drive, low), high)
     if drive != model:  # at full strength, within the window, they are equal to the bit
         position = _position(memory, bank, plays, weights, drive)
-    pending[POSITION] = position
-    pending[COMMAND] = command
-    pending[BEYOND] = requested_drive - drive
+    carried[NEXT] = position
+    carried[POSITION] = position if isfinite(position) else memory.last[SEEN]  # NaN: it stays
+    carried[COMMAND] = command
+    carried[BEYOND] = requested_drive - drive
     return drive
 
 
@@ -139,7 +131,9 @@ class StopKernel:
 
     def __init__(self, bank: FloatArray, weights: FloatArray, creep: CreepState) -> None:
         self._memory = new_bank_memory(bank)
-        self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
+        self.carried: FloatArray = np.empty(5)
+        self.carried[[NEXT, COMMAND, POSITION]] = creep.quick
+        self.carried[[BEYOND, OUTSIDE]] = 0.0
         # The arrays keep their identity, so that they are bound once. A partial function adds no
         # Python frame to the step.
         self.step: Callable[
@@ -149,30 +143,12 @@ class StopKernel:
             *self._memory,
             bank,
             np.empty(bank.shape[1]),
-            self._pending,
+            self.carried,
             weights,
             creep.lags,
             creep.creep.gains,
             creep.creep.weights,
         )
-
-    @property
-    def position(self) -> float:
-        """Displacement of the hysteresis after the last drive that was applied."""
-        pending: float = self._pending.item(POSITION)
-        return pending if isfinite(pending) else self._memory.last.item(SEEN)
-
-    @property
-    def beyond(self) -> float:
-        """How far the last requested drive lay outside the window; negative below it."""
-        beyond: float = self._pending.item(BEYOND)
-        return beyond
-
-    @property
-    def outside(self) -> float:
-        """How far the last requested displacement lay outside the range; negative below it."""
-        outside: float = self._pending.item(OUTSIDE)
-        return outside
 
     @property
     def merged_pairs(self) -> int:
@@ -181,4 +157,4 @@ class StopKernel:
 
     def discard_last(self) -> None:
         """Take back the last drive: it was not applied."""
-        self._pending[POSITION] = np.nan
+        self.carried[NEXT], self.carried[POSITION] = np.nan, self._memory.last[SEEN]

@@ -232,17 +232,11 @@ def _kept(loop: LoopConnection, kept: Collection[str]) -> _Kept:
 
 
 def _with_weights(model: ModelFile | None, learned: LearnedAxis) -> ModelFile | None:
-    """Return a model with the learned weights; the left weights come first in memory."""
+    """Return a model with the learned weights."""
     if model is None:
         return None
-    weights = tuple(learned.weights.tolist())
-    left = len(model.left_stop_thresholds)
-    named = {"left_stop_weights": weights[:left], "right_stop_weights": weights[left:]}
-    if model.version == 2:
-        named = {"surface_coefficients": weights}
-    return model.model_copy(
+    return model.with_weights(learned.weights.tolist()).model_copy(
         update={
-            **named,
             "created_at": datetime.now(UTC).isoformat(timespec="seconds"),
             "created_by": f"piezod {piezod.__version__}, learned in the loop",
         }

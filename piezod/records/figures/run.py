@@ -162,12 +162,16 @@ def _draw_weights(axes: Axes, recording: Recording) -> None:
     # A parameter holds until the next snapshot, the last one until the end of the record.
     t_s = np.append(recording.weights_t_s, max(recording.t_s[-1], recording.weights_t_s[-1]))
     weights = np.vstack((recording.weights, recording.weights[-1:]))
-    right, left = np.hsplit(weights, 2)
-    sides = {
-        f"right 1 to {right.shape[1]}": _draw_side(axes, t_s, right, _RIGHT_SHADES),
-        f"left 1 to {left.shape[1]}": _draw_side(axes, t_s, left, _LEFT_SHADES),
-    }
-    _label_largest(axes, {"R": right[-1], "L": left[-1]}, t_s[-1])
+    if recording.two_sided:
+        right, left = np.hsplit(weights, 2)
+        sides = {
+            f"right 1 to {right.shape[1]}": _draw_side(axes, t_s, right, _RIGHT_SHADES),
+            f"left 1 to {left.shape[1]}": _draw_side(axes, t_s, left, _LEFT_SHADES),
+        }
+        _label_largest(axes, {"R": right[-1], "L": left[-1]}, t_s[-1])
+    else:
+        sides = {f"1 to {weights.shape[1]}": _draw_side(axes, t_s, weights, _RIGHT_SHADES)}
+        _label_largest(axes, {"": weights[-1]}, t_s[-1])
     axes.set(title="(e) Parameters", ylabel="weight")
     round_time_ticks(axes)
     legend_above(axes, sides)
