@@ -43,11 +43,18 @@ def test_step_response_of_the_mode_is_its_formula(
     assert position_um / stage.travel_um == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize(("variant", "damping"), [("stack", 0.03), ("flexure", 0.015)])
+@pytest.mark.parametrize(
+    ("variant", "frequency_hz", "damping"),
+    [("stack", 734, 0.03), ("flexure", 734, 0.015), ("light-damping", 400, 0.005)],
+)
 def test_ring_down_has_frequency_and_damping_of_the_variant(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str, damping: float
+    make_plant: Callable[..., Plant],
+    run: Callable[..., Any],
+    variant: str,
+    frequency_hz: float,
+    damping: float,
 ) -> None:
-    """Zero crossings of the ring-down give 734 Hz, its decrement gives the damping ratio."""
+    """Zero crossings of the ring-down give the frequency, its decrement gives the damping ratio."""
     plant = make_plant(variant, only=("mode",))
     ringing = run(plant, np.full(1000, 10.0), GRID_NS).position_um
     ringing = ringing / (plant.parameters.stage.travel_um * 10 / plant.parameters.stage.drive_v) - 1
@@ -57,7 +64,7 @@ def test_ring_down_has_frequency_and_damping_of_the_variant(
     peaks = [ringing[a:b].max() for a, b in pairwise(crossings)]
     decrement = -np.polynomial.Polynomial.fit(range(len(peaks)), np.log(peaks), 1).convert().coef[1]
 
-    assert 1 / period_s == pytest.approx(734, rel=2e-3)
+    assert 1 / period_s == pytest.approx(frequency_hz, rel=2e-3)
     assert decrement / (2 * np.pi) == pytest.approx(damping, rel=0.01)
 
 
@@ -148,6 +155,25 @@ def test_halving_the_sub_step_changes_nothing_that_matters(
     travel_um = coarse.parameters.stage.travel_um
     assert np.max(np.abs(one.position_um - other.position_um)) < 1e-4 * travel_um, name
     assert np.max(np.abs(one.sensor_v - other.sensor_v)) < 1e-4 * range_v, name
+
+
+@pytest.mark.parametrize(
+    ("variant", "change"),
+    [("preisach-asymmetric", 1e-4), ("bouc-wen", 1e-4), ("thermal-relays", 2e-3)],
+)
+def test_sub_step_hardly_matters_for_other_classes_of_hysteresis(
+    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str, change: float
+) -> None:
+    """Full steps and a fast sine change by 1e-4 of the travel, with thermal relays by 2e-3."""
+    fast_sine = 75 - 75 * np.cos(2 * np.pi * 50 * np.arange(300) * 1e-3)
+    drive_v = [*np.resize([150.0, 150.0, 0.0, 0.0, 40.0], 200), *fast_sine]
+    off = (*NOISE, "adc")
+    coarse, fine = (
+        run(make_plant(variant, off=off, sub_step_ns=sub_step_ns), drive_v).position_um
+        for sub_step_ns in (50_000, 25_000)
+    )
+
+    assert np.max(np.abs(coarse - fine)) < change * 30
 
 
 @given(frequency_hz=st.floats(100, 5000), damping=st.floats(0.005, 0.9), x=st.floats(-1, 1))

@@ -86,6 +86,15 @@ def test_branches_differ_only_on_the_asymmetric_stage(
     assert low_pct <= difference_pct <= high_pct
 
 
+def test_switch_of_the_asymmetry_makes_the_density_symmetrical(
+    make_plant: Callable[..., Plant], run: Callable[..., Any]
+) -> None:
+    """Without the effect the branches of the asymmetric stage mirror each other."""
+    rising, falling = branches(make_plant("preisach-asymmetric", only=("hysteresis",)), run)
+
+    assert rising == pytest.approx(1 - falling[::-1], abs=1e-3)
+
+
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_rig_rests_at_0_and_knows_its_truth_everywhere(variant: str) -> None:
     """The truth is 0 at rest, rises by the travel, and is finite after any voltages."""
