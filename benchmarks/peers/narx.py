@@ -38,19 +38,21 @@ def inputs(positions: FloatArray) -> FloatArray:
     Signal Process. 75 (2016) 607).
     """
     change = np.diff(positions, prepend=positions[0])
-    return np.column_stack((positions, 100.0 * change, np.sign(change)))
+    values = np.column_stack((positions, 100.0 * change, np.sign(change)))
+    # The library has inputs with a lag of one or more only: so each is put one sample earlier.
+    return np.concatenate((values[1:], values[-1:]))
 
 
 def fit_narx(series: Series, used: Rows, setting: Setting) -> Predictor:
-    """Fit a polynomial NARX model to every `step`-th sample; between them it is interpolated.
+    """Fit a polynomial NARX model to every `step`-th sample, because neighbours are too similar.
 
-    Neighbouring samples are too similar for a fit of one step ahead. The prediction runs freely on
-    its own outputs, because a compensator has no others.
+    The prediction runs freely on its own outputs, because a compensator has no others. It runs
+    once from each of the first `step` samples, so that every sample is predicted.
     """
     step = int(setting["step"])
     lags = list(range(1, int(setting["lags"]) + 1))
     model = GappedFROLS(
-        _whole_rows(used, len(lags), step),
+        _whole_rows(used[::step], len(lags)),
         order_selection=False,
         n_terms=int(setting["terms"]),
         xlag=[lags, lags, lags],
@@ -58,27 +60,27 @@ def fit_narx(series: Series, used: Rows, setting: Setting) -> Predictor:
         estimator=LeastSquares(),
         basis_function=Polynomial(degree=int(setting["degree"])),
     )
-    x, y = inputs(series.positions[::step]), series.drives[::step, np.newaxis]
-    model.fit(X=x, y=y)
+    model.fit(X=inputs(series.positions[::step]), y=series.drives[::step, np.newaxis])
 
     def predict(positions: FloatArray) -> FloatArray:
-        x = inputs(positions[::step])
         # No drive is known at the start; both ranges are [0, 1].
         start = np.full((len(lags), 1), positions[0])
+        drives = np.empty_like(positions)
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # a model that diverges is reported as such
-            coarse = model.predict(X=x, y=start).ravel()
-        places = np.arange(0, positions.size, step)
-        return np.asarray(np.interp(np.arange(positions.size), places, coarse))
+            for phase in range(step):
+                predicted = model.predict(X=inputs(positions[phase::step]), y=start)
+                drives[phase::step] = predicted.ravel()
+        return drives
 
     return predict
 
 
-def _whole_rows(used: Rows, lags: int, step: int) -> Rows:
-    """Return which of every `step`-th sample are used, with all samples before them in a row."""
-    whole = used[::step].copy()
+def _whole_rows(used: Rows, lags: int) -> Rows:
+    """Return the samples that are used and follow that many used samples, shape (n,)."""
+    whole = used.copy()
     for lag in range(1, lags + 1):
-        whole[lag:] &= used[::step][:-lag]
+        whole[lag:] &= used[:-lag]
         whole[:lag] = False
     return whole
 
@@ -89,9 +91,9 @@ NARX_METHOD = Method(
     fit_narx,
     tuple(
         {"degree": degree, "lags": lags, "terms": terms, "step": step}
-        for degree in (2, 3)
+        for degree in (1, 2, 3)
         for lags in (1, 2)
         for terms in (8, 16)
-        for step in (4, 16)
+        for step in (4, 16, 48)
     ),
 )
