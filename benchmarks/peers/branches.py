@@ -6,12 +6,17 @@ from benchmarks.peers.method import FloatArray, Method, Predictor, Rows, Series,
 from benchmarks.peers.turning_points import turning_points
 
 DEGREE = 5
+SMALLEST_SINGULAR = 1e-8
+"""Smaller singular values, relative to the largest, count as 0: records may have few turns."""
 
 
-def powers(positions: FloatArray, threshold: float) -> tuple[FloatArray, FloatArray]:
+def powers(
+    positions: FloatArray, threshold: float, turn_degree: int
+) -> tuple[FloatArray, FloatArray]:
     """Return the products of powers up to `DEGREE`, shape (n, m), and the direction, shape (n,).
 
-    The factors are the way since the last turning point, and this turning point.
+    The factors are the way since the last turning point, and this turning point up to a degree of
+    its own.
     """
     turns = turning_points(positions, 1, threshold, wipe=False)
     turn = turns.last[:, 0]
@@ -19,7 +24,7 @@ def powers(positions: FloatArray, threshold: float) -> tuple[FloatArray, FloatAr
     pairs = [
         way[:, DEGREE - i] * place[:, DEGREE - j]
         for i in range(DEGREE + 1)
-        for j in range(DEGREE + 1 - i)
+        for j in range(min(DEGREE - i, turn_degree) + 1)
     ]
     return np.column_stack(pairs), turns.direction
 
@@ -32,19 +37,19 @@ def fit_branches(series: Series, used: Rows, setting: Setting) -> Predictor:
     in piezoelectric actuators", J. Dyn. Syst. Meas. Control 130 (2008) 031008. Here the map is a
     polynomial too: that of the turning point.
     """
-    threshold = float(setting["threshold"])
-    columns, direction = powers(series.positions, threshold)
+    threshold, turn_degree = float(setting["threshold"]), int(setting["turn degree"])
+    columns, direction = powers(series.positions, threshold, turn_degree)
     coefficients = {
         sign: np.linalg.lstsq(
             columns[used & (direction == sign)],
             series.drives[used & (direction == sign)],
-            rcond=None,
+            rcond=SMALLEST_SINGULAR,
         )[0]
         for sign in (1.0, -1.0)
     }
 
     def predict(positions: FloatArray) -> FloatArray:
-        columns, direction = powers(positions, threshold)
+        columns, direction = powers(positions, threshold, turn_degree)
         rising, falling = columns @ coefficients[1.0], columns @ coefficients[-1.0]
         return np.asarray(np.where(direction > 0.0, rising, falling))
 
@@ -53,7 +58,11 @@ def fit_branches(series: Series, used: Rows, setting: Setting) -> Predictor:
 
 BRANCHES = Method(
     "polynomial branches",
-    "degree 5 in displacement since the last turn and in the turn; threshold 0.002, 0.01",
+    "degree 5 in the way since the last turn; threshold 0.002, 0.01, turn degree 1, 2, 5",
     fit_branches,
-    tuple({"threshold": threshold} for threshold in (0.002, 0.01)),
+    tuple(
+        {"threshold": threshold, "turn degree": degree}
+        for threshold in (0.002, 0.01)
+        for degree in (1, 2, 5)
+    ),
 )

@@ -21,7 +21,7 @@ from benchmarks.peers.turning_points import turning_points
 
 THRESHOLD = 0.003
 """Way back from an extremum that makes it a turning point, above the noise of the records."""
-COUNTS = (2, 4)
+COUNTS = (1, 2, 4)
 TURNS = ("last", "remaining")
 """All turning points, or those that larger loops have left."""
 
@@ -36,12 +36,12 @@ def features(positions: FloatArray, setting: Setting) -> FloatArray:
 def fit_mlp(series: Series, used: Rows, setting: Setting) -> Predictor:
     """Fit a multilayer perceptron with two hidden layers."""
     network = MLPRegressor(
-        hidden_layer_sizes=(24, 24),
+        hidden_layer_sizes=(16, 16),
         activation="tanh",
         solver="lbfgs",  # far better here than adam, at the same duration
         alpha=float(setting["alpha"]),
         tol=1e-8,  # it would stop early otherwise
-        max_iter=600,
+        max_iter=300,
         max_fun=20_000,
         random_state=0,
     )
@@ -78,7 +78,7 @@ MLP_METHOD = Method(
     fit_mlp,
     tuple(
         {"k": k, "turns": turns, "alpha": alpha}
-        for k, turns, alpha in product(COUNTS, TURNS, (1e-4, 1e-2, 1.0))
+        for k, turns, alpha in product(COUNTS, TURNS, (0.001, 0.03))
     ),
     search_stride=4,
 )

@@ -22,7 +22,7 @@ class Turns(NamedTuple):
 def turning_points(positions: FloatArray, count: int, threshold: float, *, wipe: bool) -> Turns:
     """Return the last turning points at each sample, from samples up to it.
 
-    Before the first turn, the first position is taken for all of them.
+    If there are fewer, the first position and the present extremum stand for the others, in turn.
 
     Args:
         positions: (n,) displacement.
@@ -44,6 +44,8 @@ def turning_points(positions: FloatArray, count: int, threshold: float, *, wipe:
         while wipe and len(turns) > 2 and sign * (extremum - turns[-2]) >= 0.0:
             del turns[-2:]
         known = turns[: -count - 1 : -1]
-        last[k] = known + [turns[0]] * (count - len(known))
+        # So nothing jumps when a motion exceeds all turning points.
+        missing = [turns[0] if j % 2 == 0 else extremum for j in range(len(known), count)]
+        last[k] = known + missing
         direction[k] = sign
     return Turns(last, direction)

@@ -41,7 +41,7 @@ def of_bouc_wen(positions: FloatArray) -> FloatArray:
 
 def of_branches(positions: FloatArray) -> FloatArray:
     """Return the drive of two polynomials of degree 5."""
-    columns, direction = branches.powers(positions, 0.01)
+    columns, direction = branches.powers(positions, 0.01, 2)
     n_terms = columns.shape[1]
     rising, falling = np.linspace(0.5, -0.5, n_terms), np.linspace(-0.3, 0.4, n_terms)
     return np.where(direction > 0.0, columns @ rising, columns @ falling)
@@ -54,7 +54,7 @@ def of_branches(positions: FloatArray) -> FloatArray:
         # Their parameters are searched, until the error hardly changes.
         (plays.KUHNEN, {"plays": 10, "pieces": 4}, of_curved_stops, 1e-5),
         (bouc_wen.BOUC_WEN, {"first n": 1}, of_bouc_wen, 1e-5),
-        (branches.BRANCHES, {"threshold": 0.01}, of_branches, 1e-6),
+        (branches.BRANCHES, {"threshold": 0.01, "turn degree": 2}, of_branches, 1e-6),
     ],
     ids=lambda value: value.name if isinstance(value, Method) else "",
 )

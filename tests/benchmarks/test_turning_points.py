@@ -8,12 +8,12 @@ LOOPS = np.array([0.0, 1.0, 0.4, 0.6, 0.2, 0.9])
 
 
 def test_the_last_turning_points_are_known_at_each_sample() -> None:
-    """The latest comes first; before the first turn, the start stands for all of them."""
+    """The latest comes first; start and present extremum stand for missing ones, in turn."""
     turns = turning_points(LOOPS, 3, 0.0, wipe=False)
 
     assert turns.last.tolist() == [
         [0.0, 0.0, 0.0],
-        [0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
         [1.0, 0.0, 0.0],
         [0.4, 1.0, 0.0],
         [0.6, 0.4, 1.0],
@@ -31,8 +31,8 @@ def test_a_larger_motion_deletes_the_turning_points_of_a_smaller_loop() -> None:
 
 
 def test_noise_below_the_threshold_makes_no_turning_points() -> None:
-    """A way back of the threshold or less changes nothing."""
+    """A way back of the threshold or less makes no turning point, and the extremum goes on."""
     turns = turning_points(np.array([0.0, 0.5, 0.49, 0.6, 0.4]), 2, 0.02, wipe=False)
 
-    assert turns.last[-2].tolist() == [0.0, 0.0]
+    assert turns.last[-2].tolist() == [0.0, 0.6]
     assert turns.last[-1].tolist() == [0.6, 0.0]
