@@ -58,21 +58,31 @@ def simulated_records(variant: str) -> tuple[Record, Record]:
     Args:
         variant: Name of the variant.
     """
+    identification, test = experiments(variant)
+    return _recorded(identification), _recorded(test)
+
+
+def experiments(variant: str) -> tuple[ExperimentConfig, ExperimentConfig]:
+    """Return `beyond.yaml` for a variant, and the same with the test as its identification.
+
+    Args:
+        variant: Name of the variant; all voltages are scaled to its full travel.
+    """
     document = yaml.safe_load(BEYOND.read_text(encoding="utf-8"))
     return (
-        _recorded(_experiment(variant, document["identification"])),
-        _recorded(_experiment(variant, yaml.safe_load(TEST))),
+        _experiment(variant, document, document["identification"]),
+        _experiment(variant, document, yaml.safe_load(TEST)),
     )
 
 
-def _experiment(variant: str, identification: dict[str, Any]) -> ExperimentConfig:
-    """Return `beyond.yaml` for a variant, with another identification."""
-    document = yaml.safe_load(BEYOND.read_text(encoding="utf-8"))
+def _experiment(
+    variant: str, document: dict[str, Any], identification: dict[str, Any]
+) -> ExperimentConfig:
     full_v = VARIANTS[variant].parameters.stage.drive_v
     document["devices"]["rig"]["options"]["variant"] = variant
     document["axes"]["x"]["limits"]["drive_max_v"] = full_v
-    identification["drive_v"] = _scaled(identification["drive_v"], full_v / FULL_V)
-    document["identification"] = identification
+    drive_v = _scaled(identification["drive_v"], full_v / FULL_V)
+    document["identification"] = {**identification, "drive_v": drive_v}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "experiment.yaml"
         path.write_text(yaml.safe_dump(document), encoding="utf-8")

@@ -16,7 +16,8 @@ ERRORS: Final = {
     "test_max_pct": "test max",
     "test_rms_pct": "test rms",
 }
-HEADINGS: Final = ("held-out max %", "rms %", "test max %", "rms %", "fit s", "µs/sample")
+HEADINGS: Final = ("held-out max %", "   rms %", "test max %", "   rms %", "  fit s", "µs/sample")
+"""Headings of the numbers, as wide as their columns."""
 
 
 def sorted_rows(rows: Sequence[Row]) -> list[Row]:
@@ -42,20 +43,20 @@ def better_than_piezod(row: Row, rows: Sequence[Row]) -> tuple[str, ...]:
 def table_of(rows: Sequence[Row]) -> str:
     """Return the table of a record, one line for each row."""
     width = max(len(row.method) for row in rows)
-    lines = [f"{'method':{width}} " + " ".join(f"{heading:>14}" for heading in HEADINGS)]
+    lines = [f"{'method':{width}}  {'  '.join(HEADINGS)}  settings"]
     lines += [_line(row, rows, width) for row in sorted_rows(rows)]
     return "\n".join(lines)
 
 
 def _line(row: Row, rows: Sequence[Row], width: int) -> str:
     if row.failure:
-        return f"{row.method:{width}} not measured: {row.failure}"
+        return f"{row.method:{width}}  not measured: {row.failure}"
     errors = (getattr(row, error) for error in ERRORS)
     numbers = [*map(_number, errors), f"{row.fit_s:.2f}", f"{row.sample_us:.2f}"]
-    line = f"{row.method:{width}} " + " ".join(f"{number:>14}" for number in numbers)
+    columns = (f"{n:>{len(heading)}}" for n, heading in zip(numbers, HEADINGS, strict=True))
     better = better_than_piezod(row, rows)
     mark = f"  <- better than piezod ({', '.join(better)})" if better else ""
-    return f"{line}  {row.setting}{mark}"
+    return f"{row.method:{width}}  {'  '.join(columns)}  {row.setting}{mark}"
 
 
 def _number(error_pct: float) -> str:
