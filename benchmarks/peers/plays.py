@@ -54,9 +54,9 @@ def nonnegative_weights(columns: FloatArray, drives: FloatArray) -> FloatArray:
 
 
 def fit_classical(series: Series, used: Rows, setting: Setting) -> Predictor:
-    """Fit a classical Prandtl-Ishlinskii model (M. A. Janaideh, S. Rakheja and C.-Y. Su 2009).
+    """Fit the inverse of a classical Prandtl-Ishlinskii model (Krejci and Kuhnen 2001, see above).
 
-    Its thresholds are even, its weights nonnegative. See the docstring of the module.
+    Its thresholds are even, its weights nonnegative.
     """
     radii = even_radii(int(setting["plays"]))
     columns = regressors(series.positions, radii)
