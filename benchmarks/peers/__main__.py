@@ -21,6 +21,7 @@ from benchmarks.peers.ours import rows_of_piezod
 from benchmarks.peers.plays import CLASSICAL, KUHNEN
 from benchmarks.peers.records import CASES, Absent, Case
 from benchmarks.peers.table import PIEZOD, table_of
+from piezod.errors import PiezodError
 
 OWN = {method.name: method for method in (CLASSICAL, KUHNEN, BOUC_WEN, BRANCHES)}
 """Methods by others that are implemented here."""
@@ -39,21 +40,23 @@ than 10 %.
 def main() -> None:
     """Measure and print."""
     options = _options()
+    records = _chosen(options.record, CASES, "record")
+    methods = _chosen(options.method, METHODS, "method")
     print(LEGEND)
     for name, method in OWN.items():
         print(f"{name}: {method.about}")
     for name, about in LIBRARY_METHODS.items():
         print(f"{name}: {about}")
     document: dict[str, Any] = {}
-    for name in _chosen(options.record, CASES, "record"):
+    for name in records:
         try:
             case = CASES[name]()
-        except Absent as reason:
+        except (Absent, PiezodError) as reason:
             print(f"\n{name}: skipped, {reason}")
             document[name] = {"skipped": str(reason)}
             continue
         print(f"\n{name}, {case.about}", flush=True)
-        rows = _rows(case, _chosen(options.method, METHODS, "method"))
+        rows = _rows(case, methods)
         print(table_of(rows), flush=True)
         document[name] = {"about": case.about, "rows": [row.document() for row in rows]}
     if options.json:
@@ -80,10 +83,13 @@ def _rows(case: Case, names: Sequence[str]) -> list[Row]:
     record, test = case.series()
     rows: list[Row] = []
     for name in names:
-        if name == PIEZOD:
-            rows += rows_of_piezod(case)
-        else:
-            rows.append(_row_of_peer(name, record, test, without_offset=case.without_offset))
+        try:
+            if name == PIEZOD:
+                rows += rows_of_piezod(case)
+            else:
+                rows.append(_row_of_peer(name, record, test, without_offset=case.without_offset))
+        except (PiezodError, ValueError) as error:  # a fit may refuse a record, or diverge
+            rows.append(Row(name, failure=str(error)))
         print(f"  {name} done", file=sys.stderr, flush=True)
     return rows
 

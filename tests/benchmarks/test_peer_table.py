@@ -1,13 +1,17 @@
 """Tests of the table that compares methods by others with those of piezod."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.peers import __main__ as peers
 from benchmarks.peers import libraries
 from benchmarks.peers.method import Row, Series
+from benchmarks.peers.records import Absent, Case
 from benchmarks.peers.table import better_than_piezod, sorted_rows, table_of
+from tests.experiment.made_up import record_of
 
 OURS = Row("piezod auto", "order 8", 1.0, 0.2, 2.0, 0.4, 0.1, 0.05)
 WORSE_OURS = Row("piezod lms", "order 8", 0.5, 0.5, 1.0, 0.3, 0.1, 0.05)
@@ -67,3 +71,38 @@ def test_a_missing_environment_is_reported(tmp_path: Path, monkeypatch: pytest.M
     row = libraries.row_of_library("NARX", series, series, without_offset=False)
 
     assert "run `make bench-peers`" in row.failure
+
+
+def absent() -> Case:
+    """Report a record that is not here."""
+    raise Absent("the folder is missing")
+
+
+def short() -> Case:
+    """Return a record that is too short for a fit."""
+    return Case("too short", record_of(duration_s=0.5), record_of(duration_s=0.5), 0.0, False)
+
+
+def test_what_cannot_be_measured_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The output and the JSON have the reasons for a skipped record and for a refused fit."""
+    monkeypatch.setattr(peers, "CASES", {"absent": absent, "short": short})
+    path = tmp_path / "table.json"
+    monkeypatch.setattr("sys.argv", ["peers", "--method", "piezod", "--json", str(path)])
+
+    peers.main()
+
+    printed, document = capsys.readouterr().out, json.loads(path.read_text(encoding="utf-8"))
+    assert "absent: skipped, the folder is missing" in printed
+    assert "not measured: 50 samples are too few" in printed
+    assert document["absent"] == {"skipped": "the folder is missing"}
+    assert "too few" in document["short"]["rows"][0]["failure"]
+
+
+def test_an_unknown_name_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message lists the names, before anything is measured."""
+    monkeypatch.setattr("sys.argv", ["peers", "--method", "Preisach"])
+
+    with pytest.raises(SystemExit, match="no method is called Preisach; there are piezod, "):
+        peers.main()
