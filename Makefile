@@ -3,6 +3,7 @@
 BIN := .venv/bin
 STAMP := .venv/.installed
 PEERS := build/peers/.installed
+BENCH_PEERS := build/bench-peers/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
 # One worker more than the fewest cores: many tests wait for a device or a daemon most of the time.
@@ -13,10 +14,10 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test coverage stress peers fuzz check lint bench figures lock clean
+.PHONY: help demo test coverage stress peers fuzz check lint bench bench-peers figures lock clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
 
 demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a report
 	@ready=$$(date +%s); \
@@ -52,6 +53,9 @@ lint: $(STAMP) ## check style, types and import directions
 bench: $(STAMP) ## measure what a sample and a start cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
 
+bench-peers: $(STAMP) $(BENCH_PEERS) ## compare inverse models by others with ours (some minutes)
+	$(BIN)/python -m benchmarks.peers
+
 figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 	$(BIN)/python -m docs.figures
 
@@ -69,4 +73,8 @@ $(STAMP): requirements.lock pyproject.toml .ci/setup
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 	@.ci/setup-peers
+	@touch $@
+
+$(BENCH_PEERS): benchmarks/peers/requirements.txt .ci/setup-bench-peers
+	@.ci/setup-bench-peers
 	@touch $@

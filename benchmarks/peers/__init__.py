@@ -1,0 +1,1 @@
+"""Other people's methods beside those of piezod, on the same records."""
