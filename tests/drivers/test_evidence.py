@@ -24,7 +24,6 @@ def found() -> list[Evidence]:
 
 def test_page_and_words_are_those_of_the_marks(found: list[Evidence]) -> None:
     """`python -m tests.evidence` was run after the last change of a mark or a profile."""
-
     assert PAGE.read_text(encoding="utf-8") == page(found)
     assert WORDS.read_text(encoding="utf-8") == words(found)
 

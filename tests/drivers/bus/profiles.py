@@ -26,8 +26,8 @@ class Profile:
         arguments: Arguments of `piezod emulate`.
         unseen: Ids of faults that the driver detects, but not for this device.
         streams: Whether it sends by itself, so that the age of a value is unknown.
-        takes_long: Whether its faults and its fuzzing are left to `make stress`, because another profile of
-            its driver shows the same.
+        takes_long: Whether its faults and its fuzzing are left to `make stress`, because another
+            profile of its driver shows the same.
         shorter: Waits of the driver, in ns by constant, that are shorter in tests of faults: an
             emulated device sends a reply in one piece.
     """
