@@ -114,8 +114,7 @@ def test_a_reset_after_the_cable_was_plugged_in_makes_the_stage_as_before(
 ) -> None:
     """After a reset the stage can be armed and moved again."""
     with high_up(start, tmp_path) as (daemon, far):
-        far.faults(f"disconnect:now:{AWAY_S:g}")
-        daemon.until("BLIND")
+        far.faults("disconnect:now:0.5")
         daemon.until("FAULT")
         eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
         daemon.until("SAFE")
