@@ -23,9 +23,9 @@ def test_list_for_people(process: Command) -> None:
     assert "piezod" in line
 
 
-def test_list_for_programs(process: Command) -> None:
+def test_list_for_programs(piezod: Command) -> None:
     """The document has a row for each driver."""
-    code, out, err = process("drivers", "--json")
+    code, out, err = piezod("drivers", "--json")
 
     assert (code, err) == (0, "")
     rows = {row["name"]: row for row in json.loads(out)["drivers"]}

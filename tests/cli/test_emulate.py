@@ -182,7 +182,7 @@ def test_several_devices_share_a_stage() -> None:
 
         def voltage() -> float:
             other.send(b"VOL? 1\n")
-            return float(other.receive(1_000_000_000).decode().strip().partition("=")[2])
+            return float(other.receive(10_000_000_000).decode().strip().partition("=")[2])
 
         eventually(lambda: voltage() > 49)
         devices.faults("lost")

@@ -32,7 +32,7 @@ def run_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", known)
 
 
-@pytest.mark.usefixtures("blank_figures")
+@pytest.mark.usefixtures("blank_figures", "run_once")
 def test_document(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """With --json, stdout is one document with a row for each run; no progress is shown."""
     code, out, err = piezod("experiment", experiment_file, "--json")

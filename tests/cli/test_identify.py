@@ -25,9 +25,9 @@ def data(folder: Path) -> Path:
     return Path("data.csv")
 
 
-def test_document(process: Command, data: Path) -> None:
+def test_document(piezod: Command, data: Path) -> None:
     """With --json, stdout has one document, and stderr nothing."""
-    code, out, err = process("identify", data, *EVEN, "--delay-s", "auto", "--order", 6, "--json")
+    code, out, err = piezod("identify", data, *EVEN, "--delay-s", "auto", "--order", 6, "--json")
 
     assert (code, err) == (0, "")
     document = json.loads(out)
@@ -278,12 +278,12 @@ def test_bad_test_data(piezod: Command, data: Path, folder: Path) -> None:
     assert err.startswith("other.csv:1: no column 'drive_v', 'position_um'; found 't_s'")
 
 
-def test_measured_stage(process: Command, shared_data: Path) -> None:
+def test_measured_stage(piezod: Command, shared_data: Path) -> None:
     """The voltage of a measured stage is predicted to 1.6 %, with a warning on the delay."""
     folder = shared_data / "data" / "ntu_p885"
     files = (folder / "identification.csv", "--test", folder / "test.csv")
 
-    code, out, err = process("identify", *files, "--skip-s", 1, "--delay-s", "auto", "--json")
+    code, out, err = piezod("identify", *files, "--skip-s", 1, "--delay-s", "auto", "--json")
 
     assert (code, err) == (0, "")
     document = json.loads(out)

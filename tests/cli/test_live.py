@@ -164,7 +164,9 @@ def test_interrupt_stops_the_stage(
     assert rig.ask("GET", "recordings").json()["running"] is None
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.stress)]
+)
 def test_killed_identification_leaves_nothing_driven(
     rig: Daemon, socket: tuple[str, str], folder: Path, number: signal.Signals
 ) -> None:

@@ -205,21 +205,16 @@ def test_an_unreadable_file_is_a_matter_of_permission_everywhere(
     assert "Permission denied" in err
 
 
-def test_short_help_and_module(folder: Path) -> None:
+def test_short_help_and_module(piezod: Command, folder: Path) -> None:
     """`-h` and --help are the same, and `python -m piezod` is the command."""
-    outs = [
-        subprocess.run(
-            [sys.executable, "-m", "piezod", *arguments],
-            cwd=folder,
-            capture_output=True,
-            check=True,
-        ).stdout
-        for arguments in (("-h",), ("--help",), ("check", "-h"), ("check", "--help"))
-    ]
+    arguments = (("-h",), ("--help",), ("check", "-h"), ("check", "--help"))
+    outs = [piezod(*each).out for each in arguments]
+    command = [sys.executable, "-m", "piezod", "check", "-h"]
+    module = subprocess.run(command, cwd=folder, capture_output=True, check=True, text=True).stdout
 
     assert outs[0] == outs[1]
-    assert outs[2] == outs[3]
-    assert outs[2].startswith(b"Usage: piezod check")
+    assert outs[2] == outs[3] == module
+    assert module.startswith("Usage: piezod check")
 
 
 def test_interrupt(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,7 +28,7 @@ from tests.hosted_rig import hosted, writes
 STAGE = """
 rate_hz: 1000
 devices:
-  rig: {driver: emulated, options: {socket: SOCKET}}
+  rig: {driver: emulated, options: {socket: SOCKET, deadline_ms: 1000}}
 axes:
   x:
     amplifier: rig

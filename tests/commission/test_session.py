@@ -4,7 +4,6 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Sequence
-from functools import partial
 from itertools import count
 from math import inf, nan, sin
 
@@ -232,7 +231,7 @@ def test_only_one_thread_drives_on_the_way_back() -> None:
     waits = iter([0.5])  # long enough to catch code that does not wait for the other thread
     with session() as axis:
         write, this = axis._channels.write, threading.current_thread()  # noqa: SLF001 - as above
-        interrupt = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
+        main = threading.get_ident()
 
         def noting(drive_v: Sequence[float], now_ns: int) -> bool:
             if threading.current_thread() is this:
@@ -241,7 +240,8 @@ def test_only_one_thread_drives_on_the_way_back() -> None:
                 return write(drive_v, now_ns)
             holding.set()
             if (wait_s := next(waits, 0.0)) > 0.0:
-                threading.Timer(wait_s / 5, interrupt).start()
+                eventually(axis._holder.is_set)  # type: ignore[union-attr] # noqa: SLF001 - likewise
+                signal.pthread_kill(main, signal.SIGINT)
                 going_back.wait(wait_s)
             taken = write(drive_v, now_ns)
             holding.clear()

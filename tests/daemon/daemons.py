@@ -167,6 +167,14 @@ class Daemon:
         except AssertionError as error:
             raise AssertionError("\n".join([*answers[-3:], self.text])) from error
 
+    def driven(self, position_um: float, above_v: float) -> None:
+        """Let axis x move to a position, until its drive voltage is above a value."""
+        self.moving(
+            "goto",
+            {"position_um": position_um},
+            lambda status: status["axes"]["x"]["drive_v"] > above_v,
+        )
+
     def up(self) -> Self:
         """Wait until it has started."""
         self.until("SAFE", UP_WITHIN_S)

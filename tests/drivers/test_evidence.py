@@ -1,20 +1,36 @@
 """The list of evidence is that of the marks of the tests."""
 
-from tests.evidence import KINDS, NONE, PAGE, WORDS, marks, page, profiles, word_of, words
+import pytest
+
+from tests.evidence import (
+    KINDS,
+    NONE,
+    PAGE,
+    WORDS,
+    Evidence,
+    marks,
+    page,
+    profiles,
+    word_of,
+    words,
+)
 
 
-def test_page_and_words_are_those_of_the_marks() -> None:
+@pytest.fixture(scope="module")
+def found() -> list[Evidence]:
+    """Return the marks of all tests, read once."""
+    return marks()
+
+
+def test_page_and_words_are_those_of_the_marks(found: list[Evidence]) -> None:
     """`python -m tests.evidence` was run after the last change of a mark or a profile."""
-    found = marks()
-
     assert PAGE.read_text(encoding="utf-8") == page(found)
     assert WORDS.read_text(encoding="utf-8") == words(found)
 
 
-def test_every_mark_names_a_profile_and_a_kind() -> None:
+def test_every_mark_names_a_profile_and_a_kind(found: list[Evidence]) -> None:
     """No mark has a mistyped driver, profile or kind, or an empty text."""
     known = {(driver, profile) for driver, names in profiles().items() for profile in names}
-    found = marks()
 
     assert [each for each in found if (each.driver, each.profile) not in known] == []
     assert [each for each in found if each.kind not in KINDS] == []
@@ -27,9 +43,8 @@ def test_every_driver_of_a_device_has_profiles() -> None:
     assert all(profiles().values())
 
 
-def test_every_device_has_evidence() -> None:
+def test_every_device_has_evidence(found: list[Evidence]) -> None:
     """Each profile was checked against something by others, except the one for any text."""
-    found = marks()
     missing = [
         (driver, profile)
         for driver, names in profiles().items()

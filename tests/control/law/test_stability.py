@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from piezod.control.law import stability
@@ -126,7 +126,6 @@ def growth(loop: Loop, gain_per_s: float) -> float:
 
 
 @given(loop=loops())
-@settings(max_examples=60, deadline=None)
 def test_largest_stable_gain_is_that_of_the_closed_loop(loop: Loop) -> None:
     """0.2 % below it all eigenvalues are inside the unit circle; 0.2 % above it one is outside."""
     gain_per_s = largest_stable(loop)
@@ -161,7 +160,6 @@ def enough(margins: TrimMargins) -> bool:
 
 
 @given(loop=loops(), quarters=st.integers(0, 4))
-@settings(max_examples=40, deadline=None)
 def test_late_margin_leaves_the_loop_stable_with_more_delay(loop: Loop, quarters: int) -> None:
     """The gain that it allows is stable with up to one more period of delay."""
     gain_per_s = margins_of(1.0, *loop).late_gain_margin
@@ -170,7 +168,6 @@ def test_late_margin_leaves_the_loop_stable_with_more_delay(loop: Loop, quarters
 
 
 @given(loop=loops(), part=st.floats(0.01, 0.999), beyond=st.floats(1.001, 1.5))
-@settings(max_examples=40, deadline=None)
 def test_largest_gain_is_the_bound_of_the_allowed_gains(
     loop: Loop, part: float, beyond: float
 ) -> None:
@@ -183,7 +180,6 @@ def test_largest_gain_is_the_bound_of_the_allowed_gains(
 
 
 @given(loop=loops(), low=GAINS_PER_S, high=GAINS_PER_S)
-@settings(max_examples=40, deadline=None)
 def test_margins_shrink_with_the_gain(loop: Loop, low: float, high: float) -> None:
     """A larger gain has no larger margin."""
     assume(low < high)
@@ -196,7 +192,6 @@ def test_margins_shrink_with_the_gain(loop: Loop, low: float, high: float) -> No
 
 
 @given(period_s=PERIODS_S, periods=st.floats(0.0, 50.0), more=st.floats(0.0, 5.0))
-@settings(max_examples=40, deadline=None)
 def test_delay_never_raises_the_limit(period_s: float, periods: float, more: float) -> None:
     """This holds without a mode; the grid of frequencies costs a thousandth."""
     loop = Loop(period_s, periods * period_s)
@@ -276,7 +271,6 @@ def test_refusal_names_the_margins_and_the_largest_gain(
 
 
 @given(loop=loops())
-@settings(max_examples=40, deadline=None)
 def test_proposed_gain_is_allowed(loop: Loop) -> None:
     """The proposed gain is at least nine tenths of the largest one."""
     with pytest.raises(ModelError) as caught:

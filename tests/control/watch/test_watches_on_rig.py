@@ -93,7 +93,10 @@ def faulty(kind: InjectionKind, value: float, mode: Mode) -> RigStage:
     return stage
 
 
-@pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED])
+@pytest.mark.parametrize(
+    "mode",
+    [Mode.FEEDFORWARD, Mode.ADAPTIVE, pytest.param(Mode.TRIMMED, marks=pytest.mark.stress)],
+)
 @pytest.mark.parametrize(
     ("kind", "value", "fault", "within_ms"),
     [

@@ -29,6 +29,15 @@ def child(tmp_path: Path) -> Iterator[LoopChild]:
         yield child
 
 
+@pytest.fixture(scope="module")
+def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopChild]:
+    """Return a disarmed loop process that tests share which only look at it."""
+    folder = tmp_path_factory.mktemp("resting")
+    with LoopChild(folder, config_with(folder, "rate_hz: 200", "rate_hz: 20")) as child:
+        child.wait_for(State.SAFE)
+        yield child
+
+
 def config_with(tmp_path: Path, before: str, after: str, name: str = "simulated.yaml") -> Path:
     """Return a shipped configuration with a part of its text replaced."""
     text = (CONFIG / name).read_text(encoding="utf-8")
@@ -57,9 +66,9 @@ def test_stage_moves_and_comes_back(child: LoopChild) -> None:
     assert left.drive_v == pytest.approx(0.0, abs=0.1)
 
 
-def test_identities_are_stored(child: LoopChild) -> None:
+def test_identities_are_stored(resting: LoopChild) -> None:
     """`piezod safe` finds the identity of each device by its name in the configuration."""
-    [(name, who)] = noted_identities(child.runtime / "identities.json").items()
+    [(name, who)] = noted_identities(resting.runtime / "identities.json").items()
 
     assert (name, who.model) == ("rig", "simulated stack")
 
@@ -79,26 +88,26 @@ def test_stage_without_supervisor_comes_back_by_itself(child: LoopChild) -> None
     assert "H1" in {event.fault for event in child.events}
 
 
-def test_signals_are_for_the_supervisor(child: LoopChild) -> None:
+def test_signals_are_for_the_supervisor(resting: LoopChild) -> None:
     """The loop ignores Ctrl-C, which a terminal sends to all its processes."""
-    cycles = child.shared.words[Word.HEALTHY_CYCLES]
+    cycles = resting.shared.words[Word.HEALTHY_CYCLES]
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        child.process.send_signal(number)
+        resting.process.send_signal(number)
 
-    eventually(lambda: child.shared.words[Word.HEALTHY_CYCLES] > cycles + 5)
-    assert child.process.poll() is None
+    eventually(lambda: resting.shared.words[Word.HEALTHY_CYCLES] > cycles + 5)
+    assert resting.process.poll() is None
 
 
-def test_process_reports_what_it_obtained(child: LoopChild) -> None:
+def test_process_reports_what_it_obtained(resting: LoopChild) -> None:
     """Before the first cycle it reports each real-time step and the rate that it sustains."""
-    report = child.shared.report()
+    report = resting.shared.report()
 
     assert report["steps"][-1]["name"] == "scheduling"
     assert [one["placement"] for one in report["devices"]] == ["in the cycle"]
-    assert child.shared.words[Word.MEASURED_RATE_HZ] > 0
-    assert child.shared.words[Word.LOOP_PID] == child.process.pid
-    assert isnan(read_last_output(child.runtime / "output.map")[0].drive_v)
+    assert resting.shared.words[Word.MEASURED_RATE_HZ] > 0
+    assert resting.shared.words[Word.LOOP_PID] == resting.process.pid
+    assert isnan(read_last_output(resting.runtime / "output.map")[0].drive_v)
 
 
 def test_rate_above_the_measured_one_is_not_armed(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -61,16 +62,19 @@ def cycles_until_blind(daemon: Daemon) -> int:
     return int(np.argmin([*before[::-1], False]))
 
 
+def high_and_there(status: dict[str, Any]) -> bool:
+    """Return whether a stage that goes high up is on target."""
+    axis = status["axes"]["x"]
+    return bool(axis["drive_v"] > 30.0 and axis["on_target"])
+
+
 @contextmanager
 def high_up(start: StartDaemon, folder: Path) -> Iterator[tuple[Daemon, Emulated]]:
     """Yield a daemon whose stage is armed and driven to some 40 V, and its device."""
     arguments = ("--trace", str(folder / "trace.csv"))
     with emulated("pi-e816", arguments=arguments) as far:
         daemon = start(configured(folder, far.where[0])).up()
-        daemon.do("arm")
-        daemon.do("goto", position_um=8.0)
-        eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 30.0)
-        eventually(lambda: daemon.status()["axes"]["x"]["on_target"])
+        daemon.moving("goto", {"position_um": 8.0}, high_and_there)
         yield daemon, far
 
 
@@ -110,14 +114,11 @@ def test_a_reset_after_the_cable_was_plugged_in_makes_the_stage_as_before(
 ) -> None:
     """After a reset the stage can be armed and moved again."""
     with high_up(start, tmp_path) as (daemon, far):
-        far.faults(f"disconnect:now:{AWAY_S:g}")
-        daemon.until("BLIND")
+        far.faults("disconnect:now:0.5")
         daemon.until("FAULT")
         eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
         daemon.until("SAFE")
-        daemon.do("arm")
-        daemon.do("goto", position_um=5.0)
-        eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 15.0)
+        daemon.driven(5.0, above_v=15.0)
         present_now = present(daemon)
 
     assert "B1" not in present_now
@@ -174,9 +175,7 @@ def test_a_device_that_falls_silent_does_not_end_the_loop(
     with emulated("lc400") as far:
         path.write_text(text.replace("/dev/serial/by-id/EXAMPLE", far.where[0]), encoding="utf-8")
         daemon = start(path).up()
-        daemon.do("arm")
-        daemon.do("goto", position_um=8.0)
-        eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 30.0)
+        daemon.driven(8.0, above_v=30.0)
         words = attach(daemon.paths.loop_map).words
         far.faults("lost")
         daemon.until("BLIND")

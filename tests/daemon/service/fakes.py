@@ -32,6 +32,7 @@ from piezod.daemon.service.stage_service import (
 )
 from piezod.daemon.service.urgent_notes import UrgentNotes
 from piezod.telemetry.layout import record_dtype
+from tests.daemon.daemons import NO_TLS
 
 NAN = float("nan")
 
@@ -208,7 +209,7 @@ class Served:
     @contextmanager
     def client(self, name: str = "test") -> Iterator[httpx.Client]:
         """Yield a client with its own connection."""
-        transport = httpx.HTTPTransport(uds=str(self.socket))
+        transport = httpx.HTTPTransport(uds=str(self.socket), verify=NO_TLS)
         headers = {"x-piezod-client": name}
         with httpx.Client(
             transport=transport, base_url="http://piezod/v1/", headers=headers, timeout=20

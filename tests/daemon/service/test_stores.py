@@ -123,7 +123,7 @@ def test_recording_of_a_folder_that_is_missing_is_not_found(tmp_path: Path) -> N
 @pytest.mark.fault("C14")
 def test_user_gets_one_recording_at_a_time(serve: Serve) -> None:
     """A second download is refused until the first one has ended."""
-    served = serve(ConnectionLimits(blocked_s=0.2))
+    served = serve(ConnectionLimits(blocked_s=0.5))
     served.stage.recordings_folder.joinpath("big.h5").write_bytes(bytes(8 << 20))
     with connected(served.socket) as connection, served.client() as client:
         connection.sendall(GET)

@@ -2,6 +2,7 @@
 
 import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,21 +15,18 @@ from tests.hosted_rig import hosted
 EXCITATION = {"kind": "sine", "low": 0.0, "high": 50.0, "frequency_hz": 0.1}
 
 
+def arrived(status: dict[str, Any]) -> bool:
+    """Return whether the movement to 12.5 µm has ended on target."""
+    axis = status["axes"]["x"]
+    return bool(axis["on_target"] and abs(axis["position_um"] - 12.5) < 0.2)
+
+
 def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Path) -> None:
     """An armed stage reaches its position, and an orderly end removes the files of the run."""
     daemon = start(rig_file).up()
-    assert daemon.do("arm")["accepted"]
     daemon.do("mode", mode="adaptive")
-    motion = daemon.do("goto", position_um=12.5)["motion"]
-
-    def arrived() -> bool:
-        axis = daemon.status()["axes"]["x"]
-        return bool(axis["on_target"] and axis["motion"] == motion)
-
-    eventually(arrived)
-    status = daemon.status()
+    status = daemon.moving("goto", {"position_um": 12.5}, arrived)
     assert (status["state"], status["mode"]) == ("RUN", "adaptive")
-    assert status["axes"]["x"]["position_um"] == pytest.approx(12.5, abs=0.2)
 
     daemon.signal(signal.SIGTERM)
 
@@ -59,8 +57,7 @@ def test_end_is_orderly_in_every_state(
     daemon = start(rig_file).up()
     for verb in verbs:
         if verb == "goto":
-            daemon.do(verb, position_um=20.0)
-            eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 60)
+            daemon.driven(20.0, above_v=60.0)
         elif verb == "identify":
             daemon.do(verb, drive_v={"x": EXCITATION}, duration_s=600.0)
         else:

@@ -68,9 +68,7 @@ def test_loop_without_a_supervisor_goes_to_safe_and_ends(
     """
     config = configuration(tmp_path, safety="{safe_v: 0, ramp_v_per_s: 20}")
     daemon = start(config).up()
-    daemon.do("arm")
-    daemon.do("goto", position_um=10.0)
-    eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 40)
+    daemon.driven(10.0, above_v=40.0)
     loop_pid = daemon.loop_pid
 
     daemon.process.kill()

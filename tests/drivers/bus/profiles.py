@@ -26,8 +26,8 @@ class Profile:
         arguments: Arguments of `piezod emulate`.
         unseen: Ids of faults that the driver detects, but not for this device.
         streams: Whether it sends by itself, so that the age of a value is unknown.
-        takes_long: Whether its faults are only tested by `make stress`, because another profile of
-            its driver shows the same.
+        takes_long: Whether its faults and its fuzzing are left to `make stress`, because another
+            profile of its driver shows the same.
         shorter: Waits of the driver, in ns by constant, that are shorter in tests of faults: an
             emulated device sends a reply in one piece.
     """
@@ -99,7 +99,13 @@ def _units(*profiles: str) -> dict[str, object]:
 
 MODBUS = (
     *(
-        _modbus(name, Wiring(("AIN0",), ("DAC0",)), Tcp({"profile": name}), "")
+        _modbus(
+            name,
+            Wiring(("AIN0",), ("DAC0",)),
+            Tcp({"profile": name}),
+            "",
+            takes_long=name != "labjack-t7",
+        )
         for name in ("labjack-t4", "labjack-t7", "labjack-t8")
     ),
     _modbus("adam-6024", Wiring(("AI0",), ("AO0",)), Tcp({"profile": "adam-6024"})),
@@ -195,6 +201,7 @@ PROFILES = (
         Wiring(("distance",), ()),
         Port({"model": "ODC2520"}),
         streams=True,
+        takes_long=True,
     ),
     Profile("ascii-demo", "ascii", Wiring.both(("X",)), Port(ASCII_DEMO), unseen=_NO_READ_BACK),
     Profile(
@@ -217,5 +224,7 @@ PROFILES = (
         takes_long=True,
     ),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),
-    Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),
+    Profile(
+        "psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"}), takes_long=True
+    ),
 )

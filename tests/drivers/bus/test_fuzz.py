@@ -14,9 +14,17 @@ from tests.drivers.bus.wire import MS, Wire, wired
 
 MOST_ANSWERED = 1_000_000
 """Highest number of bytes of the reply to one request."""
-MOST_KEPT = 100_000
+MOST_KEPT = 10_000
+JUNK_BYTES = 4_000
+"""Bytes of one piece; eleven pieces are more than may be kept."""
 
-every_profile = pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.name)
+every_profile = pytest.mark.parametrize(
+    "profile",
+    [
+        pytest.param(each, marks=[pytest.mark.stress] if each.takes_long else [], id=each.name)
+        for each in PROFILES
+    ],
+)
 few = settings(max_examples=20, suppress_health_check=list(HealthCheck))
 
 Change = Callable[[bytes], bytes]
@@ -103,10 +111,10 @@ def test_emulator_survives_whatever_comes(profile: Profile) -> None:
 def test_emulator_keeps_little(profile: Profile, junk: bytes) -> None:
     """Bytes without an end are not collected for ever."""
     with wired(profile) as wire:
-        wire.emulator.receive(junk * 20_000)
+        wire.emulator.receive(junk * JUNK_BYTES)
         tracemalloc.start()
         for _ in range(10):
-            wire.emulator.receive(junk * 20_000)
+            wire.emulator.receive(junk * JUNK_BYTES)
         kept, _ = tracemalloc.get_traced_memory()
         tracemalloc.stop()
 

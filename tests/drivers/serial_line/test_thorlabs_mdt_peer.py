@@ -28,7 +28,9 @@ def port() -> Iterator[str]:
     """Serve an MDT693B without echo, as our driver leaves it."""
     with emulated("mdt693b", arguments=("--axes", "3")) as device:
         plugin = registry.load("thorlabs_mdt")
-        options = plugin.options_model.model_validate({"port": device.where[0]})
+        options = plugin.options_model.model_validate(
+            {"port": device.where[0], "timeout_ms": 2000.0}
+        )
         driver: Any = plugin.create(options, Wiring((), ("x",)), 1)
         driver.open()
         driver.close()
