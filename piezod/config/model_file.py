@@ -102,7 +102,7 @@ class ModelFile(ConfigModel):
         """Return the model with other weights.
 
         Args:
-            weights: Weights in the order of the loop: left stops first, or coefficients of the surface.
+            weights: Left stops first, as in the loop; or the coefficients of the surface.
         """
         if self.version == 2:
             return self.model_copy(update={"surface_coefficients": tuple(weights)})

@@ -6,7 +6,8 @@ one term changes, so that a step costs the same for any past:
 
     rising:  b = b_m + basis(v, v_m),     falling:  b = b_M - basis(v_M, v),
 
-with the innermost minimum v_m and maximum v_M; the displacement is the sum of c_ij b_ij.
+with the innermost minimum v_m and maximum v_M; the displacement is the sum of c_ij b_ij. Where the
+hysteresis depends on the rate, v is the lagging drive of `rate_lag`.
 """
 
 from piezod.hysteresis.everett import SIZE, fill_basis, surface
@@ -14,6 +15,7 @@ from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
     MAXIMUM,
     MINIMUM,
+    RAW,
     RISING,
     SEEN,
     FloatArray,
@@ -23,6 +25,13 @@ from piezod.hysteresis.memory import (
     commit,
     locate,
     new_memory,
+)
+from piezod.hysteresis.rate_lag import (
+    ACTIVATION,
+    PROMPT,
+    lag_of,
+    lag_slope,
+    lagging_drive,
 )
 from piezod.jit import compiled
 
@@ -44,10 +53,10 @@ def relax_surface(memory: Memory) -> None:
 
 
 @compiled
-def advance_drive(memory: Memory, deadband: float, drive: float) -> float:
+def advance_drive(memory: Memory, lag: FloatArray, deadband: float, drive: float) -> float:
     """Advance all regressors in `memory.now` by one drive; return it clamped. Real-time safe."""
     drive = accept_input(memory, drive)
-    seen = backlash(memory, drive, deadband)
+    seen = backlash(memory, lagging_drive(lag, memory.last[SEEN], drive), deadband)
     loop = locate(memory, seen)
     now = memory.now
     if loop.rising:
@@ -65,8 +74,14 @@ def advance_drive(memory: Memory, deadband: float, drive: float) -> float:
 
 
 @compiled
+def prompt_displacement(memory: Memory, lag: FloatArray) -> float:
+    """Return the displacement that does not lag, after the last drive. Real-time safe."""
+    return lag[PROMPT] * (memory.last[RAW] - memory.last[SEEN]) if lag[ACTIVATION] else 0.0
+
+
+@compiled
 def displacement(coefficients: FloatArray, regressors: FloatArray) -> float:
-    """Return the displacement of regressors, shape (24,). Real-time safe."""
+    """Return the lagging displacement of regressors, shape (24,). Real-time safe."""
     # The sum runs in a fixed order, so that steps and runs agree to the bit.
     total = 0.0
     for j in range(coefficients.size):
@@ -77,96 +92,118 @@ def displacement(coefficients: FloatArray, regressors: FloatArray) -> float:
 @compiled
 def _solve(
     coefficients: FloatArray,
+    lag: FloatArray,
+    before: float,
     start: float,
     rise: float,
     low: float,
     high: float,
     guess: float,
 ) -> float:
-    """Return the end of a branch that begins at `start` and along which E grows to `rise`.
+    """Return the end of a branch that begins at `start` and along which the stage moves by `rise`.
 
     Newton's method, with bisection where a step would leave the bracket [low, high]. The start lies
     below the bracket on a rising branch, and above it on a falling one.
     """
     rising = start <= low
-    drive = guess
+    drive = guess if low < guess < high else 0.5 * (low + high)
     for _ in range(_MAX_STEPS):
+        prompt = lag[PROMPT] * lag_of(lag, before, drive)
         if rising:
             value, slope, _ = surface(coefficients, drive, start)
-            miss = value - rise
+            miss = value + prompt - rise
         else:
             value, _, slope = surface(coefficients, start, drive)
-            miss = rise - value
+            miss = rise - value + prompt
         if abs(miss) < _SAME:
             break
         if miss > 0.0:
             high = drive
         else:
             low = drive
-        drive -= miss / slope
+        drive -= miss / (slope + lag[PROMPT] * lag_slope(lag, before, drive))
         if not low < drive < high:
             drive = 0.5 * (low + high)
     return drive
 
 
 @compiled
-def drive_for(memory: Memory, coefficients: FloatArray, position: float) -> float:
+def _at(memory: Memory, coefficients: FloatArray, lag: FloatArray, side: int, place: int) -> float:
+    """Return the displacement at which a move would reach an extremum."""
+    prompt = lag[PROMPT] * lag_of(lag, memory.last[SEEN], memory.levels[side, place])
+    return displacement(coefficients, memory.values[side, place]) + prompt
+
+
+@compiled
+def drive_for(memory: Memory, coefficients: FloatArray, lag: FloatArray, position: float) -> float:
     """Return the drive in [0, 1] that moves the stage to a displacement. Real-time safe.
 
     The memory does not change. Every branch is monotone. The displacements of the extrema therefore
     have the order of their drives, and the rule of deletion holds for displacements, too. If no
     drive reaches the displacement, the result is the nearest end of the range.
     """
+    last = memory.last[SEEN]
+    lagging = _lagging_for(memory, coefficients, lag, position)
+    return min(max(lagging + lag_of(lag, last, lagging), 0.0), 1.0)
+
+
+@compiled
+def _lagging_for(
+    memory: Memory, coefficients: FloatArray, lag: FloatArray, position: float
+) -> float:
+    """Return the lagging drive that moves the stage to a displacement, or the nearest in [0, 1]."""
     levels, values, counts, last = memory.levels, memory.values, memory.counts, memory.last[SEEN]
     now = displacement(coefficients, memory.now)
+    # Slopes are near one, so that the drive moves by about as much as the displacement.
+    guess = last + position - now - prompt_displacement(memory, lag)
     maxima, minima, low, high = counts[MAXIMUM], counts[MINIMUM], last, last
     if position > now:
         start, at_start, inside = last, now, counts[RISING] == 0
         minima += inside  # the last drive would become a minimum
-        top = displacement(coefficients, values[MAXIMUM, maxima - 1])
-        while maxima > 1 and position >= top:
+        while maxima > 1 and position >= _at(memory, coefficients, lag, MAXIMUM, maxima - 1):
             low = levels[MAXIMUM, maxima - 1]
             maxima -= 1
             minima -= 1
-            top = displacement(coefficients, values[MAXIMUM, maxima - 1])
         high = levels[MAXIMUM, maxima - 1]
-        if position >= top:
+        if position >= _at(memory, coefficients, lag, MAXIMUM, maxima - 1):
             return high
         if not inside or minima <= counts[MINIMUM]:
             start = levels[MINIMUM, minima - 1]
             at_start = displacement(coefficients, values[MINIMUM, minima - 1])
-        return _solve(coefficients, start, position - at_start, low, high, low)
+        return _solve(coefficients, lag, last, start, position - at_start, low, high, guess)
     if position < now:
         start, at_start, inside = last, now, counts[RISING] == 1
         maxima += inside  # the last drive would become a maximum
-        bottom = displacement(coefficients, values[MINIMUM, minima - 1])
-        while minima > 1 and position <= bottom:
+        while minima > 1 and position <= _at(memory, coefficients, lag, MINIMUM, minima - 1):
             high = levels[MINIMUM, minima - 1]
             minima -= 1
             maxima -= 1
-            bottom = displacement(coefficients, values[MINIMUM, minima - 1])
         low = levels[MINIMUM, minima - 1]
-        if position <= bottom:
+        if position <= _at(memory, coefficients, lag, MINIMUM, minima - 1):
             return low
         if not inside or maxima <= counts[MAXIMUM]:
             start = levels[MAXIMUM, maxima - 1]
             at_start = displacement(coefficients, values[MAXIMUM, maxima - 1])
-        return _solve(coefficients, start, at_start - position, low, high, high)
+        return _solve(coefficients, lag, last, start, at_start - position, low, high, guess)
     return last
 
 
 @compiled
-def displacement_at(memory: Memory, coefficients: FloatArray, drive: float) -> float:
+def displacement_at(
+    memory: Memory, coefficients: FloatArray, lag: FloatArray, drive: float
+) -> float:
     """Return the displacement to which a drive would move the stage; the memory does not change.
 
     Real-time safe.
     """
-    loop = locate(memory, drive)
+    lagging = lagging_drive(lag, memory.last[SEEN], drive)
+    prompt = lag[PROMPT] * (drive - lagging)
+    loop = locate(memory, lagging)
     levels, values = memory.levels, memory.values
     if loop.rising:
         start = loop.minima - 1
-        rise, _, _ = surface(coefficients, drive, levels[MINIMUM, start])
-        return displacement(coefficients, values[MINIMUM, start]) + rise
+        rise, _, _ = surface(coefficients, lagging, levels[MINIMUM, start])
+        return displacement(coefficients, values[MINIMUM, start]) + rise + prompt
     start = loop.maxima - 1
-    fall, _, _ = surface(coefficients, levels[MAXIMUM, start], drive)
-    return displacement(coefficients, values[MAXIMUM, start]) - fall
+    fall, _, _ = surface(coefficients, levels[MAXIMUM, start], lagging)
+    return displacement(coefficients, values[MAXIMUM, start]) - fall + prompt

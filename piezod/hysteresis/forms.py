@@ -35,6 +35,9 @@ class ModelForm(Protocol):
     def two_sided(self) -> bool:
         """Whether half of the weights belong to the right operators, and half to the left ones."""
 
+    def sampled(self, period_s: float) -> "ModelForm":
+        """Return the form for records and steps of this period, in s."""
+
     def straight_line(self) -> FloatArray:
         """Return weights, shape (size,), with which drive and displacement agree."""
 
@@ -117,6 +120,10 @@ class StopForm:
     def two_sided(self) -> bool:
         """True: M weights belong to left stops, and M to right stops."""
         return True
+
+    def sampled(self, period_s: float) -> "StopForm":  # noqa: ARG002 - stops know no rate
+        """Return the form itself: it is the same for every period."""
+        return self
 
     def straight_line(self) -> FloatArray:
         """Return weights 0: drive and displacement agree."""

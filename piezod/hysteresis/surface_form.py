@@ -1,6 +1,6 @@
 """The form of a model that is a surface: displacement = hysteresis of the drive."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,8 +12,19 @@ from piezod.hysteresis.everett_memory import (
     displacement,
     drive_for,
     new_surface_memory,
+    prompt_displacement,
 )
-from piezod.hysteresis.memory import MAXIMUM, MINIMUM, RISING, FloatArray, IntArray, Memory
+from piezod.hysteresis.memory import (
+    MAXIMUM,
+    MINIMUM,
+    RAW,
+    RISING,
+    SEEN,
+    FloatArray,
+    IntArray,
+    Memory,
+)
+from piezod.hysteresis.rate_lag import new_lag
 from piezod.jit import compiled
 
 
@@ -22,20 +33,42 @@ class SurfaceStage:
 
     Args:
         coefficients: (24,) coefficients.
+        lag: (3,) lag behind the drive, from `new_lag`.
     """
 
-    def __init__(self, coefficients: FloatArray) -> None:
+    def __init__(self, coefficients: FloatArray, lag: FloatArray) -> None:
         self._coefficients, self._memory = coefficients.copy(), new_surface_memory()
+        self._lag = lag
 
     def step(self, drive: float, /) -> float:
         """Return the displacement for the next drive in [0, 1]. Real-time safe."""
-        advance_drive(self._memory, 0.0, drive)
-        return displacement(self._coefficients, self._memory.now)
+        advance_drive(self._memory, self._lag, 0.0, drive)
+        prompt = prompt_displacement(self._memory, self._lag)
+        return displacement(self._coefficients, self._memory.now) + prompt
 
 
 @dataclass(frozen=True)
 class SurfaceForm:
-    """A smooth Everett surface on a memory of drives, see `everett`; weights are coefficients."""
+    """A smooth Everett surface on a memory of drives, see `everett`; weights are coefficients.
+
+    Attributes:
+        activation: w of `rate_lag`, in units of the range; 0 for a hysteresis without rate.
+        prompt_slope: Slope of the part that does not lag, dimensionless.
+        period_s: Sample period of records and steps.
+    """
+
+    activation: float = 0.0
+    prompt_slope: float = 0.0
+    period_s: float = 1.0
+
+    @property
+    def lag(self) -> FloatArray:
+        """Lag behind the drive, shape (3,), for the kernels."""
+        return new_lag(self.activation, self.prompt_slope, self.period_s)
+
+    def sampled(self, period_s: float) -> "SurfaceForm":
+        """Return the form for records and steps of this period, in s."""
+        return replace(self, period_s=period_s)
 
     @property
     def size(self) -> int:
@@ -78,32 +111,34 @@ class SurfaceForm:
             deadband: Width of the backlash before the memory, in units of the range.
         """
         drives = np.empty_like(positions)
-        _invert(*new_surface_memory(), weights, deadband, np.ascontiguousarray(positions), drives)
+        memory = new_surface_memory()
+        _invert(*memory, weights, self.lag, deadband, np.ascontiguousarray(positions), drives)
         return drives
 
     def positions_at(self, weights: FloatArray, drives: FloatArray) -> FloatArray:
         """Return the displacements for a record of drives in [0, 1], shape (n,)."""
         positions = np.empty_like(drives)
-        _follow(*new_surface_memory(), weights, np.ascontiguousarray(drives), positions)
+        _follow(*new_surface_memory(), weights, self.lag, np.ascontiguousarray(drives), positions)
         return positions
 
     def stage(self, weights: FloatArray) -> SurfaceStage:
         """Return a relaxed stage, which makes `positions_at` step by step."""
-        return SurfaceStage(weights)
+        return SurfaceStage(weights, self.lag)
 
     def widest_loop(
         self, weights: FloatArray, positions: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the drives on both branches of the widest loop, shape (n,) each."""
-        drives = self.drives_at(weights, np.concatenate((positions, positions[::-1])))
+        """Return the drives on both branches of the widest slow loop, shape (n,) each."""
+        slow = SurfaceForm()
+        drives = slow.drives_at(weights, np.concatenate((positions, positions[::-1])))
         return drives[: positions.size], drives[positions.size :][::-1]
 
     def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:
         """Return the change of the drives per change of each coefficient, shape (n, 24)."""
-        memory, rows = new_surface_memory(), []
+        memory, rows, slow = new_surface_memory(), [], new_lag(0.0, 0.0, 1.0)
         for position in positions.tolist():
-            drive = drive_for(memory, weights, position)
-            advance_drive(memory, 0.0, drive)
+            drive = drive_for(memory, weights, slow, position)
+            advance_drive(memory, slow, 0.0, drive)
             if memory.counts[RISING]:
                 start = memory.levels[MINIMUM, memory.counts[MINIMUM] - 1]
                 _, slope, _ = surface(weights, drive, start)
@@ -118,6 +153,38 @@ class SurfaceForm:
         return weights
 
 
+def surface_regressors(drives: FloatArray, activation: float, period_s: float) -> FloatArray:
+    """Return the factors of the coefficients and of the prompt slope, shape (n, 25).
+
+    Args:
+        drives: (n,) drives in [0, 1], evenly in time; the memory is relaxed before the first.
+        activation: w of `rate_lag`, in units of the range.
+        period_s: Sample period, in s.
+    """
+    regressors, lag = np.empty((drives.size, SIZE + 1)), new_lag(activation, 0.0, period_s)
+    _fill_regressors(*new_surface_memory(), lag, np.ascontiguousarray(drives), regressors)
+    return regressors
+
+
+@compiled
+def _fill_regressors(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    lag: FloatArray,
+    drives: FloatArray,
+    regressors: FloatArray,
+) -> None:
+    memory = Memory(levels, values, now, last, counts)
+    for k in range(drives.size):
+        advance_drive(memory, lag, 0.0, drives[k])
+        for j in range(now.size):
+            regressors[k, j] = now[j]
+        regressors[k, now.size] = last[RAW] - last[SEEN]
+
+
 @compiled
 def _follow(
     levels: FloatArray,
@@ -126,13 +193,14 @@ def _follow(
     last: FloatArray,
     counts: IntArray,
     coefficients: FloatArray,
+    lag: FloatArray,
     drives: FloatArray,
     positions: FloatArray,
 ) -> None:
     memory = Memory(levels, values, now, last, counts)
     for k in range(drives.size):
-        advance_drive(memory, 0.0, drives[k])
-        positions[k] = displacement(coefficients, now)
+        advance_drive(memory, lag, 0.0, drives[k])
+        positions[k] = displacement(coefficients, now) + prompt_displacement(memory, lag)
 
 
 @compiled
@@ -143,11 +211,12 @@ def _invert(
     last: FloatArray,
     counts: IntArray,
     coefficients: FloatArray,
+    lag: FloatArray,
     deadband: float,
     positions: FloatArray,
     drives: FloatArray,
 ) -> None:
     memory = Memory(levels, values, now, last, counts)
     for k in range(positions.size):
-        drives[k] = drive_for(memory, coefficients, positions[k])
-        advance_drive(memory, deadband, drives[k])
+        drives[k] = drive_for(memory, coefficients, lag, positions[k])
+        advance_drive(memory, lag, deadband, drives[k])

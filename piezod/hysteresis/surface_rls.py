@@ -41,6 +41,7 @@ class SurfaceIdentifier:
 
     Args:
         weights: (24,) coefficients of an identified surface.
+        form: Form of the surface; without rate dependence by default.
         pace: Factor of all random walks and of the information of a pair, above 0 to 1.
         deadband: Width of the backlash before the memory of drives, in units of the range.
         capacity: Extrema stored on each side.
@@ -52,6 +53,7 @@ class SurfaceIdentifier:
     def __init__(
         self,
         weights: npt.ArrayLike,
+        form: SurfaceForm | None = None,
         *,
         pace: float = 1.0,
         deadband: float = 0.0,
@@ -78,6 +80,7 @@ class SurfaceIdentifier:
             np.abs(rows).max(axis=0),
             self._deadband,
             MEASUREMENT_VARIANCE / pace,
+            (form or SurfaceForm()).lag,
         )
         self.adopt(weights)
 

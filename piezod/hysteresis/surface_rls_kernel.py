@@ -3,14 +3,18 @@
 import numpy as np
 
 from piezod.hysteresis.covariance import GAIN, REGRESSOR, fill_gain, update_covariance
-from piezod.hysteresis.everett_memory import advance_drive, displacement
+from piezod.hysteresis.everett_memory import (
+    advance_drive,
+    displacement,
+    prompt_displacement,
+)
 from piezod.hysteresis.learner import OFFSET_LIMIT, is_finite, limited, limited_error
 from piezod.hysteresis.memory import SEEN, FloatArray, IntArray, Memory
 from piezod.jit import compiled
 
 OFFSET, POSITION, DRIVE, MARGIN = 0, 1, 2, 3
-"""Indices of the scalars: offset, last displacement, last drive, and a lower bound of the smallest
-slope minus `SMALLEST`."""
+"""Indices of the scalars: offset, last displacement without its prompt part, last drive, and a
+lower bound of the smallest slope minus `SMALLEST`."""
 SMALLEST = 0.025
 """Smallest slope that a learned surface keeps. Half of that of an identified one, so that a surface
 that was identified at its limit can still learn."""
@@ -117,6 +121,7 @@ def _adapt(
     steepest: FloatArray,
     variance: float,
     deadband: float,
+    lag: FloatArray,
     position: float,
     drive: float,
     learn: bool,
@@ -125,12 +130,12 @@ def _adapt(
     if not is_finite(drive):
         return np.nan
     before = memory.last[SEEN]
-    advance_drive(memory, deadband, drive)
+    advance_drive(memory, lag, deadband, drive)
     scalars[DRIVE] = drive
     if not is_finite(position):
         return np.nan
-    scalars[POSITION] = position
-    error = position - displacement(coefficients, memory.now) - scalars[OFFSET]
+    scalars[POSITION] = position - prompt_displacement(memory, lag)
+    error = scalars[POSITION] - displacement(coefficients, memory.now) - scalars[OFFSET]
     # Without a move the pair repeats known information. Learning it would only let P grow.
     if learn and memory.last[SEEN] != before:
         _learn(
@@ -165,6 +170,7 @@ def step(
     steepest: FloatArray,
     deadband: float,
     variance: float,
+    lag: FloatArray,
     position: float,
     drive: float,
     learn: bool,
@@ -181,6 +187,7 @@ def step(
         steepest,
         variance,
         deadband,
+        lag,
         position,
         drive,
         learn,

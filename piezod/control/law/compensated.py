@@ -1,5 +1,6 @@
 """Builds the control law of an axis from its configuration and its model."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -127,6 +128,7 @@ def compensated_axis(
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
+    model = replace(model, form=model.form.sampled(period_ns / NS_PER_S))
     pace = _pace(config, model.form, period_ns)
     identifier = Identifier(
         _shadowed(config, model, pace, period_ns),
@@ -183,18 +185,20 @@ def _adaptation(
         case StopForm(bank):
             return _stop_adaptation(config, bank, weights, pace)
         case SurfaceForm():
-            return _surface_adaptation(config, weights, pace)
+            return _surface_adaptation(config, form, weights, pace)
     raise TypeError(f"no identifier for a {type(form).__name__}")
 
 
-def _surface_adaptation(config: AxisConfig, weights: FloatArray, pace: float) -> SurfaceIdentifier:
+def _surface_adaptation(
+    config: AxisConfig, form: SurfaceForm, weights: FloatArray, pace: float
+) -> SurfaceIdentifier:
     settings = config.compensator
     if settings.identifier != "rls":
         raise ModelError(
             f"identifier {settings.identifier} learns the weights of stops, and the model is a "
             "surface: use `identifier: rls`"
         )
-    return SurfaceIdentifier(weights, pace=pace, deadband=settings.deadband_pct / 100.0)
+    return SurfaceIdentifier(weights, form, pace=pace, deadband=settings.deadband_pct / 100.0)
 
 
 def _stop_adaptation(

@@ -44,7 +44,8 @@ def _hysteresis(file: ModelFile) -> tuple[ModelForm, FloatArray]:
             bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
             return StopForm(bank), np.array([*file.left_stop_weights, *file.right_stop_weights])
         case 2:
-            return SurfaceForm(), np.array(file.surface_coefficients)
+            form = SurfaceForm(file.surface_activation, file.surface_prompt_slope)
+            return form, np.array(file.surface_coefficients)
 
 
 def read_model(path: Path) -> tuple[StageModel, ModelFile]:

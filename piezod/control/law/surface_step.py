@@ -6,11 +6,12 @@ advances with it directly; only the command has to be inverted.
 
 from collections.abc import Callable
 from functools import partial
-from math import isfinite
 
 import numpy as np
 
 from piezod.control.law.creep import CreepState
+from piezod.control.law.kernel import BEYOND, COMMAND, NEXT, OUTSIDE, POSITION
+from piezod.hysteresis import SurfaceForm
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.everett_memory import (
     advance_drive,
@@ -18,17 +19,10 @@ from piezod.hysteresis.everett_memory import (
     displacement_at,
     drive_for,
     new_surface_memory,
+    prompt_displacement,
 )
-from piezod.hysteresis.memory import MERGED, FloatArray, IntArray, Memory, clamp
+from piezod.hysteresis.memory import MERGED, RAW, FloatArray, IntArray, Memory, clamp
 from piezod.jit import compiled
-
-DRIVE, COMMAND, BEYOND, OUTSIDE, POSITION = 0, 1, 2, 3, 4
-"""Indices of the array that carries values to the next step.
-
-- DRIVE: drive to which the memory will advance if it was applied; NaN for none.
-- COMMAND, BEYOND, OUTSIDE: as in `piezod.control.law.step`.
-- POSITION: displacement at that drive.
-"""
 
 
 @compiled
@@ -38,7 +32,8 @@ def step(  # noqa: D417 - arguments are described in groups
     now: FloatArray,
     last: FloatArray,
     counts: IntArray,
-    pending: FloatArray,
+    carried: FloatArray,
+    lag: FloatArray,
     weights: FloatArray,
     lags: FloatArray,
     creep_gains: FloatArray,
@@ -58,7 +53,8 @@ def step(  # noqa: D417 - arguments are described in groups
 
     Args:
         levels, values, now, last, counts: Arrays of a memory of drives.
-        pending: (5,) values that are carried from one step to the next.
+        carried, lag: (5,) values that are carried from one step to the next; (3,) lag of the
+            hysteresis behind the drive.
         weights, target, share: (24,) coefficients in use; those that they approach; share of the
             remaining distance that they move in this step.
         lags, creep_gains, creep_weights: (K,) lags, gains and weights of the creep.
@@ -68,72 +64,60 @@ def step(  # noqa: D417 - arguments are described in groups
         low, high: Lowest and highest drive.
     """
     memory = Memory(levels, values, now, last, counts)
-    if pending[DRIVE] == pending[DRIVE]:
-        advance_drive(memory, 0.0, pending[DRIVE])
+    if carried[NEXT] == carried[NEXT]:  # not NaN
+        advance_drive(memory, lag, 0.0, carried[NEXT])
     # The hysteresis only has to make what the creep has not yet made.
-    crept = advance_creep(lags, creep_gains, creep_weights, displacement(weights, memory.now))
+    crept = advance_creep(lags, creep_gains, creep_weights, _position(memory, weights, lag))
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
-    command = clamp(command, pending[COMMAND])
+    command = clamp(command, carried[COMMAND])
     requested_position = stretch * command + added - crept
     position = clamp(requested_position, command)
-    model = drive_for(memory, weights, position)
+    carried[OUTSIDE] = requested_position - position
+    model = drive_for(memory, weights, lag, position)
     requested_drive = model + (1.0 - strength) * (command - model)
     drive = min(max(requested_drive, low), high)
-    if drive != model:
-        position = displacement_at(memory, weights, clamp(drive, memory.last[0]))
-    pending[DRIVE] = drive
-    pending[COMMAND] = command
-    pending[BEYOND] = requested_drive - drive
-    pending[OUTSIDE] = requested_position - clamp(requested_position, command)
-    pending[POSITION] = position
+    carried[NEXT] = drive
+    carried[POSITION] = displacement_at(memory, weights, lag, clamp(drive, memory.last[RAW]))
+    carried[COMMAND] = command
+    carried[BEYOND] = requested_drive - drive
     return drive
+
+
+@compiled
+def _position(memory: Memory, weights: FloatArray, lag: FloatArray) -> float:
+    """Return the displacement after the last drive."""
+    return displacement(weights, memory.now) + prompt_displacement(memory, lag)
 
 
 class SurfaceKernel:
     """Kernel of the compensator for a surface, on a memory of drives.
 
     Args:
+        form: Form of the surface.
         weights: (24,) coefficients in use; they change in place.
         creep: Creep so far, and the displacement; its lags change in place.
     """
 
-    def __init__(self, weights: FloatArray, creep: CreepState) -> None:
-        self._memory, self._weights = new_surface_memory(), weights
-        drive = drive_for(self._memory, weights, creep.quick)
-        self._pending = np.array([drive, creep.quick, 0.0, 0.0, creep.quick])
+    def __init__(self, form: SurfaceForm, weights: FloatArray, creep: CreepState) -> None:
+        self._memory, self._weights, self._lag = new_surface_memory(), weights, form.lag
+        self.carried: FloatArray = np.zeros(5)
+        self.carried[[COMMAND, POSITION]] = creep.quick
+        # The stage rests: it does not lag.
+        self.carried[NEXT] = drive_for(self._memory, weights, SurfaceForm().lag, creep.quick)
         # Bound once, as in `StopKernel`.
         self.step: Callable[
             [FloatArray, float, float, float, float, float, float, float], float
         ] = partial(
             step,
             *self._memory,
-            self._pending,
+            self.carried,
+            self._lag,
             weights,
             creep.lags,
             creep.creep.gains,
             creep.creep.weights,
         )
-
-    @property
-    def position(self) -> float:
-        """Displacement of the hysteresis after the last drive that was applied."""
-        if isfinite(self._pending.item(DRIVE)):
-            position: float = self._pending.item(POSITION)
-            return position
-        return displacement(self._weights, self._memory.now)
-
-    @property
-    def beyond(self) -> float:
-        """How far the last requested drive lay outside the window; negative below it."""
-        beyond: float = self._pending.item(BEYOND)
-        return beyond
-
-    @property
-    def outside(self) -> float:
-        """How far the last requested displacement lay outside the range; negative below it."""
-        outside: float = self._pending.item(OUTSIDE)
-        return outside
 
     @property
     def merged_pairs(self) -> int:
@@ -142,4 +126,5 @@ class SurfaceKernel:
 
     def discard_last(self) -> None:
         """Take back the last drive: it was not applied."""
-        self._pending[DRIVE] = np.nan
+        self.carried[NEXT] = np.nan
+        self.carried[POSITION] = _position(self._memory, self._weights, self._lag)

@@ -75,5 +75,9 @@ def _hysteresis_parameters(form: ModelForm, weights: FloatArray) -> dict[str, Fl
                 "left_stop_weights": inverse.left_stop_weights,
             }
         case SurfaceForm():
-            return {"surface_coefficients": weights}
+            return {
+                "surface_coefficients": weights,
+                "surface_activation": np.array(form.activation),
+                "surface_prompt_slope": np.array(form.prompt_slope),
+            }
     raise TypeError(f"no account of a {type(form).__name__}")

@@ -52,8 +52,13 @@ def to_model_file(
             case StopForm(bank):
                 return _stops_file(bank, model.weights, common)
             case SurfaceForm():
-                coefficients = tuple(model.weights.tolist())
-                return ModelFile(version=2, surface_coefficients=coefficients, **common)
+                return ModelFile(
+                    version=2,
+                    surface_coefficients=tuple(model.weights.tolist()),
+                    surface_activation=model.form.activation,
+                    surface_prompt_slope=model.form.prompt_slope,
+                    **common,
+                )
     except ValidationError as failure:
         first = failure.errors()[0]
         where = ".".join(map(str, first["loc"]))

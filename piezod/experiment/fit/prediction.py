@@ -27,7 +27,8 @@ def predicted_v(model: StageModel, record: Record, deadband: float = 0.0) -> Flo
         deadband: Width of the backlash before the memory, in units of the range.
     """
     y = np.clip(quick_positions(model, record), 0.0, 1.0)
-    return model.drive_v.from_unit(model.form.drives_at(model.weights, y, deadband))
+    form = model.form.sampled(record.period_s)
+    return model.drive_v.from_unit(form.drives_at(model.weights, y, deadband))
 
 
 def without_creep(

@@ -9,9 +9,11 @@ from piezod.experiment.fit.problem import LinearProblem
 from piezod.experiment.fit.record import Record, Rows
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.surface import (
+    ACTIVATION,
     CREEP,
     DELAY,
     OFFSET,
+    PROMPT,
     LinearisedSurface,
     SurfaceRecord,
     fit_surface,
@@ -23,6 +25,8 @@ from piezod.hysteresis.memory import FloatArray
 _PERIODS = 2.0
 """Delays up to this many sample periods around the best one are told, with their errors."""
 _STEPS = 40
+SMALLER = 0.95
+"""The lag with the rate is part of the model if it makes the residual smaller by this factor."""
 
 
 class SurfaceProblem:
@@ -59,22 +63,28 @@ class SurfaceProblem:
             from_rest=record.from_rest,
             counted=record.counted(max(delay_s, 0.0)),
         )
-        return fit_surface(
-            normalised,
-            creep=self._settings.creep,
-            delay_s=None if search_delay else delay_s,
-            start_delay_s=delay_s,
-        )
+        fits = [
+            fit_surface(
+                normalised,
+                creep=self._settings.creep,
+                delay_s=None if search_delay else delay_s,
+                start_delay_s=delay_s,
+                rate=rate,
+            )
+            for rate in (False, True)
+        ]
+        plain_rms, rms = (float(np.std(fit.misses[fit.counted])) for fit in fits)
+        return fits[rms < SMALLER * plain_rms]
 
     def model(self, parameters: FloatArray) -> StageModel:
-        """Return the model of fitted parameters, shape (34,), in V and µm."""
+        """Return the model of fitted parameters, shape (36,), in V and µm."""
         coefficients, weights = parameters[:SIZE], parameters[CREEP:OFFSET]
         # [0, 1] becomes the range of the displacement without creep at the drives [0, 1].
         top, _, _ = surface(coefficients, 1.0, 0.0)
         width_um = self._position_um.width
         low_um = self._position_um.low + float(parameters[OFFSET]) * width_um
         return StageModel(
-            SurfaceForm(),
+            SurfaceForm(float(parameters[ACTIVATION]), float(parameters[PROMPT]) / top),
             coefficients / top,
             self._drive_v,
             AffineRange.checked(low_um, low_um + top * width_um),

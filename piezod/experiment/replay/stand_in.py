@@ -26,12 +26,13 @@ class StandIn:
     def __init__(self, model: StageModel, in_force_v: FloatArray, period_s: float) -> None:
         self._drive_v, self._width_um = model.drive_v, model.position_um.width
         self._delay_cycles = model.delay_s / period_s
-        self._stage = model.form.stage(model.weights)
+        form = model.form.sampled(period_s)
+        self._stage = form.stage(model.weights)
         self._other_v = np.empty_like(in_force_v)
         cycles = np.arange(in_force_v.size)
         delayed_v = np.interp(cycles - self._delay_cycles, cycles, in_force_v)
         drives = np.clip(model.drive_v.to_unit(delayed_v), 0.0, 1.0)
-        self._recorded = model.form.positions_at(model.weights, drives)
+        self._recorded = form.positions_at(model.weights, drives)
 
     def moved_um(self, cycle: int, in_force_v: float) -> float:
         """Return how much further the stage is than recorded, in µm. Call once per cycle, in order.

@@ -1,23 +1,10 @@
-"""Regressors of a surface with creep: what each coefficient and each lag adds to a displacement."""
+"""Regressors of creep: what each lag adds to a displacement, and to its other regressors."""
 
 import numpy as np
 
 from piezod.control.law.creep import TIME_CONSTANTS_S
-from piezod.hysteresis.everett import SIZE
-from piezod.hysteresis.everett_memory import advance_drive, new_surface_memory
-from piezod.hysteresis.memory import FloatArray, IntArray, Memory
+from piezod.hysteresis.memory import FloatArray
 from piezod.jit import compiled
-
-
-def surface_regressors(drives: FloatArray) -> FloatArray:
-    """Return the factors of the coefficients for a record of drives, shape (n, 24).
-
-    Args:
-        drives: (n,) drives in [0, 1]; the memory is relaxed before the first.
-    """
-    regressors = np.empty((drives.size, SIZE))
-    _fill_regressors(*new_surface_memory(), np.ascontiguousarray(drives), regressors)
-    return regressors
 
 
 def with_creep(
@@ -61,23 +48,6 @@ def _gains(period_s: float) -> FloatArray:
 
 def _start(values: FloatArray, *, from_rest: bool) -> FloatArray:
     return np.ascontiguousarray(values[0] if from_rest else np.mean(values, axis=0))
-
-
-@compiled
-def _fill_regressors(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
-    drives: FloatArray,
-    regressors: FloatArray,
-) -> None:
-    memory = Memory(levels, values, now, last, counts)
-    for k in range(drives.size):
-        advance_drive(memory, 0.0, drives[k])
-        for j in range(now.size):
-            regressors[k, j] = now[j]
 
 
 @compiled
