@@ -198,7 +198,8 @@ def _surface_adaptation(
             f"identifier {settings.identifier} learns the weights of stops, and the model is a "
             "surface: use `identifier: rls`"
         )
-    return SurfaceIdentifier(weights, form, pace=pace, deadband=settings.deadband_pct / 100.0)
+    # Its memory follows the drive, which has no noise of the sensor: it needs no dead-band.
+    return SurfaceIdentifier(weights, form, pace=pace)
 
 
 def _stop_adaptation(

@@ -6,6 +6,7 @@ advances with it directly; only the command has to be inverted.
 
 from collections.abc import Callable
 from functools import partial
+from math import isfinite
 
 import numpy as np
 
@@ -78,7 +79,9 @@ def step(  # noqa: D417 - arguments are described in groups
     requested_drive = model + (1.0 - strength) * (command - model)
     drive = min(max(requested_drive, low), high)
     carried[NEXT] = drive
-    carried[POSITION] = displacement_at(memory, weights, lag, clamp(drive, memory.last[RAW]))
+    position = displacement_at(memory, weights, lag, clamp(drive, memory.last[RAW]))
+    if position - position == 0.0:  # weights that are not finite leave it
+        carried[POSITION] = position
     carried[COMMAND] = command
     carried[BEYOND] = requested_drive - drive
     return drive
@@ -127,4 +130,6 @@ class SurfaceKernel:
     def discard_last(self) -> None:
         """Take back the last drive: it was not applied."""
         self.carried[NEXT] = np.nan
-        self.carried[POSITION] = _position(self._memory, self._weights, self._lag)
+        position = _position(self._memory, self._weights, self._lag)
+        if isfinite(position):
+            self.carried[POSITION] = position

@@ -231,7 +231,8 @@ def _penalised(rows: FloatArray, free: Rows) -> FloatArray:
     gram = rows.T @ rows
     power = np.zeros(COUNT)
     power[free] = np.diag(gram)
-    penalties = np.diag(1e-9 * power)
+    # A parameter without effect keeps its value: the prompt slope, if nothing lags.
+    penalties = np.diag(1e-9 * np.maximum(power, 1e-6 * power.max()))
     penalties[:SIZE, :SIZE] += RIDGE * float(np.mean(power[:SIZE])) * np.eye(SIZE)
     if free[CREEP]:
         count = OFFSET - CREEP
