@@ -80,6 +80,8 @@ def run() -> None:
     """Run the command with the arguments of this process and exit; the entry point of `piezod`."""
     # The matrices of a fit are small, and several threads would mostly wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # pydantic would search all installed packages for plugins; our models need none.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Bytes of a path that are not text are printed as "?".
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

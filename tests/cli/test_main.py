@@ -1,5 +1,6 @@
 """The command itself: help, version, errors."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -59,6 +60,19 @@ def test_help_imports_little() -> None:
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
     assert ended.stdout == b"set()\n"
+
+
+@pytest.mark.parametrize(("own", "used"), [(None, "__all__"), ("logfire", "logfire")])
+def test_pydantic_searches_no_plugins(
+    piezod: Command, monkeypatch: pytest.MonkeyPatch, own: str | None, used: str
+) -> None:
+    """A command leaves out pydantic's search for plugins, unless the user has set it otherwise."""
+    monkeypatch.setenv("PYDANTIC_DISABLE_PLUGINS", own or "")
+    if own is None:
+        monkeypatch.delenv("PYDANTIC_DISABLE_PLUGINS")
+
+    assert piezod("--version").code == 0
+    assert os.environ["PYDANTIC_DISABLE_PLUGINS"] == used
 
 
 def test_installed_command_is_this_one() -> None:
