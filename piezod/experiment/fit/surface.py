@@ -6,8 +6,10 @@ The displacement follows from the drive, which is known without noise:
 
 It is linear in the coefficients of H, in the weights of the lags for fixed coefficients, and in the
 offset. The fit is repeated around its last result (Gauss-Newton), each time as one constrained
-problem: every branch has a positive slope on every loop, see `everett_bounds`, and no weight of a
-lag is negative. The delay has either sign: a record may tell its samples too early.
+problem: every branch has a positive slope on every loop, see `everett_bounds`, and the weight of a
+lag is from 0 to `MAX_LAG`. Without the upper bound, a record of one frequency lets the search
+diverge, because a lag of a sinusoid is a sinusoid. The delay has either sign: a record may report
+its samples too early.
 """
 
 from collections.abc import Callable
@@ -30,9 +32,11 @@ RIDGE = 1e-6
 CREEP_RIDGE = 1e-2
 """Penalty on differences between the weights of lags: without information they are all equal, which
 is creep that grows with the logarithm of time."""
+MAX_LAG = 0.1
+"""Largest weight of a lag, as a share of the displacement; all lags together stay below 1."""
 _ROUNDS = 12
 _SETTLED = 1e-5
-_FEWEST_ROUNDS = 2
+_PARTS = (1.0, 0.5, 0.25, 0.125)  # fractions of a step that are tried
 
 DrivesAt: TypeAlias = Callable[[float], FloatArray]
 """Returns the normalised drives of a record, delayed by a time in s, shape (n,)."""
@@ -125,13 +129,34 @@ def fit_surface(
     parameters = np.zeros(DELAY + 1)
     parameters[0] = 1.0  # displacement in proportion to the drive
     parameters[DELAY] = (start_delay_s if delay_s is None else delay_s) / record.period_s
-    for round_ in range(_ROUNDS):
-        around = _around(record, parameters, fixed)
-        moved = np.max(np.abs(around.parameters[CREEP:] - parameters[CREEP:]))
-        parameters = around.parameters
-        if round_ >= _FEWEST_ROUNDS and moved < _SETTLED:
+    # First the coefficients and the offset alone: any fit is a better start than a line.
+    not_yet = np.ones_like(fixed)
+    not_yet[:SIZE] = not_yet[OFFSET] = False
+    parameters = _around(record, parameters, not_yet).parameters
+    rms = _rms(record, parameters)
+    for _ in range(_ROUNDS):
+        step = _around(record, parameters, fixed).parameters - parameters
+        for part in _PARTS:
+            there = parameters + part * step
+            rms_there = _rms(record, there)
+            if rms_there < rms:
+                break
+        else:
+            break
+        parameters, rms = there, rms_there
+        if np.max(np.abs(step[CREEP:])) < _SETTLED:
             break
     return _around(record, parameters, fixed)
+
+
+def _rms(record: SurfaceRecord, parameters: FloatArray) -> float:
+    """Return the rms error of the displacement at a point, in units of its range."""
+    quick = surface_regressors(record.drives_at(parameters[DELAY] * record.period_s))
+    values = (quick @ parameters[:SIZE])[:, np.newaxis]
+    weights = parameters[CREEP:OFFSET]
+    crept = with_creep(values, weights, record.period_s, from_rest=record.from_rest)[:, 0]
+    misses = (crept + parameters[OFFSET] - record.positions)[record.counted]
+    return float(np.sqrt(np.mean(misses**2)))
 
 
 def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> LinearisedSurface:
@@ -141,11 +166,6 @@ def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> Linea
     regressors = np.empty((record.positions.size, fixed.size))
     regressors[:, :SIZE] = with_creep(quick, weights, period_s, from_rest=record.from_rest)
     coefficients = parameters[:SIZE]
-    if not coefficients[1:].any():  # the first round: any fit is a better point than a line
-        start = np.array([True] * SIZE + [False] * (fixed.size - SIZE))
-        rows = regressors[record.counted]
-        target = record.positions[record.counted]
-        coefficients = _solved(rows, target, parameters, ~start)[:SIZE]
     lags = lags_of(quick @ coefficients, period_s, from_rest=record.from_rest)
     regressors[:, CREEP:OFFSET] = lags
     regressors[:, OFFSET] = 1.0
@@ -164,14 +184,14 @@ def _solved(
     free = ~fixed
     rows, rest = regressors[:, free], target - regressors[:, fixed] @ known[fixed]
     slopes, lags = slope_rows(), np.flatnonzero(free[CREEP:OFFSET])
-    constraints = np.zeros((len(slopes) + lags.size, free.size))
-    constraints[: len(slopes), :SIZE] = slopes
-    constraints[len(slopes) + np.arange(lags.size), CREEP + lags] = 1.0
-    bounds = np.append(np.full(len(slopes), LEAST_SLOPE), np.zeros(lags.size))
+    units = np.eye(free.size)[CREEP + lags]
+    constraints = np.vstack((np.pad(slopes, ((0, 0), (0, free.size - SIZE))), units, -units))
+    least = [LEAST_SLOPE, 0.0, -MAX_LAG]
+    bounds = np.repeat(least, [len(slopes), lags.size, lags.size])
     gram = _penalised(rows, free)
     found = known.copy()
     found[free] = minimise(gram, rows.T @ rest, constraints[:, free], bounds)
-    found[CREEP:OFFSET] = np.maximum(found[CREEP:OFFSET], 0.0)  # exactly
+    found[CREEP:OFFSET][lags] = np.clip(found[CREEP:OFFSET][lags], 0.0, MAX_LAG)  # exactly
     return found
 
 
