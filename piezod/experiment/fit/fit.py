@@ -156,7 +156,7 @@ def _fit_surface(record: Record, settings: FitSettings) -> Fit:
 
 
 def _check(record: Record, settings: FitSettings) -> None:
-    delay_s, n_weights = settings.delay_s or 0.0, 2 * settings.order
+    delay_s, n_weights = settings.delay_s or 0.0, settings.n_weights
     counted, fewest = record.counted(delay_s), SAMPLES_PER_WEIGHT * n_weights
     drive_v = record.drive_delayed_by(delay_s)[counted]
     position_um = record.position_um[counted]

@@ -18,9 +18,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from piezod.control.law.creep import TIME_CONSTANTS_S
+from piezod.control.law.creep import LAGS_PER_DECADE, TIME_CONSTANTS_S
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.surface_regressors import lags_of, surface_regressors, with_creep
+from piezod.experiment.fit.surface_regressors import (
+    branch_slopes,
+    lags_of,
+    surface_regressors,
+    with_creep,
+)
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.everett_bounds import slope_rows
@@ -73,6 +78,7 @@ class LinearisedSurface:
         counted: (n,) mask of the rows that count.
         fixed: (34,) mask of the parameters that are not searched.
         parameters: (34,) solution; the delay is in sample periods.
+        drives: (n,) drives of the record, delayed.
     """
 
     regressors: FloatArray
@@ -80,11 +86,26 @@ class LinearisedSurface:
     counted: Rows
     fixed: Rows
     parameters: FloatArray
+    drives: FloatArray
 
     @property
     def misses(self) -> FloatArray:
         """Predicted minus measured displacement in units of its range, shape (n,)."""
         return self.regressors @ self.parameters - self.target
+
+    @property
+    def drive_changes(self) -> FloatArray:
+        """Change of the drive per change of the displacement, both normalised, shape (n,)."""
+        return 1.0 / branch_slopes(self.parameters[:SIZE], self.drives)
+
+    @property
+    def creep_gradient(self) -> FloatArray | None:
+        """Change of the creep per decade with each parameter, shape (34,); None without creep."""
+        if self.fixed[CREEP]:
+            return None
+        gradient = np.zeros(self.fixed.size)
+        gradient[CREEP:OFFSET] = LAGS_PER_DECADE / TIME_CONSTANTS_S.size
+        return gradient
 
     def searched_but(self, place: int) -> Rows:
         """Return the mask of the parameters that are searched, without one."""
@@ -162,7 +183,8 @@ def _rms(record: SurfaceRecord, parameters: FloatArray) -> float:
 def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> LinearisedSurface:
     """Return the problem around a point, and its solution."""
     period_s, weights = record.period_s, parameters[CREEP:OFFSET]
-    quick = surface_regressors(record.drives_at(parameters[DELAY] * period_s))
+    drives = record.drives_at(parameters[DELAY] * period_s)
+    quick = surface_regressors(drives)
     regressors = np.empty((record.positions.size, fixed.size))
     regressors[:, :SIZE] = with_creep(quick, weights, period_s, from_rest=record.from_rest)
     coefficients = parameters[:SIZE]
@@ -174,7 +196,7 @@ def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> Linea
     target = record.positions + lags @ weights + regressors[:, DELAY] * parameters[DELAY]
     counted = record.counted
     found = _solved(regressors[counted], target[counted], parameters, fixed)
-    return LinearisedSurface(regressors, target, counted, fixed, found)
+    return LinearisedSurface(regressors, target, counted, fixed, found, drives)
 
 
 def _solved(

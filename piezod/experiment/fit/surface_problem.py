@@ -21,7 +21,7 @@ from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.memory import FloatArray
 
 _PERIODS = 2.0
-"""Delays up to this many sample periods around the best one are told, with their errors."""
+"""Delays up to this many sample periods around the best one are reported, with their errors."""
 _STEPS = 40
 
 
@@ -111,6 +111,7 @@ class SurfaceProblem:
             one_frequency=False,
             # The shift that could hide in the remaining error.
             uncertainty_s=rms / float(np.sqrt(np.mean(shift**2))) * period_s,
+            of_position=True,
         )
 
 

@@ -3,9 +3,16 @@
 import numpy as np
 
 from piezod.control.law.creep import TIME_CONSTANTS_S
-from piezod.hysteresis.everett import SIZE
+from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.everett_memory import advance_drive, new_surface_memory
-from piezod.hysteresis.memory import FloatArray, IntArray, Memory
+from piezod.hysteresis.memory import (
+    MAXIMUM,
+    MINIMUM,
+    RISING,
+    FloatArray,
+    IntArray,
+    Memory,
+)
 from piezod.jit import compiled
 
 
@@ -18,6 +25,18 @@ def surface_regressors(drives: FloatArray) -> FloatArray:
     regressors = np.empty((drives.size, SIZE))
     _fill_regressors(*new_surface_memory(), np.ascontiguousarray(drives), regressors)
     return regressors
+
+
+def branch_slopes(coefficients: FloatArray, drives: FloatArray) -> FloatArray:
+    """Return the slope of the present branch at each drive of a record, shape (n,).
+
+    Args:
+        coefficients: (24,) coefficients.
+        drives: (n,) drives in [0, 1]; the memory is relaxed before the first.
+    """
+    slopes = np.empty_like(drives)
+    _fill_slopes(new_surface_memory(), coefficients, np.ascontiguousarray(drives), slopes)
+    return slopes
 
 
 def with_creep(
@@ -78,6 +97,20 @@ def _fill_regressors(
         advance_drive(memory, 0.0, drives[k])
         for j in range(now.size):
             regressors[k, j] = now[j]
+
+
+@compiled
+def _fill_slopes(
+    memory: Memory, coefficients: FloatArray, drives: FloatArray, slopes: FloatArray
+) -> None:
+    levels, counts = memory.levels, memory.counts
+    for k in range(drives.size):
+        drive = advance_drive(memory, 0.0, drives[k])
+        if counts[RISING]:
+            _, slope, _ = surface(coefficients, drive, levels[MINIMUM, counts[MINIMUM] - 1])
+        else:
+            _, _, slope = surface(coefficients, levels[MAXIMUM, counts[MAXIMUM] - 1], drive)
+        slopes[k] = slope
 
 
 @compiled
