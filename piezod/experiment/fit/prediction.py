@@ -35,13 +35,17 @@ def predicted_um(model: StageModel, record: Record) -> FloatArray:
 
     Args:
         model: The model.
-        record: The record; the memory starts relaxed at its first sample. Voltages outside the
-            range of the model count as its ends.
+        record: The record; the memory starts relaxed at its first sample, and the creep of the past
+            follows from the first position. Voltages outside the range of the model count as its
+            ends.
     """
     drives = model.drive_v.to_unit(record.drive_delayed_by(model.delay_s))
     y = model.form.positions_at(model.weights, np.clip(drives, 0.0, 1.0))
     if model.creep.weights.size:
-        quick = float(y[0] if record.from_rest else np.mean(y))
+        # As in `without_creep`: the creep before the record is that of the recorded position.
+        x = model.position_um.to_unit(record.position_um)
+        before = float(x[0] if record.from_rest else np.mean(x))
+        quick = before / (1.0 + float(np.sum(model.creep.weights)))
         lags = np.full(model.creep.weights.size, quick)
         y = add_creep(model.creep.at(record.period_s), y, lags, quick)
     return model.position_um.from_unit(y)

@@ -4,8 +4,9 @@ The displacement follows from the drive, which is known without noise:
 
     x(t) = H[v(t - delay)] + Σ w_k L_k[H] + offset.
 
-It is linear in the coefficients of H, in the weights of the lags for fixed coefficients, and in the
-offset. The fit is repeated around its last result (Gauss-Newton), each time as one constrained
+The lags start from the displacement before the record, without its creep, as in `prediction`.
+The displacement is linear in the coefficients of H, and in the weights of the lags for fixed
+coefficients. The fit is repeated around its last result (Gauss-Newton), each time as one constrained
 problem: every branch has a positive slope on every loop, see `everett_bounds`, and the weight of a
 lag is from 0 to `MAX_LAG`. Without the upper bound, a record of one frequency lets the search
 diverge, because a lag of a sinusoid is a sinusoid. The delay has either sign: a record may report
@@ -22,6 +23,7 @@ from piezod.control.law.creep import LAGS_PER_DECADE, TIME_CONSTANTS_S
 from piezod.experiment.fit.record import Rows
 from piezod.experiment.fit.surface_regressors import (
     branch_slopes,
+    decays,
     lags_of,
     surface_regressors,
     with_creep,
@@ -57,14 +59,14 @@ class SurfaceRecord:
         drives_at: The drives, delayed.
         positions: (n,) displacement, in units of its range.
         period_s: Sample period, in s.
-        from_rest: Whether the stage had rested before the record.
+        before: Displacement before the record, in the same unit.
         counted: (n,) mask of the samples that count; the others only advance the memory.
     """
 
     drives_at: DrivesAt
     positions: FloatArray
     period_s: float
-    from_rest: bool
+    before: float
     counted: Rows
 
 
@@ -154,12 +156,12 @@ def fit_surface(
     not_yet = np.ones_like(fixed)
     not_yet[:SIZE] = not_yet[OFFSET] = False
     parameters = _around(record, parameters, not_yet).parameters
-    rms = _rms(record, parameters)
+    rms = _Point.at(record, parameters).rms(record)
     for _ in range(_ROUNDS):
         step = _around(record, parameters, fixed).parameters - parameters
         for part in _PARTS:
             there = parameters + part * step
-            rms_there = _rms(record, there)
+            rms_there = _Point.at(record, there).rms(record)
             if rms_there < rms:
                 break
         else:
@@ -170,33 +172,59 @@ def fit_surface(
     return _around(record, parameters, fixed)
 
 
-def _rms(record: SurfaceRecord, parameters: FloatArray) -> float:
-    """Return the rms error of the displacement at a point, in units of its range."""
-    quick = surface_regressors(record.drives_at(parameters[DELAY] * record.period_s))
-    values = (quick @ parameters[:SIZE])[:, np.newaxis]
-    weights = parameters[CREEP:OFFSET]
-    crept = with_creep(values, weights, record.period_s, from_rest=record.from_rest)[:, 0]
-    misses = (crept + parameters[OFFSET] - record.positions)[record.counted]
-    return float(np.sqrt(np.mean(misses**2)))
+@dataclass(frozen=True)
+class _Point:
+    """A point of the search: parts of the displacement there.
+
+    Attributes:
+        drives: (n,) drives, delayed.
+        quick: (n, 24) regressors of the coefficients, without creep.
+        lags: (n, K) lags of the creep.
+        started: (n,) creep that a start of all lags from one adds.
+        start: Start of all lags.
+        predicted: (n,) displacement.
+    """
+
+    drives: FloatArray
+    quick: FloatArray
+    lags: FloatArray
+    started: FloatArray
+    start: float
+    predicted: FloatArray
+
+    @classmethod
+    def at(cls, record: SurfaceRecord, parameters: FloatArray) -> "_Point":
+        """Return the point of these parameters, shape (34,)."""
+        period_s, weights = record.period_s, parameters[CREEP:OFFSET]
+        drives = record.drives_at(parameters[DELAY] * period_s)
+        quick = surface_regressors(drives)
+        y = quick @ parameters[:SIZE]
+        start = (record.before - float(parameters[OFFSET])) / (1.0 + float(np.sum(weights)))
+        decay = decays(drives.size, period_s)
+        lags = lags_of(y, period_s) + start * decay
+        predicted = y + lags @ weights + parameters[OFFSET]
+        return cls(drives, quick, lags, decay @ weights, start, predicted)
+
+    def rms(self, record: SurfaceRecord) -> float:
+        """Return the rms error, in units of the range."""
+        return float(np.sqrt(np.mean((self.predicted - record.positions)[record.counted] ** 2)))
 
 
 def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> LinearisedSurface:
     """Return the problem around a point, and its solution."""
-    period_s, weights = record.period_s, parameters[CREEP:OFFSET]
-    drives = record.drives_at(parameters[DELAY] * period_s)
-    quick = surface_regressors(drives)
+    point, weights = _Point.at(record, parameters), parameters[CREEP:OFFSET]
+    total = 1.0 + float(np.sum(weights))
     regressors = np.empty((record.positions.size, fixed.size))
-    regressors[:, :SIZE] = with_creep(quick, weights, period_s, from_rest=record.from_rest)
-    coefficients = parameters[:SIZE]
-    lags = lags_of(quick @ coefficients, period_s, from_rest=record.from_rest)
-    regressors[:, CREEP:OFFSET] = lags
-    regressors[:, OFFSET] = 1.0
+    regressors[:, :SIZE] = with_creep(point.quick, weights, record.period_s)
+    # The start of the lags changes with their weights and with the offset, too.
+    regressors[:, CREEP:OFFSET] = point.lags - (point.start / total * point.started)[:, np.newaxis]
+    regressors[:, OFFSET] = 1.0 - point.started / total
     # A delay of one period more shifts the displacement by its change per sample.
-    regressors[:, DELAY] = -np.gradient(regressors[:, :SIZE] @ coefficients)
-    target = record.positions + lags @ weights + regressors[:, DELAY] * parameters[DELAY]
+    regressors[:, DELAY] = -np.gradient(point.predicted)
+    target = record.positions - point.predicted + regressors @ parameters
     counted = record.counted
     found = _solved(regressors[counted], target[counted], parameters, fixed)
-    return LinearisedSurface(regressors, target, counted, fixed, found, drives)
+    return LinearisedSurface(regressors, target, counted, fixed, found, point.drives)
 
 
 def _solved(

@@ -52,11 +52,12 @@ class SurfaceProblem:
             search_delay: Whether the delay is searched.
         """
         record = self._record
+        positions = self._position_um.to_unit(record.position_um)
         normalised = SurfaceRecord(
             drives_at=lambda at_s: self._drive_v.to_unit(record.drive_delayed_by(at_s)),
-            positions=self._position_um.to_unit(record.position_um),
+            positions=positions,
             period_s=record.period_s,
-            from_rest=record.from_rest,
+            before=float(positions[0] if record.from_rest else np.mean(positions)),
             counted=record.counted(max(delay_s, 0.0)),
         )
         return fit_surface(
