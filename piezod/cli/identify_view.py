@@ -164,8 +164,9 @@ def _reason(choice: Choice) -> str:
     text = f"Taken: {_candidate(taken)}, "
     if taken is not best:
         text += (
-            f"because it is the simplest model whose error is at most {loss_pct:.0f} % larger than "
-            f"that of the best one, {_candidate(best)}, by no more than chance explains"
+            f"because it is the simplest model whose errors of position and voltage are at most "
+            f"{loss_pct:.0f} % larger than those of the best one, {_candidate(best)}, and by no "
+            "more than chance explains"
         )
     else:
         text += "because it predicts held-out positions best, and no simpler model is as good"

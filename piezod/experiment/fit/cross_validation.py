@@ -10,7 +10,7 @@ import numpy as np
 
 from piezod.control.law.model import StageModel
 from piezod.experiment.fit.fit import Fit
-from piezod.experiment.fit.residuals import Residuals, rms_of
+from piezod.experiment.fit.residuals import Residuals
 from piezod.hysteresis.memory import FloatArray
 
 BLOCKS = 5
@@ -66,13 +66,17 @@ class CrossValidation:
     @property
     def rms_with_standard_error_pct(self) -> float:
         """Rms error of the voltage plus one standard error of its mean square over the blocks."""
-        squares = [rms_of(block.residuals.voltage_pct) ** 2 for block in self.blocks]
-        return float(np.sqrt(np.mean(squares) + standard_error(np.array(squares))))
+        squares = self.squares.voltage_pct
+        return float(np.sqrt(np.mean(squares) + standard_error(squares)))
 
     @property
-    def position_squares(self) -> FloatArray:
-        """Mean squared error of the position in each block, in %², shape (blocks,)."""
-        return np.array([rms_of(block.residuals.position_pct) ** 2 for block in self.blocks])
+    def squares(self) -> Residuals:
+        """Mean squared residuals of each block, in %², shape (blocks,) each."""
+        blocks = [block.residuals for block in self.blocks]
+        return Residuals(
+            np.array([np.mean(block.voltage_pct**2) for block in blocks]),
+            np.array([np.mean(block.position_pct**2) for block in blocks]),
+        )
 
 
 def standard_error(values: FloatArray) -> float:

@@ -4,13 +4,13 @@ The displacement follows from the drive, which is known without noise:
 
     x(t) = H[v(t - delay)] + Σ w_k L_k[H] + offset.
 
-The lags start from the displacement before the record, without its creep, as in `prediction`.
-The displacement is linear in the coefficients of H, and in the weights of the lags for fixed
-coefficients. The fit is repeated around its last result (Gauss-Newton), each time as one constrained
-problem: every branch has a positive slope on every loop, see `everett_bounds`, and the weight of a
-lag is from 0 to `MAX_LAG`. Without the upper bound, a record of one frequency lets the search
-diverge, because a lag of a sinusoid is a sinusoid. The delay has either sign: a record may report
-its samples too early.
+The lags start from the displacement before the record, without its creep, as in `prediction`. The
+displacement is linear in the coefficients of H, and in the weights of the lags for fixed
+coefficients. The fit is repeated around its last result (Gauss-Newton), each time as one
+constrained problem: every branch has a positive slope on every loop, see `everett_bounds`, and the
+weight of a lag is from 0 to `MAX_LAG`. Without that bound, the search may diverge on a record of
+one frequency, because a lag of a sinusoid is a sinusoid. The delay has either sign: a record may
+report its samples too early.
 """
 
 from collections.abc import Callable
