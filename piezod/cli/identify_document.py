@@ -11,6 +11,7 @@ from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.judgement import Judgement
+from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.uncertainty import Uncertainty
 from piezod.hysteresis.memory import FloatArray
 
@@ -57,10 +58,11 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
 
 def _settings(fit: Fit) -> Document:
     settings = fit.settings
+    operators = settings.method is not Method.SURFACE
     return {
         "method": settings.method,
-        "order": settings.order,
-        "thresholds": settings.spacing,
+        "order": settings.order if operators else None,
+        "thresholds": settings.spacing if operators else None,
         "creep": settings.creep,
         "creep_per_decade": fit.model.creep.per_decade,
     }
@@ -76,6 +78,7 @@ def _errors(judged: Judgement) -> Document:
             **offset.errors,
             "offset_pct": offset.offset_pct,
             "offset_um": offset.offset_um,
+            "position_offset_um": offset.position_offset_um,
         }
         if offset
         else None,
@@ -138,6 +141,8 @@ def _delay(delay: DelayEstimate) -> Document:
         "one_frequency": delay.one_frequency,
         "criterion": {
             "delay_s": delay.candidates_s.tolist(),
-            "voltage_error_rms_pct": delay.criterion_pct.tolist(),
+            f"{'position' if delay.of_position else 'voltage'}_error_rms_pct": (
+                delay.criterion_pct.tolist()
+            ),
         },
     }

@@ -24,6 +24,7 @@ class MethodChoice(StrEnum):
 
     LMS = Method.LMS.value
     LEAST_SQUARES = Method.LEAST_SQUARES.value
+    SURFACE = Method.SURFACE.value
     AUTO = "auto"
 
 
@@ -65,8 +66,9 @@ DelayOption: TypeAlias = Annotated[
 MethodOption: TypeAlias = Annotated[
     MethodChoice,
     typer.Option(
-        help="Method of the fit: lms is the paper's, least-squares fits all weights at once, auto "
-        "chooses the model with the fewest operators that predicts held-out data best."
+        help="Method of the fit: lms is the paper's; least-squares fits all its weights at once; "
+        "surface fits a smooth surface of loops, for records with loops of all sizes; auto chooses "
+        "the model that predicts held-out positions best."
     ),
 ]
 OrderOption: TypeAlias = Annotated[
@@ -75,14 +77,15 @@ OrderOption: TypeAlias = Annotated[
         min=1,
         max=200,
         metavar="M",
-        help=f"Number of operators on each side. Default: {DEFAULT_ORDER}; with auto, chosen.",
+        help=f"Number of operators on each side; not with surface. Default: {DEFAULT_ORDER}; with "
+        "auto, chosen.",
     ),
 ]
 ThresholdsOption: TypeAlias = Annotated[
     Spacing | None,
     typer.Option(
         help="Spacing of their thresholds: even; graded, denser at both ends; placed, denser where "
-        "the data bend most. Default: graded; with lms, even; with auto, chosen.",
+        "the data bend most; not with surface. Default: graded; with lms, even; with auto, chosen.",
         show_default=False,
     ),
 ]
@@ -90,7 +93,8 @@ CreepOption: TypeAlias = Annotated[
     bool | None,
     typer.Option(
         "--creep/--no-creep",
-        help="Whether creep is fitted too; not with lms. Default: no; with auto, chosen.",
+        help="Whether creep is fitted too; not with lms. Default: no; with surface, yes; with "
+        "auto, chosen.",
         show_default=False,
     ),
 ]
@@ -197,15 +201,21 @@ def fit_settings(
         creep: Value of `--creep`; None if not given.
 
     Raises:
-        typer.BadParameter: If creep is to be fitted by LMS.
+        typer.BadParameter: If the method does not have one of the other options.
     """
     from piezod.experiment.fit.automatic import Wanted
     from piezod.experiment.fit.settings import FitSettings
 
     if method is MethodChoice.AUTO:
         return Wanted(order=order, spacing=thresholds, creep=creep)
+    if method is MethodChoice.SURFACE:
+        for name, value in (("--order", order), ("--thresholds", thresholds)):
+            if value is not None:
+                message = "a surface has no operators; leave the option out"
+                raise typer.BadParameter(message, param_hint=f"'{name}'")
+        return FitSettings(method=Method.SURFACE, creep=creep is not False)
     if method is MethodChoice.LMS and creep:
-        message = "creep is fitted by least squares, not by lms"
+        message = "creep is fitted by least-squares and surface, not by lms"
         raise typer.BadParameter(message, param_hint="'--creep'")
     usual = Spacing.EVEN if method is MethodChoice.LMS else Spacing.GRADED
     return FitSettings(

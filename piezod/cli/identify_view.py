@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from piezod.cli.identify_document import spread
-from piezod.experiment.fit.automatic import Choice
+from piezod.experiment.fit.automatic import LARGEST_LOSS, Candidate, Choice
 from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
@@ -42,9 +42,12 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     if fitted.choice:
         _print_choice(console, fitted.choice)
     console.print(
-        f"Model {_settings(fit.settings)}. Error of the predicted drive voltage, in % of its range:"
+        f"Model {_settings(fit.settings)}. Error of the drive voltage predicted from the position, "
+        "in % of its range:"
     )
-    console.print(_errors(fitted))
+    console.print(_errors(fitted, "voltage"))
+    console.print("Error of the position predicted from the drive voltage, in % of its range:")
+    console.print(_errors(fitted, "position"))
     for line in _offsets(fitted):
         console.print(line)
     console.print(_uncertainty(fitted))
@@ -98,11 +101,16 @@ def _print_delay(console: Console, delay_s: float, delay: DelayEstimate | None) 
     best = int(curve_pct.argmin())
     console.print(
         f"Delay {_ms(delay_s)} ± {_ms(delay.uncertainty_s)}, from the smallest rms error of the "
-        "predicted voltage:\n"
+        f"predicted {'position' if delay.of_position else 'voltage'}:\n"
     )
     margin = " " * (len(first) + 3)
     console.print(f"  {first} {_curve(curve_pct)} {last}")
     console.print(f"{margin}{' ' * best}▲ {low:.3g} %, the worst is {high:.3g} %\n")
+    if delay_s < 0.0:
+        console.print(
+            "It is negative: the position leads the recorded voltage, for example because each "
+            "sample was taken after the time that the record gives it.\n"
+        )
 
 
 def _ms(time_s: float) -> str:
@@ -130,33 +138,65 @@ def _print_choice(console: Console, choice: Choice) -> None:
     table.add_column("")
     for each in choice.candidates:
         settings = each.fit.settings
+        operators = settings.method is not Method.SURFACE
         marks = ["best" if each is choice.best else "", "taken" if each is choice.taken else ""]
         table.add_row(
             settings.method,
-            settings.spacing,
+            settings.spacing if operators else "–",
             "creep" if settings.creep else "",
-            str(settings.order),
+            str(settings.order) if operators else "–",
             str(each.n_parameters),
-            *_numbers(each.validation.errors),
+            *_numbers(each.validation.errors, "position"),
             ", ".join(filter(None, marks)),
         )
-    console.print("Candidates, and their errors on blocks that were held out of the fit, in %:")
-    console.print(table)
     console.print(
-        f"The rms error of the best model is {choice.best.validation.rms_pct:.3f} %, and "
-        f"{choice.limit_pct:.3f} % with its standard error over the blocks, or 5 % more if that is "
-        "less. Models up to that error count as equally good; the one with the fewest parameters "
-        "is taken.\n"
+        "Candidates, and the errors of their positions on blocks that were held out of the fit, "
+        "in %:"
+    )
+    console.print(table)
+    console.print(f"{_reason(choice)}\n")
+
+
+def _reason(choice: Choice) -> str:
+    """Return which model was taken, and why, in a sentence."""
+    taken, best = choice.taken, choice.best
+    loss_pct = 100.0 * (LARGEST_LOSS - 1.0)
+    text = f"Taken: {_candidate(taken)}, "
+    if taken is not best:
+        text += (
+            f"because it is the simplest model whose errors of position and voltage are at most "
+            f"{loss_pct:.0f} % larger than those of the best one, {_candidate(best)}, and by no "
+            "more than chance explains"
+        )
+    else:
+        text += "because it predicts held-out positions best, and no simpler model is as good"
+    if not any(each.fit.settings.method is Method.SURFACE for each in choice.candidates):
+        text += (
+            "; a surface was not tried, because the record does not have loops of all sizes and "
+            "heights, or is too short, or an option excludes it"
+        )
+    return f"{text}."
+
+
+def _candidate(candidate: Candidate) -> str:
+    error_pct = candidate.validation.position_rms_pct
+    return (
+        f"{_settings(candidate.fit.settings).removeprefix('by ')} ({candidate.n_parameters} "
+        f"parameters, {error_pct:.3f} % rms)"
     )
 
 
-def _numbers(errors: Mapping[str, float] | None) -> tuple[str, str]:
+def _numbers(errors: Mapping[str, float] | None, predicted: str) -> tuple[str, str]:
+    """Return the worst and the rms error of the predicted quantity, voltage or position."""
     if errors is None:
         return "–", "–"
-    return f"{errors['voltage_error_max_pct']:.2f}", f"{errors['voltage_error_rms_pct']:.3f}"
+    return (
+        f"{errors[f'{predicted}_error_max_pct']:.2f}",
+        f"{errors[f'{predicted}_error_rms_pct']:.3f}",
+    )
 
 
-def _errors(fitted: FileFit) -> Table:
+def _errors(fitted: FileFit, predicted: str) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("")
     table.add_column("file", overflow="fold")
@@ -168,7 +208,7 @@ def _errors(fitted: FileFit) -> Table:
     for row in zip(*rows.values(), strict=True):
         role = row[0][0]
         path = fitted.test_data if role.startswith("test") else fitted.data
-        numbers = [number for _, errors in row for number in _numbers(errors)]
+        numbers = [number for _, errors in row for number in _numbers(errors, predicted)]
         table.add_row(role, Text(path.name if path else ""), *numbers)
     return table
 
@@ -228,5 +268,6 @@ def _offsets(fitted: FileFit) -> Iterator[str]:
         if offset:
             yield (
                 f"Constant offset removed from the test, {name}: {offset.offset_pct:+.2f} %, which "
-                f"a shift of the displacement by {offset.offset_um:+.3g} µm would cause."
+                f"a shift of the displacement by {offset.offset_um:+.3g} µm would cause; "
+                f"of the predicted position: {offset.position_offset_um:+.3g} µm."
             )

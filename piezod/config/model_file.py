@@ -42,10 +42,19 @@ class SourceConfig(ConfigModel):
 
 
 class FitConfig(ConfigModel):
-    """Errors of the model in predicting the drive voltage of its data, in % of the drive range."""
+    """Errors of the model in predicting drive voltage and position of its data, in % of the ranges.
 
-    voltage_error_max_pct: PercentOfRange = Field(description="Worst error, %.")
-    voltage_error_rms_pct: PercentOfRange = Field(description="Root mean square error, %.")
+    Older files have no errors of the position.
+    """
+
+    voltage_error_max_pct: PercentOfRange = Field(description="Worst error of the voltage, %.")
+    voltage_error_rms_pct: PercentOfRange = Field(description="Rms error of the voltage, %.")
+    position_error_max_pct: PercentOfRange | None = Field(
+        default=None, description="Worst error of the position, %."
+    )
+    position_error_rms_pct: PercentOfRange | None = Field(
+        default=None, description="Rms error of the position, %."
+    )
 
 
 class ModelFile(ConfigModel):
@@ -189,7 +198,7 @@ def load_model(path: Path) -> ModelFile:
 
 def dump_model(model: ModelFile) -> str:
     """Write a model as the text of a model file; `load_model` gives back the same model."""
-    return "# Model of a stage for piezod.\n" + _block(model.model_dump(), "")
+    return "# Model of a stage for piezod.\n" + _block(model.model_dump(exclude_none=True), "")
 
 
 def _block(mapping: Mapping[str, Any], indent: str) -> str:

@@ -139,13 +139,7 @@ class SurfaceForm:
         for position in positions.tolist():
             drive = drive_for(memory, weights, slow, position)
             advance_drive(memory, slow, 0.0, drive)
-            if memory.counts[RISING]:
-                start = memory.levels[MINIMUM, memory.counts[MINIMUM] - 1]
-                _, slope, _ = surface(weights, drive, start)
-            else:
-                start = memory.levels[MAXIMUM, memory.counts[MAXIMUM] - 1]
-                _, _, slope = surface(weights, start, drive)
-            rows.append(-memory.now / slope)  # the position stays
+            rows.append(-memory.now / _branch_slope(memory, weights))  # the position stays
         return np.array(rows)
 
     def as_recorded(self, weights: FloatArray) -> FloatArray:
@@ -164,6 +158,52 @@ def surface_regressors(drives: FloatArray, activation: float, period_s: float) -
     regressors, lag = np.empty((drives.size, SIZE + 1)), new_lag(activation, 0.0, period_s)
     _fill_regressors(*new_surface_memory(), lag, np.ascontiguousarray(drives), regressors)
     return regressors
+
+
+def branch_slopes(
+    coefficients: FloatArray, drives: FloatArray, activation: float, period_s: float
+) -> FloatArray:
+    """Return the slope of the present branch at each drive of a record, shape (n,).
+
+    Args:
+        coefficients: (24,) coefficients.
+        drives: (n,) drives in [0, 1], evenly in time; the memory is relaxed before the first.
+        activation: w of `rate_lag`, in units of the range.
+        period_s: Sample period, in s.
+    """
+    slopes, lag = np.empty_like(drives), new_lag(activation, 0.0, period_s)
+    memory = new_surface_memory()
+    _fill_slopes(*memory, coefficients, lag, np.ascontiguousarray(drives), slopes)
+    return slopes
+
+
+@compiled
+def _fill_slopes(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    coefficients: FloatArray,
+    lag: FloatArray,
+    drives: FloatArray,
+    slopes: FloatArray,
+) -> None:
+    memory = Memory(levels, values, now, last, counts)
+    for k in range(drives.size):
+        advance_drive(memory, lag, 0.0, drives[k])
+        slopes[k] = _branch_slope(memory, coefficients)
+
+
+@compiled
+def _branch_slope(memory: Memory, coefficients: FloatArray) -> float:
+    """Return the slope of the branch of the last drive."""
+    levels, counts, drive = memory.levels, memory.counts, memory.last[SEEN]
+    if counts[RISING] == 1:
+        _, slope, _ = surface(coefficients, drive, levels[MINIMUM, counts[MINIMUM] - 1])
+    else:
+        _, _, slope = surface(coefficients, levels[MAXIMUM, counts[MAXIMUM] - 1], drive)
+    return slope
 
 
 @compiled

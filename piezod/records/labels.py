@@ -14,8 +14,12 @@ _METRICS: Final = {
     "settling_median_s": "median settling time",
     "voltage_error_max_pct": "worst voltage error",
     "voltage_error_rms_pct": "rms voltage error",
+    "position_error_max_pct": "worst position error",
+    "position_error_rms_pct": "rms position error",
     "held_out_voltage_error_max_pct": "worst voltage error held out",
     "held_out_voltage_error_rms_pct": "rms voltage error held out",
+    "held_out_position_error_max_pct": "worst position error held out",
+    "held_out_position_error_rms_pct": "rms position error held out",
 }
 # Below the heading of a group, "tracking" or "sensor noise" would repeat it.
 _WITHIN_GROUP: Final = {

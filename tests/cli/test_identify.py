@@ -38,7 +38,12 @@ def test_document(piezod: Command, data: Path) -> None:
     assert document["delay_s"] == pytest.approx(0.02, abs=0.001)
     assert document["delay_estimate"]["delay_s"] == document["delay_s"]
     assert document["delay_estimate"]["one_frequency"] is False
-    assert set(document["train"]) == {"voltage_error_max_pct", "voltage_error_rms_pct"}
+    assert set(document["train"]) == {
+        "voltage_error_max_pct",
+        "voltage_error_rms_pct",
+        "position_error_max_pct",
+        "position_error_rms_pct",
+    }
     assert 0.0 < document["train"]["voltage_error_max_pct"] < 0.1
     assert document["test"] is None
     assert document["smallest_slope"] == pytest.approx(0.71, abs=0.01)

@@ -111,7 +111,7 @@ def test_creep_by_lms_is_wrong_usage(piezod: Command, data: Path) -> None:
     code, out, err = piezod("identify", data, "--method", "lms", "--creep")
 
     assert (code, out) == (2, "")
-    assert "'--creep': creep is fitted by least squares, not by lms" in err
+    assert "'--creep': creep is fitted by least-squares and surface, not by lms" in err
 
 
 def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: Path) -> None:

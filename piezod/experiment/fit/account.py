@@ -17,8 +17,7 @@ def account_of(
     """Return a record and the prediction of the model from it.
 
     A displacement belongs to the voltage one delay before it, so the prediction is shifted by that.
-    Nothing is predicted in the run-in, nor at the end, for which no later displacement was
-    recorded.
+    Nothing is predicted in the run-in, nor where no displacement was recorded one delay later.
 
     Args:
         fit: The fit.
@@ -29,7 +28,7 @@ def account_of(
     """
     predicted_v = fit.predicted_v(fit.as_fitted(record))
     later_s = record.t_s + fit.model.delay_s
-    at_drive_v = np.interp(later_s, record.t_s, predicted_v, right=np.nan)
+    at_drive_v = np.interp(later_s, record.t_s, predicted_v, left=np.nan, right=np.nan)
     at_drive_v[~record.counted()] = np.nan
     return Identification(
         axis=axis,

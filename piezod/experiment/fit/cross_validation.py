@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from piezod.control.law.model import StageModel
-from piezod.experiment.fit.fit import Fit, errors_of
+from piezod.experiment.fit.fit import Fit
+from piezod.experiment.fit.residuals import Residuals
 from piezod.hysteresis.memory import FloatArray
 
 BLOCKS = 5
@@ -23,18 +24,18 @@ class Block:
         start_s: Time of its first sample, in s.
         end_s: Time of its last sample, in s.
         model: The model.
-        residuals_pct: (k,) predicted minus actual voltage, in % of its range.
+        residuals: Residuals of the block.
     """
 
     start_s: float
     end_s: float
     model: StageModel
-    residuals_pct: FloatArray
+    residuals: Residuals
 
     @property
     def errors(self) -> dict[str, float]:
-        """Worst and rms error of the block, by name."""
-        return errors_of(self.residuals_pct)
+        """Worst and rms errors of the block, by name."""
+        return self.residuals.errors
 
 
 @dataclass(frozen=True)
@@ -49,20 +50,38 @@ class CrossValidation:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Worst and rms error of the predicted voltage, in %, by name."""
-        return errors_of(np.concatenate([block.residuals_pct for block in self.blocks]))
+        """Worst and rms errors of the predicted voltage and position, in %, by name."""
+        return Residuals.joined([block.residuals for block in self.blocks]).errors
 
     @property
     def rms_pct(self) -> float:
-        """Rms error, in %."""
+        """Rms error of the voltage, in %."""
         return self.errors["voltage_error_rms_pct"]
 
     @property
+    def position_rms_pct(self) -> float:
+        """Rms error of the position, in %."""
+        return self.errors["position_error_rms_pct"]
+
+    @property
     def rms_with_standard_error_pct(self) -> float:
-        """Rms error plus one standard error of its mean square over the blocks, in %."""
-        squares = [float(np.mean(block.residuals_pct**2)) for block in self.blocks]
-        standard_error = float(np.std(squares, ddof=1)) / np.sqrt(len(squares))
-        return float(np.sqrt(np.mean(squares) + standard_error))
+        """Rms error of the voltage plus one standard error of its mean square over the blocks."""
+        squares = self.squares.voltage_pct
+        return float(np.sqrt(np.mean(squares) + standard_error(squares)))
+
+    @property
+    def squares(self) -> Residuals:
+        """Mean squared residuals of each block, in %², shape (blocks,) each."""
+        blocks = [block.residuals for block in self.blocks]
+        return Residuals(
+            np.array([np.mean(block.voltage_pct**2) for block in blocks]),
+            np.array([np.mean(block.position_pct**2) for block in blocks]),
+        )
+
+
+def standard_error(values: FloatArray) -> float:
+    """Return the standard error of the mean of values, shape (n,)."""
+    return float(np.std(values, ddof=1)) / float(np.sqrt(values.size))
 
 
 def cross_validate(fit: Fit, blocks: int = BLOCKS) -> CrossValidation:
@@ -84,7 +103,7 @@ def cross_validate(fit: Fit, blocks: int = BLOCKS) -> CrossValidation:
                 start_s=float(record.t_s[counted[places[0]]]),
                 end_s=float(record.t_s[counted[places[-1]]]),
                 model=model,
-                residuals_pct=fit.residuals_pct(record, model)[places],
+                residuals=fit.residuals(record, model).at(slice(places[0], places[-1] + 1)),
             )
         )
     return CrossValidation(tuple(held_out))

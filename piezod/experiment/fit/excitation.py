@@ -63,6 +63,23 @@ def missing_excitation(record: Record) -> tuple[str, ...]:
     )
 
 
+def has_all_loops(record: Record) -> bool:
+    """Return whether a record has swings of all sizes, at all heights.
+
+    A model without operators, such as a surface, is determined by the loops of its record only.
+
+    Args:
+        record: Drive and displacement; the displacement without noise.
+    """
+    counted = record.counted()
+    position_um = record.position_um[counted]
+    range_um = float(np.ptp(position_um))
+    if not range_um:
+        return False
+    swings = swings_of(record.t_s[counted], (position_um - position_um.min()) / range_um)
+    return not any((*_missing_sizes(swings, range_um), *_missing_heights(swings, range_um)))
+
+
 def swings_of(t_s: FloatArray, positions: FloatArray) -> Swings:
     """Return the swings of a displacement.
 

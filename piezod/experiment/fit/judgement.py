@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from piezod.experiment.fit.cross_validation import CrossValidation, cross_validate
-from piezod.experiment.fit.fit import Fit, errors_of
+from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
 
 _STEP = 0.01  # shift in units of the range, to find its effect on the voltage
@@ -15,24 +15,26 @@ _STEP = 0.01  # shift in units of the range, to find its effect on the voltage
 
 @dataclass(frozen=True)
 class OffsetRemoved:
-    """Errors after a constant was removed from the predicted voltage of a whole record.
+    """Errors after constants were removed from the predicted voltage and position of a record.
 
     From day to day a stage, or the zero of its sensor, drifts; the loops stay.
 
     Attributes:
-        offset_pct: The constant, in % of the voltage's range.
+        offset_pct: The constant of the voltage, in % of its range.
         offset_um: Shift of the displacement that would cause it, in µm.
+        position_offset_um: The constant of the predicted position, in µm.
         errors: Remaining errors, by name.
     """
 
     offset_pct: float
     offset_um: float
+    position_offset_um: float
     errors: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """A fit and its errors, by name, in % of the range of the voltage in its record.
+    """A fit and its errors, by name, in % of the ranges of voltage and position in its record.
 
     Attributes:
         fit: The fit.
@@ -71,8 +73,8 @@ def judge(
 
 def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
     as_fitted = fit.as_fitted(test)
-    residuals_pct = fit.residuals_pct(as_fitted)
-    offset_pct = float(np.mean(residuals_pct))
+    residuals = fit.residuals(as_fitted)
+    offset_pct, position_offset_pct = residuals.offsets_pct
     # The slope of the inverse model, from a small shift, converts the offset from V to µm.
     step_um = _STEP * fit.model.position_um.width
     shifted = replace(
@@ -82,5 +84,6 @@ def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
     return OffsetRemoved(
         offset_pct=offset_pct,
         offset_um=step_um * offset_pct / changed_pct if changed_pct else 0.0,
-        errors=errors_of(residuals_pct - offset_pct),
+        position_offset_um=0.01 * position_offset_pct * fit.model.position_um.width,
+        errors=residuals.without_offsets().errors,
     )

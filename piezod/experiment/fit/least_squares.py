@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from piezod.control.law.creep import NO_CREEP, logarithmic
+from piezod.control.law.creep import LAGS_PER_DECADE, NO_CREEP, logarithmic
 from piezod.errors import DataError, ModelError
 from piezod.experiment.fit.prediction import without_creep
 from piezod.experiment.fit.record import Rows
@@ -102,6 +102,20 @@ class Linearised:
     def misses(self) -> FloatArray:
         """Predicted minus actual drive in units of its range, shape (n,)."""
         return self.regressors @ self.parameters - self.target
+
+    @property
+    def drive_changes(self) -> FloatArray:
+        """Ones, shape (n,): the predicted value is the drive."""
+        return np.ones(self.target.size)
+
+    @property
+    def creep_gradient(self) -> FloatArray | None:
+        """Change of the creep per decade with each parameter, shape (p,); None without creep."""
+        n_weights = self.bank.shape[1]
+        if self.parameters.size == n_weights:
+            return None
+        # One parameter is the weight of every lag.
+        return LAGS_PER_DECADE * np.eye(self.parameters.size)[n_weights]
 
     def covariance(self, residual_variance: float) -> FloatArray:
         """Return the covariance of the parameters without active constraints, shape (p, p).

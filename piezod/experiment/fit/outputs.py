@@ -40,9 +40,9 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
 
 def _band_v(fitted: FileFit) -> FloatArray | None:
     """Return the uncertainty of each prediction, in V, shape (n,); NaN in the run-in."""
-    band_pct, model = fitted.uncertainty.band_pct, fitted.taken.fit.model
-    if band_pct is None:
+    band_pct, fit = fitted.uncertainty.band_pct, fitted.taken.fit
+    if band_pct is None or fit.linearised is None:
         return None
     band_v = np.full(fitted.record.t_s.size, np.nan)
-    band_v[fitted.record.counted(model.delay_s)] = 0.01 * band_pct * model.drive_v.width
+    band_v[fit.linearised.counted] = 0.01 * band_pct * fit.model.drive_v.width
     return band_v

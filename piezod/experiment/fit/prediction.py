@@ -1,11 +1,11 @@
-"""Prediction of a model from recorded displacements: without creep, and the voltage for them."""
+"""Predictions of a model: the voltage from recorded displacements, and the reverse."""
 
 import numpy as np
 
 from piezod.control.law.creep import CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.fit.record import Record
-from piezod.hysteresis.creep import remove_creep
+from piezod.hysteresis.creep import add_creep, remove_creep
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -29,6 +29,27 @@ def predicted_v(model: StageModel, record: Record, deadband: float = 0.0) -> Flo
     y = np.clip(quick_positions(model, record), 0.0, 1.0)
     form = model.form.sampled(record.period_s)
     return model.drive_v.from_unit(form.drives_at(model.weights, y, deadband))
+
+
+def predicted_um(model: StageModel, record: Record) -> FloatArray:
+    """Return the displacement of a model for a recorded voltage, in µm, shape (n,).
+
+    Args:
+        model: The model.
+        record: The record; the memory starts relaxed at its first sample, and the creep of the past
+            follows from the first position. Voltages outside the range of the model count as its
+            ends.
+    """
+    drives = model.drive_v.to_unit(record.drive_delayed_by(model.delay_s))
+    y = model.form.positions_at(model.weights, np.clip(drives, 0.0, 1.0))
+    if model.creep.weights.size:
+        # As in `without_creep`: the creep before the record is that of the recorded position.
+        x = model.position_um.to_unit(record.position_um)
+        before = float(x[0] if record.from_rest else np.mean(x))
+        quick = before / (1.0 + float(np.sum(model.creep.weights)))
+        lags = np.full(model.creep.weights.size, quick)
+        y = add_creep(model.creep.at(record.period_s), y, lags, quick)
+    return model.position_um.from_unit(y)
 
 
 def without_creep(

@@ -22,6 +22,14 @@ class LinearProblem(Protocol):
     def misses(self) -> FloatArray:
         """Predicted minus recorded value in units of its range, shape (n,)."""
 
+    @property
+    def drive_changes(self) -> FloatArray:
+        """Change of the drive per change of the predicted value, both normalised, shape (n,)."""
+
+    @property
+    def creep_gradient(self) -> FloatArray | None:
+        """Change of the creep per decade with each parameter, shape (p,); None without creep."""
+
     def covariance(self, residual_variance: float) -> FloatArray:
         """Return the covariance of the parameters without active constraints, shape (p, p).
 

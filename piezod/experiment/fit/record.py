@@ -45,9 +45,11 @@ class Record:
         """Return the samples that count: those after the run-in whose voltage was recorded.
 
         Args:
-            delay_s: Delay of the displacement behind the voltage, in s.
+            delay_s: Delay of the displacement behind the voltage, in s; if it is negative, the last
+                samples do not count.
         """
-        counted: Rows = self.t_s - self.t_s[0] >= max(delay_s, self.run_in_s)
+        begun = self.t_s - self.t_s[0] >= max(delay_s, self.run_in_s)
+        counted: Rows = begun & (self.t_s[-1] - self.t_s >= -delay_s)
         return counted
 
     def after(self, run_in_s: float) -> "Record":

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.smoothing import smoothed_record
+from piezod.hysteresis.everett import SIZE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,14 +14,15 @@ class FitSettings:
 
     Attributes:
         method: Method to find the weights.
-        order: Operators on each side, M.
-        spacing: Position of their thresholds.
-        creep: Whether creep is fitted, too; by least squares only.
+        order: Operators on each side, M. A surface has none; its search for the delay begins with a
+            model of this order.
+        spacing: Position of their thresholds; a surface has none.
+        creep: Whether creep is fitted, too; not by LMS.
         lms_gain: γ, for LMS; None for the paper's, or a smaller one if that is not stable.
         deadband: Width of the backlash before the memory, in units of the range, for LMS. Least
             squares gets a smoothed displacement and needs none.
         delay_s: Delay in s; estimated from the record if None.
-        smoothing: Whether noise is removed from the displacement first; for least squares only.
+        smoothing: Whether noise is removed from the displacement first; not for LMS.
     """
 
     method: Method = Method.LEAST_SQUARES
@@ -31,6 +33,11 @@ class FitSettings:
     deadband: float = 0.0
     delay_s: float | None = None
     smoothing: bool = True
+
+    @property
+    def n_weights(self) -> int:
+        """Number of weights of the model."""
+        return SIZE if self.method is Method.SURFACE else 2 * self.order
 
     def as_fitted(self, record: Record) -> Record:
         """Return a record as the fit uses it: smoothed, if `smoothing` is set."""

@@ -23,7 +23,7 @@ from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.memory import FloatArray
 
 _PERIODS = 2.0
-"""Delays up to this many sample periods around the best one are told, with their errors."""
+"""Delays up to this many sample periods around the best one are reported, with their errors."""
 _STEPS = 40
 SMALLER = 0.95
 """The lag with the rate is part of the model if it makes the residual smaller by this factor."""
@@ -56,11 +56,12 @@ class SurfaceProblem:
             search_delay: Whether the delay is searched.
         """
         record = self._record
+        positions = self._position_um.to_unit(record.position_um)
         normalised = SurfaceRecord(
             drives_at=lambda at_s: self._drive_v.to_unit(record.drive_delayed_by(at_s)),
-            positions=self._position_um.to_unit(record.position_um),
+            positions=positions,
             period_s=record.period_s,
-            from_rest=record.from_rest,
+            before=float(positions[0] if record.from_rest else np.mean(positions)),
             counted=record.counted(max(delay_s, 0.0)),
         )
         fits = [
@@ -121,6 +122,7 @@ class SurfaceProblem:
             one_frequency=False,
             # The shift that could hide in the remaining error.
             uncertainty_s=rms / float(np.sqrt(np.mean(shift**2))) * period_s,
+            of_position=True,
         )
 
 

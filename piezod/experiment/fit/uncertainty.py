@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piezod.control.law.creep import LAGS_PER_DECADE
 from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.problem import LinearProblem
@@ -27,8 +26,8 @@ class Uncertainty:
         independent_samples: Number of uncorrelated samples with the same information as the record;
             None for LMS, like the next two.
         creep_per_decade: Half width of the creep, as a share of a step.
-        band_pct: (k,) half width of the voltage predicted from each sample that counts, in % of its
-            range.
+        band_pct: (k,) half width of the voltage predicted from each sample that the fit counted, in
+            % of its range.
         spread_pct: (k,) standard deviation of that voltage over the models of the blocks.
         block_creep_per_decade: Creep in the models of the blocks.
     """
@@ -56,8 +55,9 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
         rows = fit.linearised.regressors[fit.linearised.counted]
         # Variance of each prediction, row by row: x C x.
         variance = np.einsum("ki,ij,kj->k", rows, covariance, rows, optimize=True)
-        band_pct = 100.0 * SIGMAS_95 * np.sqrt(np.maximum(variance, 0.0))
-        creep = _creep_error(fit, covariance)
+        changes = fit.linearised.drive_changes[fit.linearised.counted]
+        band_pct = 100.0 * SIGMAS_95 * changes * np.sqrt(np.maximum(variance, 0.0))
+        creep = _creep_error(fit.linearised, covariance)
     return Uncertainty(
         delay_s=fit.delay.uncertainty_s if fit.delay else None,
         independent_samples=samples,
@@ -90,9 +90,9 @@ def covariance_of(linearised: LinearProblem) -> tuple[float, FloatArray]:
     return n_samples / inflation, variance * inflation * per_variance
 
 
-def _creep_error(fit: Fit, covariance: FloatArray) -> float | None:
+def _creep_error(linearised: LinearProblem, covariance: FloatArray) -> float | None:
     """Return the half width of the creep per decade; None without creep."""
-    if not fit.settings.creep:
+    gradient = linearised.creep_gradient
+    if gradient is None:
         return None
-    index = fit.model.weights.size
-    return SIGMAS_95 * LAGS_PER_DECADE * float(np.sqrt(covariance[index, index]))
+    return SIGMAS_95 * float(np.sqrt(gradient @ covariance @ gradient))

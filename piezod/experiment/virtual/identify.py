@@ -157,7 +157,7 @@ def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> Ident
         drive_v=no_samples,
         position_um=no_samples,
         predicted_v=no_samples,
-        fit_errors=file.fit.model_dump(),
+        fit_errors=file.fit.model_dump(exclude_none=True),
         parameters=parameters_of(model),
     )
     return IdentifiedAxis(model, Creeping(model, period_ns / NS_PER_S), account, ())

@@ -11,6 +11,7 @@ from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Candidate, Wanted, choose, simplest_as_good
 from piezod.experiment.fit.cross_validation import Block, CrossValidation
 from piezod.experiment.fit.fit import Fit
+from piezod.experiment.fit.residuals import Residuals
 from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import record_of
 
@@ -54,7 +55,8 @@ def candidate(order: int, factor: float) -> Candidate:
     """Return a candidate with errors in proportion to a factor, on an easy and a hard block."""
     no_model = cast("StageModel", None)
     blocks = tuple(
-        Block(0.0, 1.0, no_model, factor * np.full(10, size)) for size in (0.2, 0.2, 0.2, 0.2, 1.0)
+        Block(0.0, 1.0, no_model, Residuals(factor * np.full(10, size), factor * np.full(10, size)))
+        for size in (0.2, 0.2, 0.2, 0.2, 1.0)
     )
     return Candidate(cast("Fit", _Ordered(order)), CrossValidation(blocks))
 

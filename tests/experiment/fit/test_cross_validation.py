@@ -36,7 +36,7 @@ def test_blocks_are_contiguous_and_contain_all_samples_that_count(blocks: int) -
     assert found[-1].end_s == record.t_s[-1]
     for before, after in pairwise(found):
         assert after.start_s - before.end_s == pytest.approx(record.period_s)
-    sizes = [block.residuals_pct.size for block in found]
+    sizes = [block.residuals.voltage_pct.size for block in found]
     assert sum(sizes) == np.count_nonzero(record.counted())
     assert max(sizes) - min(sizes) <= 1
 
@@ -77,7 +77,7 @@ def test_standard_error_is_that_of_the_mean_square_over_blocks() -> None:
     record = with_a_fault(record_of(path=swells), 5.0, 10.0)
     validation = cross_validate(fit_model(record, SETTINGS))
 
-    squares = [float(np.mean(block.residuals_pct**2)) for block in validation.blocks]
+    squares = [float(np.mean(block.residuals.voltage_pct**2)) for block in validation.blocks]
     expected = np.sqrt(np.mean(squares) + np.std(squares, ddof=1) / np.sqrt(5.0))
     assert validation.rms_with_standard_error_pct == pytest.approx(expected)
     assert validation.rms_with_standard_error_pct > validation.rms_pct

@@ -1,0 +1,135 @@
+"""A record with its ranges, and the parts of the fit of stop operators to it."""
+
+import numpy as np
+
+from piezod.control.law.creep import NO_CREEP, logarithmic
+from piezod.control.law.model import StageModel
+from piezod.experiment.fit.delay import DelayEstimate, estimate_delay
+from piezod.experiment.fit.least_squares import (
+    LeastSquaresFit,
+    Series,
+    SlowParameters,
+    fit_least_squares,
+)
+from piezod.experiment.fit.lms_passes import repeated_lms
+from piezod.experiment.fit.method import Spacing
+from piezod.experiment.fit.problem import LinearProblem
+from piezod.experiment.fit.record import Record, Rows
+from piezod.experiment.fit.settings import FitSettings
+from piezod.hysteresis import (
+    AffineRange,
+    StopForm,
+    even_thresholds,
+    graded_thresholds,
+    new_bank,
+    placed_thresholds,
+    stop_regressors,
+)
+from piezod.hysteresis.memory import FloatArray
+
+FINE_ORDER = 40
+"""Operators of the first fit, which shows where thresholds are needed."""
+
+
+class StopProblem:
+    """A record with its ranges, and the parts of the fit of stop operators.
+
+    Args:
+        record: Drive and displacement, prepared for the method.
+        settings: Settings of the fit.
+    """
+
+    def __init__(self, record: Record, settings: FitSettings) -> None:
+        counted = record.counted()
+        self._record, self._settings = record, settings
+        self.drive_v = _range_of(record.drive_v[counted])
+        self._position_um = _range_of(record.position_um[counted])
+
+    @property
+    def record(self) -> Record:
+        """The record, prepared for the method."""
+        return self._record
+
+    def without(
+        self, model: StageModel, linearised: LinearProblem | None, held_out: Rows
+    ) -> StageModel:
+        """Return the model of the record without some samples, as `Problem.without`."""
+        assert isinstance(model.form, StopForm)  # noqa: S101 - this problem makes no other
+        bank, delay_s = model.form.bank, model.delay_s
+        if linearised is None:
+            return self.model(bank, self.lms(bank, delay_s, held_out), SlowParameters(), delay_s)
+        parameters = linearised.solved(linearised.counted & ~held_out)
+        weights, slow = np.split(parameters, [bank.shape[1]])
+        return self.model(bank, weights, SlowParameters(*slow), delay_s)
+
+    def series(self, delay_s: float) -> Series:
+        """Return the normalised record, with each displacement beside its voltage."""
+        record = self.record
+        return Series(
+            positions=self._position_um.to_unit(record.position_um),
+            drives=self.drive_v.to_unit(record.drive_delayed_by(delay_s)),
+            period_s=record.period_s,
+            from_rest=record.from_rest,
+            counted=record.counted(delay_s),
+        )
+
+    def delay(
+        self, bank: FloatArray, slow_parameters: SlowParameters
+    ) -> tuple[DelayEstimate | None, float]:
+        """Return the delay, estimated with these slow parameters if it was not given."""
+        if self._settings.delay_s is not None:
+            return None, self._settings.delay_s
+        # The operators are defined on [0, 1].
+        y = np.clip(self.series(0.0).quick(slow_parameters), 0.0, 1.0)
+        estimate = estimate_delay(self.record, stop_regressors(bank, y), y, self.drive_v)
+        return estimate, estimate.delay_s
+
+    def bank(self) -> FloatArray:
+        """Return the stops, with thresholds as in the settings."""
+        order, spacing = self._settings.order, self._settings.spacing
+        if spacing is Spacing.EVEN:
+            thresholds = even_thresholds(order)
+            return new_bank(thresholds, thresholds)
+        if spacing is Spacing.GRADED:
+            thresholds = graded_thresholds(order)
+            return new_bank(thresholds, thresholds)
+        fine = new_bank(graded_thresholds(FINE_ORDER), graded_thresholds(FINE_ORDER))
+        _, delay_s = self.delay(fine, SlowParameters())
+        return placed_thresholds(fine, self.least_squares(fine, delay_s).weights, order)
+
+    def least_squares(self, bank: FloatArray, delay_s: float) -> LeastSquaresFit:
+        """Return the weights, and the slow parameters if `creep` is set, all at once."""
+        return fit_least_squares(bank, self.series(delay_s), creep=self._settings.creep)
+
+    def lms(self, bank: FloatArray, delay_s: float, held_out: Rows | None = None) -> FloatArray:
+        """Return the weights [a^l, a^r] by the update of paper eq. (29), shape (2 M,).
+
+        Args:
+            bank: (2, 2 M) thresholds and gains of the stops.
+            delay_s: Delay, in s.
+            held_out: (n,) samples that are not learned from; none by default.
+        """
+        series, settings = self.series(delay_s), self._settings
+        learned = series.counted if held_out is None else series.counted & ~held_out
+        drives = np.where(learned, series.drives, np.nan)  # NaN advances the memory only
+        return repeated_lms(bank, series.positions, drives, settings.lms_gain, settings.deadband)
+
+    def model(
+        self, bank: FloatArray, weights: FloatArray, slow_parameters: SlowParameters, delay_s: float
+    ) -> StageModel:
+        """Return the model of normalised parameters, in V and µm."""
+        # [0, 1] is then the range of y, the displacement without creep.
+        width_um = self._position_um.width / (1.0 + slow_parameters.stretch)
+        low_um = self._position_um.low + slow_parameters.offset * width_um
+        return StageModel(
+            StopForm(bank),
+            weights,
+            self.drive_v,
+            AffineRange.checked(low_um, low_um + width_um),
+            delay_s,
+            logarithmic(slow_parameters.creep) if slow_parameters.creep else NO_CREEP,
+        )
+
+
+def _range_of(values: FloatArray) -> AffineRange:
+    return AffineRange.checked(float(values.min()), float(values.max()))
