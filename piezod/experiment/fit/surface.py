@@ -241,7 +241,9 @@ def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> Linea
     target = record.positions - point.predicted + regressors @ parameters
     counted = record.counted
     found = _solved(regressors[counted], target[counted], parameters, fixed)
-    return LinearisedSurface(regressors, target, counted, fixed, found, point.drives, record.period_s)
+    return LinearisedSurface(
+        regressors, target, counted, fixed, found, point.drives, record.period_s
+    )
 
 
 def _solved(
