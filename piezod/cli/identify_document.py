@@ -1,5 +1,6 @@
 """The document of `piezod identify --json`."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,7 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
         "with_creep": _errors(by_creep[True]) if True in by_creep else None,
         "without_creep": _errors(by_creep[False]) if False in by_creep else None,
         "raw_displacement": _errors(fitted.raw) if fitted.raw else None,
+        "position_residual": asdict(fitted.parts),
         "uncertainty": _uncertainty(fitted.uncertainty),
         "choice": _choice(fitted.choice) if fitted.choice else None,
         "excitation": {

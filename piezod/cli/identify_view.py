@@ -11,6 +11,7 @@ from rich.text import Text
 
 from piezod.cli.identify_document import spread
 from piezod.experiment.fit.automatic import LARGEST_LOSS, Candidate, Choice
+from piezod.experiment.fit.breakdown import Breakdown
 from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
@@ -50,6 +51,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     console.print(_errors(fitted, "position"))
     for line in _offsets(fitted):
         console.print(line)
+    console.print(_parts(fitted.parts))
     console.print(_uncertainty(fitted))
     _print_excitation(console, fitted)
     for warning in fitted.warnings:
@@ -222,6 +224,20 @@ def _judged(fitted: FileFit) -> dict[str, Judgement]:
     if fitted.raw:
         judged["raw"] = fitted.raw
     return judged
+
+
+def _parts(parts: Breakdown) -> str:
+    """Return the parts of the residual of the position, in words."""
+    at_hz = f" at {parts.vibration_hz:.4g} Hz" if parts.vibration_hz else ""
+    drift_pct = parts.return_point_drift_pct
+    drift = f" (by {drift_pct:.2f} % in all)" if drift_pct is not None else " (unknown)"
+    rate = "" if parts.widening_pct is not None else " (the record has one rate)"
+    return (
+        f"Residual of the position as recorded, without its mean: {parts.total_pct:.3f} % rms of "
+        f"its range. Parts: drift of the return points{drift} {parts.drift_pct:.3f} %; rate of the "
+        f"drive{rate} {parts.rate_pct:.3f} %; vibration{at_hz} {parts.vibration_pct:.3f} %; noise "
+        f"{parts.noise_pct:.3f} %; the rest, mainly shapes of loops, {parts.rest_pct:.3f} %."
+    )
 
 
 def _uncertainty(fitted: FileFit) -> str:

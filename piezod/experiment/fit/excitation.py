@@ -87,9 +87,27 @@ def swings_of(t_s: FloatArray, positions: FloatArray) -> Swings:
         t_s: (n,) times, in s.
         positions: (n,) displacement in [0, 1].
     """
-    turns = _turning_points(positions)
+    turns = turning_points(positions)
     ends = positions[turns]
     return Swings(np.abs(np.diff(ends)), 0.5 * (ends[1:] + ends[:-1]), np.diff(t_s[turns]))
+
+
+def turning_points(positions: FloatArray) -> list[int]:
+    """Return the indices of the turns of a displacement, with its first and last extreme."""
+    values = positions.tolist()
+    indices, extreme, direction = [0], 0, 0.0
+    for index, value in enumerate(values):
+        beyond = value - values[extreme]
+        # The first direction is known after the first motion beyond the dead-band.
+        if direction == 0.0:
+            if abs(beyond) > DEADBAND:
+                direction, extreme = (1.0 if beyond > 0.0 else -1.0), index
+        elif direction * beyond >= 0.0:
+            extreme = index
+        elif abs(beyond) > DEADBAND:
+            indices.append(extreme)
+            direction, extreme = -direction, index
+    return [*indices, extreme]
 
 
 def recommended_drive(low_v: float, high_v: float) -> str:
@@ -165,24 +183,6 @@ class _PartWriter(NamedTuple):
     def hold(self, duration_s: int, share: float) -> str:
         waveform = f"kind: setpoint, level: {self.at(share)}"
         return f"- {{duration_s: {duration_s}, waveform: {{{waveform}}}}}"
-
-
-def _turning_points(positions: FloatArray) -> list[int]:
-    """Return the indices of the turns of a displacement, with its first and last extreme."""
-    values = positions.tolist()
-    indices, extreme, direction = [0], 0, 0.0
-    for index, value in enumerate(values):
-        beyond = value - values[extreme]
-        # The first direction is known after the first motion beyond the dead-band.
-        if direction == 0.0:
-            if abs(beyond) > DEADBAND:
-                direction, extreme = (1.0 if beyond > 0.0 else -1.0), index
-        elif direction * beyond >= 0.0:
-            extreme = index
-        elif abs(beyond) > DEADBAND:
-            indices.append(extreme)
-            direction, extreme = -direction, index
-    return [*indices, extreme]
 
 
 def _missing_sizes(swings: Swings, range_um: float) -> Iterator[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Choice, Progress, Wanted, choose
+from piezod.experiment.fit.breakdown import Breakdown, breakdown_of
 from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.judgement import Judgement, judge
@@ -17,7 +18,12 @@ from piezod.experiment.fit.smoothing import smoothed_record
 from piezod.experiment.fit.source import Source, prefix_errors, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
-from piezod.experiment.fit.warnings import fit_warnings, quality_warnings, saturation_warnings
+from piezod.experiment.fit.warnings import (
+    fit_warnings,
+    quality_warnings,
+    residual_warnings,
+    saturation_warnings,
+)
 from piezod.hysteresis import AffineRange
 
 START_S = 2.0
@@ -44,6 +50,7 @@ class FileFit:
         raw: The same fit as `taken` to the unsmoothed displacement, and judged on it; None for LMS,
             which never smooths.
         uncertainty: Uncertainty of the model.
+        parts: Parts of the residual of the position in the record.
         choice: Candidates among which the model was chosen, None if it was given.
         untold: Excitation that the record lacks, a sentence each.
         warnings: Warnings for the user of the model, a sentence each.
@@ -57,6 +64,7 @@ class FileFit:
     other: Judgement | None
     raw: Judgement | None
     uncertainty: Uncertainty
+    parts: Breakdown
     choice: Choice | None
     untold: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -106,6 +114,7 @@ def identify_file(
     taken = judge(fit, record, test_record, validation)
     with prefix_errors(data):
         doubts = tuple(quality_warnings(taken, record, test_record))
+    parts = breakdown_of(fit, source.record)
     return FileFit(
         data=data,
         test_data=test,
@@ -115,9 +124,15 @@ def identify_file(
         other=judge(other, record, test_record) if other else None,
         raw=judge(raw, record, test_record) if raw else None,
         uncertainty=uncertainty_of(fit, taken.validation),
+        parts=parts,
         choice=choice,
         untold=missing_excitation(smoothed_record(record)),
-        warnings=(*notes, *_warnings(fit, record, test_record), *doubts),
+        warnings=(
+            *notes,
+            *_warnings(fit, record, test_record),
+            *doubts,
+            *residual_warnings(taken, parts),
+        ),
     )
 
 

@@ -5,9 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from piezod.errors import DataError
+from piezod.experiment.fit.breakdown import Breakdown
 from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.excitation import has_all_loops
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.judgement import Judgement
+from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
 
@@ -23,6 +26,12 @@ LINE_SHARE = 0.5
 almost none there."""
 DRIVE_SHARE = 0.01
 """Largest share of the drive's power around that frequency."""
+DRIFT_PCT = 1.0
+"""Drift of the return points below which there is no warning, in % of the position's range."""
+DRIFT_SHARE = 0.5
+"""It is a considerable part of the error from this share of the worst error on."""
+RATE_SHARE = 0.25
+"""The rate of the drive is a considerable cause from this share of the residual's power on."""
 
 
 def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
@@ -34,6 +43,12 @@ def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
     """
     if fit.delay is not None:
         yield from _delay_warnings(fit.delay, period_s)
+    if fit.settings.method is Method.SURFACE and not has_all_loops(fit.record):
+        yield (
+            "The record does not have loops of all sizes and heights. A surface is determined by "
+            "the loops of its record only, and may be far off on others. Use --method auto or "
+            "least-squares, or record the drive that is recommended."
+        )
 
 
 def quality_warnings(judged: Judgement, record: Record, test: Record | None) -> Iterator[str]:
@@ -77,6 +92,33 @@ def quality_warnings(judged: Judgement, record: Record, test: Record | None) -> 
                 "too fast."
             )
     yield from _vibration_warnings(judged.fit, record)
+
+
+def residual_warnings(judged: Judgement, parts: Breakdown) -> Iterator[str]:
+    """Yield the warnings about a residual with a cause, and what record would tell more.
+
+    Args:
+        judged: The model and its errors.
+        parts: Parts of its residual.
+    """
+    worst_pct, drift_pct = judged.train["position_error_max_pct"], parts.return_point_drift_pct
+    if drift_pct is not None and drift_pct >= max(DRIFT_PCT, DRIFT_SHARE * worst_pct):
+        creep = "" if judged.fit.settings.creep else ", and fit creep"
+        yield (
+            f"The return points drift by {drift_pct:.2g} % of the range over the record; the worst "
+            f"error of the position is {worst_pct:.2g} %. The error of the voltage hides this. "
+            "Record again after a longer run-in over the full range, or exclude more of the start "
+            f"with --skip-s{creep}."
+        )
+    if (
+        parts.widening_pct is not None
+        and parts.rate_pct >= RESIDUAL_PCT
+        and parts.rate_pct**2 >= RATE_SHARE * parts.total_pct**2
+    ):
+        yield (
+            f"The loops widen by {parts.widening_pct:.2g} % of the swing per decade of the rate, "
+            "which the model does not describe. Record at the rates at which the stage is used."
+        )
 
 
 def _straight_line_pct(fit: Fit, record: Record) -> float:

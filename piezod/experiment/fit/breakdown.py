@@ -1,0 +1,146 @@
+"""The parts of a residual of the position: drift, rate, vibration, noise, and the rest.
+
+Each part is removed before the next one is searched. The squares of the parts therefore add up to
+that of the residual, about. The rest is what the model does not describe in the loops themselves.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from piezod.experiment.fit.excitation import turning_points
+from piezod.experiment.fit.fit import Fit
+from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.residuals import rms_of
+from piezod.experiment.fit.spectrum import noise_of, vibration_of
+from piezod.hysteresis.memory import FloatArray
+
+AT_END, AWAY = 0.02, 0.1
+"""A drive within this share of its range from an end visits the end; beyond the second, it left."""
+FEWEST_VISITS = 3
+LEAST_DECADES = 0.1
+"""Smallest spread of the rates, as a standard deviation, that shows how loops depend on them."""
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """Parts of the residual of the position, rms in % of its range.
+
+    Attributes:
+        total_pct: The residual without its mean, of the record before averaging and smoothing.
+        drift_pct: Drift of the return points.
+        return_point_drift_pct: Range of the mean residuals at the visits of the lowest and of the
+            highest voltage, the larger one; None if there are fewer than three visits.
+        rate_pct: Loops that widen with the rate of the drive.
+        widening_pct: Growth of their width per decade of the rate, in % of the swing; None if the
+            record has only one rate.
+        vibration_pct: Vibration at one frequency that the drive does not have.
+        vibration_hz: That frequency; None if there is none.
+        noise_pct: White noise.
+        rest_pct: Everything else: mainly the shape of the loops.
+    """
+
+    total_pct: float
+    drift_pct: float
+    return_point_drift_pct: float | None
+    rate_pct: float
+    widening_pct: float | None
+    vibration_pct: float
+    vibration_hz: float | None
+    noise_pct: float
+    rest_pct: float
+
+
+def breakdown_of(fit: Fit, record: Record) -> Breakdown:
+    """Return the parts of the residual of a fit.
+
+    Args:
+        fit: The fit.
+        record: Its record, before averaging and smoothing.
+    """
+    counted = record.counted(fit.model.delay_s)
+    drive = fit.model.drive_v.to_unit(record.drive_delayed_by(fit.model.delay_s))[counted]
+    left_pct = fit.position_residuals_pct(record)
+    left_pct = left_pct - np.mean(left_pct)
+    total_pct = rms_of(left_pct)
+    drifting_pct, return_point_drift_pct = _drift(drive, left_pct)
+    left_pct = left_pct - drifting_pct
+    widening_pct, by_rate_pct = _rate(drive, record.period_s, left_pct)
+    left_pct = left_pct - by_rate_pct
+    vibration_pct, vibration_hz = vibration_of(left_pct, drive, record.period_s)
+    noise_pct = noise_of(left_pct, vibration_hz, record.period_s)
+    known = rms_of(drifting_pct) ** 2 + rms_of(by_rate_pct) ** 2 + vibration_pct**2 + noise_pct**2
+    return Breakdown(
+        total_pct=total_pct,
+        drift_pct=rms_of(drifting_pct),
+        return_point_drift_pct=return_point_drift_pct,
+        rate_pct=rms_of(by_rate_pct),
+        widening_pct=widening_pct,
+        vibration_pct=vibration_pct,
+        vibration_hz=vibration_hz,
+        noise_pct=noise_pct,
+        rest_pct=float(np.sqrt(max(total_pct**2 - known, 0.0))),
+    )
+
+
+def _drift(drive: FloatArray, residuals_pct: FloatArray) -> tuple[FloatArray, float | None]:
+    """Return the drift of the return points over time, shape (k,), and its range."""
+    above = (drive - drive.min()) / np.ptp(drive)
+    paths, ranges = [], []
+    for distance in (above, 1.0 - above):
+        places, means_pct = _visits(distance, residuals_pct)
+        if places.size >= FEWEST_VISITS:
+            paths.append(np.interp(np.arange(drive.size), places, means_pct))
+            ranges.append(float(np.ptp(means_pct)))
+    if not paths:
+        return np.zeros(drive.size), None
+    path = np.mean(paths, axis=0)
+    path -= np.mean(path)
+    return _share_of(path, residuals_pct), max(ranges)
+
+
+def _visits(distance: FloatArray, residuals_pct: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the middle sample and the mean residual of each visit of an end, shape (v,) each."""
+    away = distance > AWAY
+    number = np.cumsum(np.diff(away, prepend=False) & away)  # a visit ends when the drive leaves
+    here = np.flatnonzero(distance <= AT_END)
+    _, visit = np.unique(number[here], return_inverse=True)
+    counts = np.bincount(visit)
+    return np.bincount(visit, here) / counts, np.bincount(visit, residuals_pct[here]) / counts
+
+
+def _rate(
+    drive: FloatArray, period_s: float, residuals_pct: FloatArray
+) -> tuple[float | None, FloatArray]:
+    """Return the widening of the loops per decade of the rate, and its residual, shape (k,)."""
+    turns = turning_points(drive)
+    bulge, decades = np.zeros(drive.size), np.zeros(drive.size)
+    for first, last in pairwise(turns):
+        swing = drive[first : last + 1]
+        size = float(swing[-1] - swing[0])
+        steps = np.abs(np.diff(swing))
+        if not size or not steps.any():
+            continue
+        along = np.clip((swing - swing[0]) / size, 0.0, 1.0)
+        # A loop is widest in its middle; predicted minus recorded is positive there while rising.
+        bulge[first : last + 1] = size * 4.0 * along * (1.0 - along)
+        # The rate at which the distance is covered: holds do not count.
+        decades[first : last + 1] = np.log10(np.sum(steps**2) / np.sum(steps) / period_s)
+    weights = bulge**2
+    if not weights.any():
+        return None, np.zeros(drive.size)
+    decades -= np.average(decades, weights=weights)
+    if np.sqrt(np.average(decades**2, weights=weights)) < LEAST_DECADES:
+        return None, np.zeros(drive.size)
+    # The error of the width at all rates alike is no effect of the rate: `decades` has mean zero.
+    shape = bulge * decades
+    grown = float(residuals_pct @ shape / (shape @ shape))
+    return 2.0 * grown, grown * shape
+
+
+def _share_of(path: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the multiple of a path, from 0 to 1, that is nearest to values."""
+    power = float(path @ path)
+    share = min(max(float(path @ values) / power, 0.0), 1.0) if power else 0.0
+    return share * path
