@@ -52,6 +52,7 @@ _LONG_NAMES: Final = {
     "weights_t_s": "time of the parameters",
     "late_t_s": "time of samples just after a stall of the loop",
 }
+_COEFFICIENTS: Final = "coefficients of the surface, four for each of six widths"
 
 
 def write_hdf5(path: Path, result: ExperimentResult) -> None:
@@ -130,6 +131,9 @@ def _write_recording(entry: h5py.Group, recording: Recording) -> str:
     group.attrs["mode"] = recording.mode
     group.attrs["first_metric_index"] = recording.first_metric_index
     _write_array(group, "weights", recording.weights, "")
+    if recording.surface:
+        group["weights"].attrs["surface"] = True
+        group["weights"].attrs["long_name"] = _COEFFICIENTS
     _write_array(group, "weights_t_s", recording.weights_t_s, "s")
     if recording.late_t_s.size:
         _write_array(group, "late_t_s", recording.late_t_s, "s")
@@ -220,6 +224,7 @@ def _read_recording(group: h5py.Group) -> Recording:
         metrics=_read_attributes(group["metrics"]),
         first_metric_index=int(group.attrs["first_metric_index"]),
         late_t_s=group["late_t_s"][()] if "late_t_s" in group else np.empty(0),
+        surface="surface" in group["weights"].attrs,
         **{name: group[name][()] for name in COLUMN_NAMES},
     )
 

@@ -126,7 +126,7 @@ def compensated_axis(
     period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
-    history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
+    history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     pace = _pace(config, model.form, period_ns)
     identifier = Identifier(
         _shadowed(config, model, pace, period_ns),
@@ -253,7 +253,7 @@ def _proof(model: StageModel, period_ns: int) -> ModelProof:
     return ModelProof(
         LearnedModel(model.weights.copy()),
         window_cycles=_cycles(PROOF_WINDOW_S, period_ns),
-        lag_cycles=s_to_ns(model.delay_s) // period_ns + LAG_CYCLES,
+        lag_cycles=max(s_to_ns(model.delay_s), 0) // period_ns + LAG_CYCLES,
     )
 
 

@@ -32,6 +32,7 @@ from piezod.hysteresis import (
     placed_thresholds,
     stop_regressors,
 )
+from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray
 
 FINE_ORDER = 40
@@ -274,14 +275,16 @@ def _range_of(values: FloatArray) -> AffineRange:
 
 
 def _check(record: Record, settings: FitSettings) -> None:
-    delay_s, n_weights = settings.delay_s or 0.0, 2 * settings.order
+    surface = settings.method is Method.SURFACE
+    delay_s, n_weights = settings.delay_s or 0.0, SIZE if surface else 2 * settings.order
     counted, fewest = record.counted(delay_s), SAMPLES_PER_WEIGHT * n_weights
     drive_v = record.drive_delayed_by(delay_s)[counted]
     position_um = record.position_um[counted]
     if drive_v.size < fewest:
         raise DataError(
             f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
-            "more; record for longer, skip less, or fit fewer operators"
+            f"more; record for longer{', or' if surface else ','} skip less"
+            f"{'' if surface else ', or fit fewer operators'}"
         )
     scaled = []
     for name, values in (("drive_v", drive_v), ("position_um", position_um)):

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piezod.control.law.creep import LAGS_PER_DECADE
+from piezod.control.law.creep import LAGS_PER_DECADE, TIME_CONSTANTS_S
 from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.problem import LinearProblem
+from piezod.hysteresis import StopForm
 from piezod.hysteresis.memory import FloatArray
 
 SIGMAS_95 = 1.96
@@ -78,7 +79,7 @@ def covariance_of(linearised: LinearProblem) -> tuple[float, FloatArray]:
     """
     rows = linearised.regressors[linearised.counted]
     misses = linearised.misses[linearised.counted]
-    n_samples, n_parameters = rows.shape
+    n_samples = len(rows)
     variance = float(np.mean(misses**2))
     per_variance = linearised.covariance(1.0)
     # Contiguous batches keep the correlation of neighbouring residuals within a batch.
@@ -86,7 +87,8 @@ def covariance_of(linearised: LinearProblem) -> tuple[float, FloatArray]:
     sums = np.add.reduceat(rows * misses[:, np.newaxis], starts, axis=0)
     observed = float(np.einsum("bi,ij,bj->", sums, per_variance, sums, optimize=True))
     # At least 1: batches must not make the model look better than independent samples would.
-    inflation = max(observed / (n_parameters * variance), 1.0) if variance > 0.0 else 1.0
+    searched = np.count_nonzero(np.diag(per_variance))  # a fixed parameter has no variance
+    inflation = max(observed / (searched * variance), 1.0) if variance > 0.0 else 1.0
     return n_samples / inflation, variance * inflation * per_variance
 
 
@@ -94,5 +96,8 @@ def _creep_error(fit: Fit, covariance: FloatArray) -> float | None:
     """Return the half width of the creep per decade; None without creep."""
     if not fit.settings.creep:
         return None
-    index = fit.model.weights.size
-    return SIGMAS_95 * LAGS_PER_DECADE * float(np.sqrt(covariance[index, index]))
+    first = fit.model.weights.size
+    # The mean of the lags' weights; the inverse model has one common weight.
+    count = 1 if isinstance(fit.model.form, StopForm) else TIME_CONSTANTS_S.size
+    lags = covariance[first : first + count, first : first + count]
+    return SIGMAS_95 * LAGS_PER_DECADE * float(np.sqrt(np.mean(lags)))

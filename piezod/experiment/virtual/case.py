@@ -25,6 +25,7 @@ from piezod.experiment.virtual.stage import (
     VirtualStage,
 )
 from piezod.experiment.warnings import run_warnings
+from piezod.hysteresis import ModelForm
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
 from piezod.units import NS_PER_S, s_to_ns
@@ -72,7 +73,8 @@ def run_case(
         axis.creeping.watch(position_um)
         axis.creeping.zero()
     axes = _axes(stage, config, identified, references, mode)
-    snapshots = _Snapshots(axes, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
+    forms = [axis.model.form for axis in identified.values()]
+    snapshots = _Snapshots(axes, forms, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
     for name, trace in zip(config.axes, traces, strict=True):
         identified[name].creeping.watch(trace[:, POSITION_UM])
@@ -109,10 +111,13 @@ def _recordings(
             true_um=trace[:, TRUE_UM],
             weights=np.array(weights),
             weights_t_s=t_s[:: snapshots.every],
+            surface=not form.two_sided,
             metrics=_metrics(config, trace[first:], period_ns / NS_PER_S),
             first_metric_index=first,
         )
-        for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
+        for name, trace, weights, form in zip(
+            config.axes, traces, snapshots.weights, snapshots.forms, strict=True
+        )
     ]
 
 
@@ -151,17 +156,16 @@ def _merged_pairs(axis: CompensatedAxis) -> int:
 
 
 class _Snapshots:
-    """The weights in use, right operators first, at intervals."""
+    """The weights in use, in the order of a recording, at intervals."""
 
-    def __init__(self, axes: list[CompensatedAxis], every: int) -> None:
-        self._axes, self.every = axes, every
+    def __init__(self, axes: list[CompensatedAxis], forms: list[ModelForm], every: int) -> None:
+        self._axes, self.forms, self.every = axes, forms, every
         self.weights: list[list[FloatArray]] = [[] for _ in axes]
 
     def take(self, cycle: int) -> None:
         if cycle % self.every == 0:
-            for axis, snapshots in zip(self._axes, self.weights, strict=True):
-                left, right = np.split(axis.compensator.weights, 2)
-                snapshots.append(np.concatenate((right, left)))
+            for axis, form, snapshots in zip(self._axes, self.forms, self.weights, strict=True):
+                snapshots.append(form.as_recorded(axis.compensator.weights).copy())
 
 
 def _check_range(case: CaseConfig, name: str, reference: Waveform, model: StageModel) -> None:
