@@ -185,7 +185,7 @@ def test_any_pairs_leave_a_surface_that_can_be_inverted(
 
 
 def test_pairs_against_the_condition_stop_at_its_limit() -> None:
-    """A stage that stands still while it is driven flattens the surface to the limit, no farther."""
+    """A stage that stands still while it is driven flattens the surface to the limit only."""
     rls, drives = SurfaceIdentifier(KNOWN), swings(20.0)
     least = []
 
