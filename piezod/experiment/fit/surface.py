@@ -138,7 +138,8 @@ def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> Linea
     """Return the problem around a point, and its solution."""
     period_s, weights = record.period_s, parameters[CREEP:OFFSET]
     quick = surface_regressors(record.drives_at(parameters[DELAY] * period_s))
-    regressors = np.empty((record.positions.size, fixed.size))
+    # Zeros: the first solution already multiplies the columns of the fixed parameters.
+    regressors = np.zeros((record.positions.size, fixed.size))
     regressors[:, :SIZE] = with_creep(quick, weights, period_s, from_rest=record.from_rest)
     coefficients = parameters[:SIZE]
     if not coefficients[1:].any():  # the first round: any fit is a better point than a line
