@@ -8,9 +8,10 @@ from piezod.errors import ModelError
 from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.everett_memory import (
+    advance_displacement,
     advance_drive,
-    displacement,
     drive_for,
+    new_displacement_memory,
     new_surface_memory,
 )
 from piezod.hysteresis.memory import MAXIMUM, MINIMUM, RISING, FloatArray, IntArray, Memory
@@ -25,12 +26,12 @@ class SurfaceStage:
     """
 
     def __init__(self, coefficients: FloatArray) -> None:
-        self._coefficients, self._memory = coefficients.copy(), new_surface_memory()
+        self._coefficients = coefficients.copy()
+        self._memory = new_displacement_memory(self._coefficients)
 
     def step(self, drive: float, /) -> float:
         """Return the displacement for the next drive in [0, 1]. Real-time safe."""
-        advance_drive(self._memory, 0.0, drive)
-        return displacement(self._coefficients, self._memory.now)
+        return advance_displacement(self._memory, self._coefficients, drive)
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,8 @@ class SurfaceForm:
     def positions_at(self, weights: FloatArray, drives: FloatArray) -> FloatArray:
         """Return the displacements for a record of drives in [0, 1], shape (n,)."""
         positions = np.empty_like(drives)
-        _follow(*new_surface_memory(), weights, np.ascontiguousarray(drives), positions)
+        memory = new_displacement_memory(weights)
+        _follow(*memory, weights, np.ascontiguousarray(drives), positions)
         return positions
 
     def stage(self, weights: FloatArray) -> SurfaceStage:
@@ -131,8 +133,7 @@ def _follow(
 ) -> None:
     memory = Memory(levels, values, now, last, counts)
     for k in range(drives.size):
-        advance_drive(memory, 0.0, drives[k])
-        positions[k] = displacement(coefficients, now)
+        positions[k] = advance_displacement(memory, coefficients, drives[k])
 
 
 @compiled

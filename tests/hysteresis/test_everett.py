@@ -48,6 +48,19 @@ def test_memory_is_the_sum_over_all_pairs(coefficients: Floats, drives: list[flo
     assert positions[-1] == pytest.approx(all_pairs(coefficients, drives), abs=1e-12)
 
 
+@given(SURFACES, DRIVES)
+def test_stage_is_the_memory_of_regressors(coefficients: Floats, drives: list[float]) -> None:
+    """The stage, step by step and at once, agrees with the sum of regressors; NaN holds it."""
+    memory, stage = new_surface_memory(), FORM.stage(coefficients)
+    at_once = FORM.positions_at(coefficients, np.array(drives))
+    for drive, position in zip(drives, at_once.tolist(), strict=True):
+        advance_drive(memory, 0.0, drive)
+
+        assert stage.step(drive) == position
+        assert position == pytest.approx(displacement(coefficients, memory.now), abs=1e-13)
+    assert stage.step(float("nan")) == pytest.approx(float(at_once[-1]), abs=1e-13)
+
+
 @given(SURFACES, st.lists(st.integers(0, 16), min_size=1, max_size=12))
 def test_model_is_a_plane_of_relays(coefficients: Floats, levels: list[int]) -> None:
     """At drives on the grid of the plane, relays with the density of E give the same."""
