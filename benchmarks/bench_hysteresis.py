@@ -30,9 +30,12 @@ from piezod.hysteresis import (
     RLSIdentifier,
     Shadowed,
     StopForm,
+    SurfaceForm,
+    SurfaceIdentifier,
     even_thresholds,
     new_bank,
 )
+from piezod.hysteresis.everett import N_MIDDLES, SIZE, surface
 from piezod.jit import compiled
 
 Array = NDArray[np.float64]
@@ -110,6 +113,13 @@ def interleaved_ns(runs: dict[str, Callable[[], object]], count: int) -> dict[st
     return {name: median(times) for name, times in rounds.items()}
 
 
+def surface_weights() -> Array:
+    """Return a surface with loops of 13 %."""
+    coefficients = np.zeros(SIZE)
+    coefficients[0], coefficients[N_MIDDLES], coefficients[1] = 0.75, 0.22, 0.05
+    return coefficients / surface(coefficients, 1.0, 0.0)[0]
+
+
 def arrays() -> dict[str, Callable[[], object]]:
     """Return the candidates that are measured over an array."""
     x = command(SAMPLES)
@@ -118,6 +128,7 @@ def arrays() -> dict[str, Callable[[], object]]:
     bank = new_bank(even_thresholds(ORDER), even_thresholds(ORDER))
     lms = LMSIdentifier(bank)
     analytic, exact = small.inverse(), small.exact_inverse()
+    form, coefficients = SurfaceForm(), surface_weights()
     return {
         "reference": lambda: classical_plays(x, *plays),
         "forward, M = 19": lambda: small.run(x),
@@ -125,6 +136,8 @@ def arrays() -> dict[str, Callable[[], object]]:
         "analytic inverse, M = 19": lambda: analytic.run(x),
         "exact inverse, M = 19": lambda: exact.run(x),
         "operators with LMS, M = 19": lambda: lms.run(x, x),
+        "surface, forward": lambda: form.positions_at(coefficients, x),
+        "surface, inverse": lambda: form.drives_at(coefficients, x),
     }
 
 
@@ -138,6 +151,12 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
     nlms, rls = NLMSIdentifier(bank), RLSIdentifier(bank, weights)
     by_mode = {mode: Compensator(form, weights, mode=mode, fade_cycles=1) for mode in Mode}
     both = Compensator(form, weights, mode=Mode.ADAPTIVE, fade_cycles=1)
+    coefficients = surface_weights()
+    smooth, learned = SurfaceIdentifier(coefficients), SurfaceIdentifier(coefficients)
+    fixed, adapted = (
+        Compensator(SurfaceForm(), coefficients, mode=mode, fade_cycles=1)
+        for mode in (Mode.FEEDFORWARD, Mode.ADAPTIVE)
+    )
 
     def every(step: Callable[[float], object]) -> Callable[[], object]:
         def run() -> None:
@@ -157,6 +176,11 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
         "RLS": every(lambda value: rls.step(value, value)),
         "compensate and adapt": every(
             lambda value: following.step(value, both.step(value, 0.0, 1.0, following.weights))
+        ),
+        "surface, compensator": every(lambda value: fixed.step(value, 0.0, 1.0, coefficients)),
+        "surface, RLS": every(lambda value: smooth.step(value, value)),
+        "surface, compensate and adapt": every(
+            lambda value: learned.step(value, adapted.step(value, 0.0, 1.0, learned.weights))
         ),
     }
 
@@ -250,12 +274,15 @@ def print_arrays() -> None:
         "forward, M = 200": 0.5,
         "exact inverse, M = 19": 0.5,
         "operators with LMS, M = 19": 2.0,
+        "surface, forward": 1.0,
     }
     print(
         "Over an array, per sample                        ns   of reference   counting references"
     )
     for name, cost in costs.items():
         aim = f" (at most {aims[name]:g})" if name in aims else ""
+        if name == "surface, inverse":
+            aim = " (at most 500 ns)"
         row = f"{cost:8.1f}{cost / costs['reference']:10.2f}{with_runtime[name]:16.1f}"
         print(f"  {name + aim:<42}{row}")
 
@@ -264,9 +291,10 @@ def print_steps() -> None:
     """Measure and print the cost of a step that is called from Python."""
     compiled_us = {k: v / 1000 for k, v in interleaved_ns(steps(20_000), 20_000).items()}
     plain_us = {k: v / 1000 for k, v in without_jit().items()}
+    aims = {"compensate and adapt": 2, "surface, compensate and adapt": 4}
     print("\nFrom Python, per step                            us    without a JIT")
     for name, cost in compiled_us.items():
-        aim = " (at most 2)" if name == "compensate and adapt" else ""
+        aim = f" (at most {aims[name]})" if name in aims else ""
         print(f"  {name + aim:<42}{cost:8.2f}{plain_us[name]:12.1f}")
 
 

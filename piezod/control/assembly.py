@@ -147,7 +147,7 @@ def _build_axis(
     )
     if mode is Mode.TRIMMED and law.trim.refusal:
         raise ModelError(f"axis {name}: {law.trim.refusal}")
-    delay_ns = s_to_ns(law_model.delay_s)
+    delay_ns = max(s_to_ns(law_model.delay_s), 0)
     index = list(config.axes).index(name)
     # The watches compare with the identified model, which `law_model` replaces if there is none.
     adaptation = law.identifier.adaptation

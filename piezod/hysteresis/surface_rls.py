@@ -22,7 +22,6 @@ from piezod.hysteresis.covariance import (
     OFFSET_BOUND,
     OFFSET_VARIANCE,
     OFFSET_WALK,
-    checked_walk,
 )
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.everett_bounds import slope_rows
@@ -62,7 +61,8 @@ class SurfaceIdentifier:
         self._weights, self._scalars = np.zeros(SIZE), np.zeros(4)
         self._memory = new_surface_memory(capacity)
         self._deadband = checked_deadband(deadband)
-        checked_walk("the coefficients", SHAPE_WALK * pace, SHAPE_BOUND)
+        if not 0.0 < pace <= 1.0:
+            raise ModelError(f"the pace is above 0 to 1, got {pace:g}")
         self._covariance, self._walk = np.zeros((2, SIZE + 1, SIZE + 1))
         vectors = np.zeros((3, SIZE + 1))
         vectors[DECAY] = np.sqrt(1.0 - SHAPE_WALK * pace / SHAPE_BOUND)

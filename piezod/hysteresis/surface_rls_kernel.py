@@ -19,6 +19,7 @@ SMALLEST = 0.025
 """Smallest slope that a learned surface keeps. Half of that of an identified one, so that a surface
 that was identified at its limit can still learn."""
 _ROUNDS = 6  # corrections that are tried after a step out of the condition
+_OVERSHOOT = 1.5  # exact corrections of one row after the other approach the condition without end
 
 
 @compiled
@@ -35,7 +36,7 @@ def _least(rows: FloatArray, coefficients: FloatArray) -> tuple[float, int]:
 
 
 @compiled
-def _keep_invertible(
+def keep_surface_invertible(
     coefficients: FloatArray,
     scalars: FloatArray,
     covariance: FloatArray,
@@ -46,7 +47,7 @@ def _keep_invertible(
     """Correct coefficients that left the condition of existence, or take their step back.
 
     A correction moves along P a, with the row a of the condition: it changes least what the pairs
-    have determined best.
+    have determined best. The step was `stride` times `gain`; it ends with the corrections in it.
     """
     size = coefficients.size
     for _ in range(_ROUNDS):
@@ -60,7 +61,7 @@ def _keep_invertible(
                 power += rows[worst, i] * covariance[i, j] * rows[worst, j]
         if power <= 0.0:
             break
-        part = (SMALLEST - least) / power
+        part = _OVERSHOOT * (SMALLEST - least) / power
         for i in range(size):
             moved = 0.0
             for j in range(size):
@@ -106,7 +107,7 @@ def _learn(
     scalars[MARGIN] -= moved
     if scalars[MARGIN] < 0.0 and stride != 0.0:
         root = np.sqrt(innovation_variance)  # `update_covariance` has divided the gain by it
-        _keep_invertible(coefficients, scalars, covariance, rows, stride * root, gain)
+        keep_surface_invertible(coefficients, scalars, covariance, rows, stride * root, gain)
 
 
 @compiled

@@ -13,7 +13,7 @@
           fit_errors/             NXcollection of attributes
         <axis>_<case>_<mode>/     NXdata   @signal=position_um @axes=t_s @axis @case @mode
           t_s, drive_v, position_um, command_um, uncompensated_v, true_um     likewise
-          weights, weights_t_s                       likewise; @two_sided=False if not two-sided
+          weights, weights_t_s                       likewise
           late_t_s                                   likewise, if samples were late
           metrics/                NXcollection of attributes
 """
@@ -52,6 +52,7 @@ _LONG_NAMES: Final = {
     "weights_t_s": "time of the parameters",
     "late_t_s": "time of samples just after a stall of the loop",
 }
+_COEFFICIENTS: Final = "coefficients of the surface, four for each of six widths"
 
 
 def write_hdf5(path: Path, result: ExperimentResult) -> None:
@@ -130,9 +131,9 @@ def _write_recording(entry: h5py.Group, recording: Recording) -> str:
     group.attrs["mode"] = recording.mode
     group.attrs["first_metric_index"] = recording.first_metric_index
     _write_array(group, "weights", recording.weights, "")
-    if not recording.two_sided:
-        group["weights"].attrs["two_sided"] = False
-        group["weights"].attrs["long_name"] = "parameters of the compensator"
+    if recording.surface:
+        group["weights"].attrs["surface"] = True
+        group["weights"].attrs["long_name"] = _COEFFICIENTS
     _write_array(group, "weights_t_s", recording.weights_t_s, "s")
     if recording.late_t_s.size:
         _write_array(group, "late_t_s", recording.late_t_s, "s")
@@ -220,10 +221,10 @@ def _read_recording(group: h5py.Group) -> Recording:
         title=_text(group["title"]),
         weights=group["weights"][()],
         weights_t_s=group["weights_t_s"][()],
-        two_sided=bool(group["weights"].attrs.get("two_sided", True)),
         metrics=_read_attributes(group["metrics"]),
         first_metric_index=int(group.attrs["first_metric_index"]),
         late_t_s=group["late_t_s"][()] if "late_t_s" in group else np.empty(0),
+        surface="surface" in group["weights"].attrs,
         **{name: group[name][()] for name in COLUMN_NAMES},
     )
 

@@ -44,14 +44,14 @@ class Recording(Comparable):
         uncompensated_v: Voltage without compensation, proportional to the command, in V.
         true_um: True displacement in µm, same shape, before the sensor and without its noise; NaN
             if it is not known, that is for every stage except a simulated one.
-        weights: Parameters of the compensator, shape (n_snapshots, n_weights); (0, 0) if there is
-            no compensator.
+        weights: Parameters of the compensator, shape (n_snapshots, 2M), the M right operators
+            first, or (n_snapshots, 24) coefficients of a surface; (0, 0) if there is no
+            compensator.
         weights_t_s: Instants of the snapshots in s, shape (n_snapshots,).
-        two_sided: Whether the first half of the weights belongs to the right operators, and the
-            second half to the left ones.
         metrics: Errors by name; the name ends in the unit.
         first_metric_index: Samples before this index are left out of the metrics.
         late_t_s: Instants of the samples just after a stall of the loop, in s, shape (n_late,).
+        surface: Whether `weights` are the coefficients of a surface, which have no sides.
     """
 
     axis: str
@@ -66,10 +66,10 @@ class Recording(Comparable):
     true_um: FloatArray
     weights: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     weights_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
-    two_sided: bool = True
     metrics: Mapping[str, float] = field(default_factory=dict)
     first_metric_index: int = 0
     late_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    surface: bool = False
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes.
@@ -86,11 +86,10 @@ class Recording(Comparable):
         if not self.t_s.size:
             raise DataError(f"{where}: there are no samples; allowed is one or more")
         n_snapshots, n_weights = self.weights.shape
-        if n_snapshots != self.weights_t_s.size or (self.two_sided and n_weights % 2):
+        if n_snapshots != self.weights_t_s.size or (n_weights % 2 and not self.surface):
             raise DataError(
                 f"{where}: weights have shape {self.weights.shape}; allowed is "
-                f"({self.weights_t_s.size}, {'2M' if self.two_sided else 'M'}), a row for each of "
-                "weights_t_s"
+                f"({self.weights_t_s.size}, 2M), a row for each of weights_t_s"
             )
         if not 0 <= self.first_metric_index < self.t_s.size:
             raise DataError(

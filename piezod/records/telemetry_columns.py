@@ -34,6 +34,10 @@ _WEIGHTS: Final = (
     "Weights of the inverse model of axis {axis} in use, whenever they changed: first those of the "
     "left operators, then those of the right ones."
 )
+_COEFFICIENTS: Final = (
+    "Coefficients of the surface of axis {axis} in use, whenever they changed: four for each of "
+    "six widths of a loop."
+)
 _OWN: Final = {
     "t_s": "Instant of the cycle since `start_ns`.",
     "gaps": "Rows of (index of the first row after the gap, number of missing cycles).",
@@ -102,8 +106,10 @@ class TelemetryColumns:
         for name in _public_names(fields):
             self._columns[index, name] = self._column(group, name, fields[name])
         if width := self._header.weights.get(axis):
-            about = _WEIGHTS.format(axis=axis)
+            surface = axis in self._header.surfaces
+            about = (_COEFFICIENTS if surface else _WEIGHTS).format(axis=axis)
             weights = self._data_group(f"weights_{axis}", about, "weights", "weights_t_s")
+            weights.attrs["surface"] = surface
             self._weights[axis] = (
                 _growing(weights, "weights", np.dtype("f8"), _SIDE_CHUNK, width),
                 _growing(weights, "weights_t_s", np.dtype("f8"), _SIDE_CHUNK),

@@ -16,7 +16,9 @@ class TelemetryHeader:
         start_ns: Instant of 0 s in the file, on the clock of the records.
         names: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
         notes: Texts of the recording by name, as in `{"configuration": "rate_hz: 1000"}`.
-        weights: Number of recorded weights of each axis; an axis without an entry has none.
+        weights: Number of recorded weights of each axis, 2M, or 24 of a surface; an axis without an
+            entry has none.
+        surfaces: Names of the axes whose weights are the coefficients of a surface.
         descriptions: Meaning of each field, for people, as in `{"late_ns": "Wake-up after …"}`.
         bits: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
     """
@@ -29,5 +31,6 @@ class TelemetryHeader:
     names: Mapping[str, Sequence[str]] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
     weights: Mapping[str, int] = field(default_factory=dict)
+    surfaces: tuple[str, ...] = ()
     descriptions: Mapping[str, str] = field(default_factory=dict)
     bits: Mapping[str, Sequence[str]] = field(default_factory=dict)

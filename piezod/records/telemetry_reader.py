@@ -77,6 +77,7 @@ class RecordedTelemetry:
             true_um=np.full(t_s.size, np.nan),
             weights=weights["weights"],
             weights_t_s=weights["weights_t_s"],
+            surface=axis in self.header.surfaces,
         )
 
     def _mode(self, numbers: NDArray[Any]) -> str:
@@ -173,6 +174,11 @@ def _read_header(entry: h5py.Group) -> TelemetryHeader:
             for name in entry.attrs["axes"]
             if f"weights_{name}" in entry
         },
+        surfaces=tuple(
+            name
+            for name in entry.attrs["axes"]
+            if f"weights_{name}" in entry and entry[f"weights_{name}"].attrs.get("surface", False)
+        ),
         descriptions={
             name: str(each.attrs["description"])
             for name, each in fields.items()

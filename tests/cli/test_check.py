@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+from piezod.config.model_file import dump_model
 from piezod.devices import registry
 from tests.cli.conftest import Command
+from tests.control.surface_rig import surface_file
 
 
 def test_good_experiment(process: Command, experiment_file: Path) -> None:
@@ -120,3 +122,18 @@ def test_experiment_with_a_model_that_is_not_monotone(
 
     assert (code, out) == (78, "")
     assert "steep.yaml: the model is not monotone" in err
+
+
+def test_surface(piezod: Command, folder: Path) -> None:
+    """A model file of version 2 is described; a broken one is a problem with its place."""
+    text = dump_model(surface_file())
+    (folder / "good.yaml").write_text(text, encoding="utf-8")
+    (folder / "broken.yaml").write_text(text.replace("version: 2", "version: 1"), encoding="utf-8")
+
+    good = piezod("check", "good.yaml")
+    broken = piezod("check", "broken.yaml")
+
+    assert (good.code, good.err) == (0, "")
+    assert "a model: a surface, by surface" in good.out
+    assert broken.code == 78
+    assert "surface_coefficients: needs 0 entries in a file of version 1 (got 24)" in broken.err

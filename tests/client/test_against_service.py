@@ -16,6 +16,7 @@ from piezod.config.modes import Mode
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
 from piezod.telemetry.layout import record_dtype
+from tests.control.surface_rig import surface_file
 from tests.daemon.service.fakes import Served
 
 ROOT = Path(__file__).parents[2]
@@ -184,3 +185,12 @@ def test_service_that_ends(tmp_path: Path) -> None:
 
     with stage, pytest.raises(NotRunningError, match="the daemon has ended"):
         next(intervals)
+
+
+def test_surface_arrives_to_the_bit(served: Served, stage: StageClient) -> None:
+    """A model of version 2 is adopted over HTTP with every coefficient, and a negative delay."""
+    model = surface_file().model_copy(update={"delay_s": -4.4e-4})
+
+    stage.adopt(model, axis="x")
+
+    assert served.stage.requests == [requests.AdoptModel(axis="x", model=model)]

@@ -64,11 +64,13 @@ def test_text_of_a_model_file() -> None:
         "source:",
         '  file: "identification.csv"',
     ]
-    assert TEXT.splitlines()[-4:] == [
+    assert TEXT.splitlines()[-6:] == [
         "left_stop_thresholds:",
         "  [0.5]",
         "left_stop_weights:",
         "  [-1e-09]",
+        "surface_coefficients:",
+        "  []",
     ]
     assert max(map(len, TEXT.splitlines())) <= 100
 
@@ -115,11 +117,11 @@ def test_any_model_round_trips(
             '"model"',
             "2:9: format: unknown value (got 'model'), allowed: piezod-model",
         ),
-        ("version: 1", "version: 2", "3:10: version: unknown value (got 2), allowed: 1"),
+        ("version: 1", "version: 3", "3:10: version: unknown value (got 3), allowed: 1 or 2"),
         (
             '"least-squares"',
             "guess",
-            "6:9: method: unknown value (got 'guess'), allowed: lms, least-squares",
+            "6:9: method: unknown value (got 'guess'), allowed: lms, least-squares, surface",
         ),
         (
             "1e30",
@@ -145,8 +147,12 @@ def test_any_model_round_trips(
          "before it (got 0.5)"),
         ("[0.5]", "[1]", "27:4: left_stop_thresholds[0]: out of range (got 1), "
          "allowed range 1e-09 to 0.999999999"),
-        ("[-1e-09]", "[]", "29:3: left_stop_weights: too few entries (got 0), "
-         "allowed: at least 1"),
+        ("[-1e-09]", "[]", "29:3: left_stop_weights: needs one entry for each threshold "
+         "(got 0 for 1)"),
+        ("[0.5]", "[]", "27:3: left_stop_thresholds: needs at least one entry in a file of "
+         "version 1"),
+        ("surface_coefficients:\n  []", "surface_coefficients: [0.5]", "30:23: "
+         "surface_coefficients: needs 0 entries in a file of version 1 (got 1)"),
         ("[-1e-09]", "[0, 0]", "29:3: left_stop_weights: needs one entry for each "
          "threshold (got 2 for 1)"),
         ("[-1e-09]", "[.nan]", "29:4: left_stop_weights[0]: must be a finite number (got .nan), "
@@ -219,10 +225,11 @@ def test_broken_model_is_told_with_its_place(
 ) -> None:
     """The model files of an experiment are checked with it."""
     path = tmp_path / "m.yaml"
-    path.write_text(TEXT.replace("version: 1", "version: 2"), encoding="utf-8")
+    path.write_text(TEXT.replace("version: 1", "version: 3"), encoding="utf-8")
 
     assert problems_of(*WITH_MODEL, (IDENTIFICATION, "")) == [
-        f"test.yaml:10:12: axes.x.model: {path}:3:10: version: unknown value (got 2), allowed: 1"
+        f"test.yaml:10:12: axes.x.model: {path}:3:10: version: unknown value (got 3), "
+        "allowed: 1 or 2"
     ]
 
 

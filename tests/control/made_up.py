@@ -1,12 +1,17 @@
 """A made-up stage in normalised units, whose hysteresis has an exact inverse model."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
 from piezod.control.law.compensator import Compensator
-from piezod.hysteresis import Creep, InverseMPI, StopForm, new_bank
+from piezod.control.law.creep import AT_REST, CreepState
+from piezod.hysteresis import Creep, InverseMPI, ModelForm, StopForm, SurfaceForm, new_bank
 from piezod.hysteresis.creep import advance_creep
+from piezod.hysteresis.everett import surface
+from tests.hysteresis.surfaces import drawn
 
 Array = NDArray[np.float64]
 
@@ -19,6 +24,56 @@ CREEP = Creep(np.array([0.01, 0.02, 0.02]), 1.0 - np.exp(-1e-3 / np.array([0.03,
 """5 % in total, for samples 1 ms apart."""
 
 
+class Kind(NamedTuple):
+    """A made-up hysteresis of some form.
+
+    Attributes:
+        form: Form of its model.
+        weights: Its weights.
+        other: Weights of another model of the same form.
+    """
+
+    form: ModelForm
+    weights: Array
+    other: Array
+
+    def compensator(
+        self, mode: Mode, fade_cycles: int = 1, creep: CreepState = AT_REST
+    ) -> Compensator:
+        """Return a compensator of a stage with this hysteresis."""
+        return Compensator(self.form, self.weights, mode=mode, fade_cycles=fade_cycles, creep=creep)
+
+    def drives_for(self, positions: list[float] | Array) -> Array:
+        """Return the drives that make displacements, from rest."""
+        return self.form.drives_at(self.weights, np.asarray(positions, dtype=np.float64))
+
+    def drives(
+        self,
+        subject: Compensator,
+        commands: list[float] | Array,
+        identified: Array | None = None,
+    ) -> list[float]:
+        """Return the drives of a compensator for commands, without limits.
+
+        Args:
+            subject: The compensator.
+            commands: The commands.
+            identified: Weights of the identifier; by default those of this hysteresis.
+        """
+        followed = self.weights if identified is None else identified
+        return [subject.step(float(command), 0.0, 1.0, followed) for command in commands]
+
+
+def _surface(seed: int) -> Array:
+    """Return a surface whose displacement is 1 at the drive 1."""
+    coefficients = drawn(seed)
+    return coefficients / surface(coefficients, 1.0, 0.0)[0]
+
+
+STOPS = Kind(FORM, WEIGHTS, 1.6 * WEIGHTS)
+SURFACE = Kind(SurfaceForm(), _surface(7), 0.5 * (_surface(7) + _surface(8)))
+
+
 def inverse() -> InverseMPI:
     """Return the inverse model of the stage in closed form."""
     return InverseMPI(RIGHT, LEFT, WEIGHTS[4:], WEIGHTS[:4], capacity=64)
@@ -27,8 +82,8 @@ def inverse() -> InverseMPI:
 class MadeUpStage:
     """A stage at rest that moves exactly as the inverse model and the creep predict."""
 
-    def __init__(self, creep: Creep = CREEP, lags: Array | None = None) -> None:
-        self._hysteresis = inverse().exact_inverse()
+    def __init__(self, creep: Creep = CREEP, lags: Array | None = None, kind: Kind = STOPS) -> None:
+        self._hysteresis = kind.form.stage(kind.weights)
         self._creep = creep
         self.lags = np.zeros(creep.weights.size) if lags is None else lags.copy()
         self._quick = 0.0

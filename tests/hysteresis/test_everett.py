@@ -49,6 +49,19 @@ def test_memory_is_the_sum_over_all_pairs(coefficients: Floats, drives: list[flo
     assert positions[-1] == pytest.approx(all_pairs(coefficients, drives), abs=1e-12)
 
 
+@given(SURFACES, DRIVES)
+def test_stage_is_the_memory_of_regressors(coefficients: Floats, drives: list[float]) -> None:
+    """The stage, step by step and at once, agrees with the sum of regressors; NaN holds it."""
+    memory, stage = new_surface_memory(), FORM.stage(coefficients)
+    at_once = FORM.positions_at(coefficients, np.array(drives))
+    for drive, position in zip(drives, at_once.tolist(), strict=True):
+        advance_drive(memory, SLOW, 0.0, drive)
+
+        assert stage.step(drive) == position
+        assert position == pytest.approx(displacement(coefficients, memory.now), abs=1e-13)
+    assert stage.step(float("nan")) == pytest.approx(float(at_once[-1]), abs=1e-13)
+
+
 @given(SURFACES, st.lists(st.integers(0, 16), min_size=1, max_size=12))
 def test_model_is_a_plane_of_relays(coefficients: Floats, levels: list[int]) -> None:
     """At drives on the grid of the plane, relays with the density of E give the same."""
@@ -105,7 +118,7 @@ def test_bound_holds_between_the_points_of_a_grid(seed: int, spread: float) -> N
 
 
 def test_bound_is_close() -> None:
-    """The bound of typical surfaces is within 0.1 of the smallest slope on a fine grid."""
+    """The bound of typical surfaces is within 0.3 of the smallest slope on a fine grid."""
     for seed in range(20):
         coefficients = drawn(seed, 0.005)
         grid = np.linspace(0.0, 1.0, 80)
@@ -114,7 +127,7 @@ def test_bound_is_close() -> None:
             for upper in grid
             for lower in grid[grid <= upper]
         ]
-        assert least_surface_slope(coefficients) > np.min(slopes) - 0.1
+        assert least_surface_slope(coefficients) > np.min(slopes) - 0.3
 
 
 def test_rows_are_the_slope_of_a_line() -> None:

@@ -149,9 +149,7 @@ def test_largest_parameters_are_labelled(recording: Recording) -> None:
 def test_parameters_without_sides_are_numbered_through(recording: Recording) -> None:
     """A model whose weights belong to no side has one legend entry and plain numbers."""
     weights = np.tile([0.0, 0.3, 0.1, -0.2, 0.05], (recording.weights_t_s.size, 1))
-    panel = _panel(
-        mode_figure(replace(recording, weights=weights, two_sided=False)), "(e) Parameters"
-    )
+    panel = _panel(mode_figure(replace(recording, weights=weights, surface=True)), "(e) Parameters")
     labels = {text.get_text(): float(text.xy[1]) for text in panel.texts}  # type: ignore[attr-defined]
 
     assert labels == {"2": 0.3, "4": -0.2, "3": 0.1, "5": 0.05, "1": 0.0}

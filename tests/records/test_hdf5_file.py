@@ -69,12 +69,12 @@ def test_weights_without_sides_come_back(
 ) -> None:
     """A model whose weights belong to no side may have an odd number of them."""
     weights = np.zeros((recording.weights_t_s.size, 5))
-    one_sided = replace(recording, weights=weights, two_sided=False)
+    one_sided = replace(recording, weights=weights, surface=True)
 
     read = _written(file, replace(result, recordings=(one_sided,)))
 
     assert read.recordings == (one_sided,)
-    assert not read.recordings[0].two_sided
+    assert read.recordings[0].surface
 
 
 def test_model_without_a_record_comes_back(file: Path, result: ExperimentResult) -> None:

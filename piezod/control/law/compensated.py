@@ -127,7 +127,7 @@ def compensated_axis(
     period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
-    history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
+    history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     model = replace(model, form=model.form.sampled(period_ns / NS_PER_S))
     pace = _pace(config, model.form, period_ns)
     identifier = Identifier(

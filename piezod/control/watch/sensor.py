@@ -79,7 +79,7 @@ class WatchedSensor(NamedTuple):
             fades_ns = s_to_ns(1.5 / (2.0 * pi * mode.frequency_hz * mode.damping))
             ringing_ns = max(ringing_ns, fades_ns)
         if model is not None:
-            answer_ns += 2 * s_to_ns(model.delay_s)
+            answer_ns += 2 * s_to_ns(max(model.delay_s, 0.0))
             plausible = Plausible(model)
             return cls(drive_v, model.position_um, plausible, 0, answer_ns, ringing_ns)
         if config.command_range_um is None:

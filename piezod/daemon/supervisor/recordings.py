@@ -152,6 +152,7 @@ class StageRecordings:
             start_ns=time.monotonic_ns(),
             names={field: [str(each.value) for each in members] for field, members in places},
             notes={"configuration": json.dumps(accepted_config.document(loop.config)), **models},
+            surfaces=tuple(axis for axis, m in loop.models.items() if m and m.version == 2),
             descriptions=descriptions(),
             bits=mask_bits(),
         )

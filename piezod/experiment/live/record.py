@@ -72,7 +72,7 @@ def cut_waveform(
     cut_s, position_um = t_s[part] - begin_s, columns["position_um"][part]
     command_um, true_um = columns["command_um"][part], np.full(cut_s.size, np.nan)
     weights, weights_t_s = _weights(telemetry, name, begin_s, begin_s + case.duration_s)
-    form = axis.form
+    surface = name in telemetry.header.surfaces
     recording = Recording(
         axis=name,
         case=case.name,
@@ -84,9 +84,9 @@ def cut_waveform(
         command_um=command_um,
         uncompensated_v=columns["uncompensated_v"][part],
         true_um=true_um,
-        weights=form.as_recorded(weights),
+        weights=weights if surface else _right_first(weights),
         weights_t_s=weights_t_s,
-        two_sided=form.two_sided,
+        surface=surface,
         first_metric_index=int(np.searchsorted(cut_s, case.period_s)),
         late_t_s=cut_s[late_indices(telemetry.cycles["skipped"][part])],
     )
@@ -117,7 +117,12 @@ def _check_command(name: str, motion: Motion, since_s: FloatArray, command_um: F
 def _weights(
     telemetry: RecordedTelemetry, name: str, begin_s: float, end_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weights and their times."""
+    """Return the weights, in the order of the recording, and their times."""
     weights, t_s = telemetry.weights[name]["weights"], telemetry.weights[name]["weights_t_s"]
     within = (t_s >= begin_s) & (t_s < end_s)
     return weights[within], t_s[within] - begin_s
+
+
+def _right_first(weights: FloatArray) -> FloatArray:
+    left, right = np.split(weights, 2, axis=1)
+    return np.concatenate((right, left), axis=1)

@@ -73,7 +73,7 @@ def run_case(
         axis.creeping.watch(position_um)
         axis.creeping.zero()
     axes = _axes(stage, config, identified, references, mode)
-    forms = [identified[name].model.form for name in config.axes]
+    forms = [axis.model.form for axis in identified.values()]
     snapshots = _Snapshots(axes, forms, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
     for name, trace in zip(config.axes, traces, strict=True):
@@ -111,12 +111,12 @@ def _recordings(
             true_um=trace[:, TRUE_UM],
             weights=np.array(weights),
             weights_t_s=t_s[:: snapshots.every],
-            two_sided=form.two_sided,
+            surface=not form.two_sided,
             metrics=_metrics(config, trace[first:], period_ns / NS_PER_S),
             first_metric_index=first,
         )
-        for name, trace, form, weights in zip(
-            config.axes, traces, snapshots.forms, snapshots.weights, strict=True
+        for name, trace, weights, form in zip(
+            config.axes, traces, snapshots.weights, snapshots.forms, strict=True
         )
     ]
 
@@ -156,7 +156,7 @@ def _merged_pairs(axis: CompensatedAxis) -> int:
 
 
 class _Snapshots:
-    """The weights in use, at intervals, in the order of a recording."""
+    """The weights in use, in the order of a recording, at intervals."""
 
     def __init__(self, axes: list[CompensatedAxis], forms: list[ModelForm], every: int) -> None:
         self._axes, self.forms, self.every = axes, forms, every
@@ -164,9 +164,8 @@ class _Snapshots:
 
     def take(self, cycle: int) -> None:
         if cycle % self.every == 0:
-            for axis, form, rows in zip(self._axes, self.forms, self.weights, strict=True):
-                # A copy, because the weights change in place.
-                rows.append(form.as_recorded(axis.compensator.weights.copy()))
+            for axis, form, snapshots in zip(self._axes, self.forms, self.weights, strict=True):
+                snapshots.append(form.as_recorded(axis.compensator.weights).copy())
 
 
 def _check_range(case: CaseConfig, name: str, reference: Waveform, model: StageModel) -> None:

@@ -39,7 +39,11 @@ def identification_figure(
             (n_samples,); NaN if it is not known.
     """
     title = f"Model by {identification.method} · axis {identification.axis}: {identification.title}"
-    errors = ", ".join(metric_text(*item) for item in identification.fit_errors.items())
+    # The errors on the record, and below them the others: all of them exceed the width.
+    lines: dict[bool, list[str]] = {}
+    for name, value in identification.fit_errors.items():
+        lines.setdefault(name.startswith("voltage_"), []).append(metric_text(name, value))
+    errors = "\n".join(map(", ".join, lines.values()))
     figure = new_figure(13.0, 6.6, title, errors)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1.0), height_ratios=(1.5, 1.0))
     over_time = figure.add_subplot(grid[0, 0])

@@ -162,27 +162,37 @@ def _draw_weights(axes: Axes, recording: Recording) -> None:
     # A parameter holds until the next snapshot, the last one until the end of the record.
     t_s = np.append(recording.weights_t_s, max(recording.t_s[-1], recording.weights_t_s[-1]))
     weights = np.vstack((recording.weights, recording.weights[-1:]))
-    if recording.two_sided:
+    if recording.surface:
+        handles = {f"c0 to c{weights.shape[1] - 1}": _draw_side(axes, t_s, weights, _RIGHT_SHADES)}
+        _label_largest(axes, {"c": weights[-1]}, t_s[-1], first=0)
+        axes.set(title="(e) Parameters", ylabel="coefficient")
+    else:
         right, left = np.hsplit(weights, 2)
-        sides = {
+        handles = {
             f"right 1 to {right.shape[1]}": _draw_side(axes, t_s, right, _RIGHT_SHADES),
             f"left 1 to {left.shape[1]}": _draw_side(axes, t_s, left, _LEFT_SHADES),
         }
         _label_largest(axes, {"R": right[-1], "L": left[-1]}, t_s[-1])
-    else:
-        sides = {f"1 to {weights.shape[1]}": _draw_side(axes, t_s, weights, _RIGHT_SHADES)}
-        _label_largest(axes, {"": weights[-1]}, t_s[-1])
-    axes.set(title="(e) Parameters", ylabel="weight")
+        axes.set(title="(e) Parameters", ylabel="weight")
     round_time_ticks(axes)
-    legend_above(axes, sides)
+    legend_above(axes, handles)
 
 
-def _label_largest(axes: Axes, sides: Mapping[str, FloatArray], end_s: float) -> None:
-    """Write the number of the operator beside the largest weights, as far as there is room."""
+def _label_largest(
+    axes: Axes, sides: Mapping[str, FloatArray], end_s: float, first: int = 1
+) -> None:
+    """Write the numbers of the largest weights beside them, as far as there is room.
+
+    Args:
+        axes: Axes with the lines of the weights.
+        sides: Weights of each side, by its letter.
+        end_s: End of the lines, in s.
+        first: Number of the first weight of a side.
+    """
     weights = [
         (float(weight), f"{side}{number}")
         for side, values in sides.items()
-        for number, weight in enumerate(values, 1)
+        for number, weight in enumerate(values, first)
     ]
     room = _LABEL_SHARE * float(np.ptp([weight for weight, _ in weights]))
     written: list[float] = []

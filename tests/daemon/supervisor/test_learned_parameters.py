@@ -22,6 +22,7 @@ from piezod.daemon.service.stage_service import (
 )
 from piezod.telemetry.learned import LearnedWriter
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
+from tests.control.surface_rig import surface_file
 from tests.daemon.bench import PEER, Bench
 
 
@@ -269,3 +270,21 @@ def test_parameters_of_exchanged_devices_are_reported_lost(bench: Bench) -> None
 
     assert lost.startswith("axis x: zero and weights, because its devices")
     assert bench.requests == []
+
+
+def test_learned_surface_is_saved_and_loaded(bench: Bench) -> None:
+    """A surface is adopted through the link; its learned coefficients become a model again."""
+    surface = surface_file()
+    adopted = bench.do(lambda link: link.request(AdoptModel(axis="x", model=surface), PEER))
+    learned = [1.01 * each for each in surface.surface_coefficients]
+    LearnedWriter(bench.loop.shared).publish(0, learned, 0.0, 0.0, 0.25)
+
+    bench.do(lambda link: link.save_params(PEER))
+    bench.do(lambda link: link.load_params(None, PEER))
+
+    (request,) = bench.requests
+    assert adopted.accepted
+    assert isinstance(request, AdoptModel)
+    assert request.model.version == 2
+    assert request.model.surface_coefficients == tuple(learned)
+    assert request.model.left_stop_weights == request.model.right_stop_weights == ()

@@ -1,6 +1,7 @@
 """Tests of the waveform in a recording: found by its movement, checked, and judged."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,3 +144,15 @@ def test_missing_cycles_are_counted(make_recording: MakeRecording) -> None:
     whole.cycles["skipped"][2000:] = 3
 
     assert missing_cycles(whole) == 3
+
+
+def test_coefficients_of_a_surface_keep_their_order(
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """A surface has no sides to exchange."""
+    telemetry = make_recording()
+    surface = replace(telemetry, header=replace(telemetry.header, surfaces=("x",)))
+    recording = cut_waveform(surface, "x", axis, waveform, RUN)
+
+    assert recording.surface
+    assert recording.weights.tolist() == [[1.0, 2.0, 3.0, 4.0]] * 2

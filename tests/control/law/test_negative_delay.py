@@ -1,0 +1,35 @@
+"""A model whose delay is negative: its record told the samples too early."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from piezod.config.modes import Mode
+from piezod.control.law.compensated import Start, compensated_axis
+from piezod.control.law.creep import AT_REST
+from piezod.control.law.model_files import read_model
+from piezod.devices.interface import Sample
+from tests.control.rig_stage import shipped_config
+
+PERIOD_NS = 1_000_000
+
+
+@pytest.mark.parametrize("delay_s", [-4e-4, -3e-3, -0.1])
+def test_axis_with_a_negative_delay_follows_its_command(delay_s: float) -> None:
+    """Samples are then paired with the newest voltage, and the axis learns from them."""
+    config = shipped_config().axes["x"]
+    assert config.model is not None
+    model = replace(read_model(config.model)[0], delay_s=delay_s)
+    law = compensated_axis(
+        config, model, AT_REST, Mode.ADAPTIVE, lambda _t_s: 8.0, Start(0, PERIOD_NS, 0.0)
+    )
+
+    drives_v = []
+    for cycle in range(50):
+        t_ns = cycle * PERIOD_NS
+        drives_v.append(law.update(t_ns, Sample(t_ns, 7.9, True)).drive_v)
+        law.applied(drives_v[-1])
+
+    assert np.all(np.isfinite(drives_v))
+    assert drives_v[-1] > 10.0
