@@ -11,7 +11,6 @@ from piezod.cli.identify_options import (
     DelayOption,
     DriveOption,
     LiveOption,
-    MethodChoice,
     MethodOption,
     OrderOption,
     OutOption,
@@ -72,7 +71,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     test: TestOption = None,
     skip_s: SkipOption = 0.0,
     delay_s: DelayOption = "auto",
-    method: MethodOption = MethodChoice.LEAST_SQUARES,
+    method: MethodOption = None,
     order: OrderOption = None,
     thresholds: ThresholdsOption = None,
     creep: CreepOption = None,
@@ -91,10 +90,11 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     data are recorded on a running stage, which is driven from rest and disarmed at
     the end.
 
-    Prints the error of the drive voltage that the model predicts from the displacement, in % of the
-    voltage range: on the record, on contiguous blocks of it that the fit did not use, and on
-    another record. The delay from drive to displacement is the one with the smallest error, unless
-    --delay-s gives it. A record of one frequency determines it only to about one sample.
+    Prints the errors of the drive voltage that the model predicts from the position, and of the
+    position that it predicts from the voltage, in % of the ranges: on the record, on contiguous
+    blocks of it that the fit did not use, and on another record. The delay from drive to
+    position is the one with the smallest error, unless --delay-s gives it. A record of one
+    frequency determines it only to about one sample.
     """
     check_usage(data, live=live, only_live=(drive, adopt, stage, socket))
     check_out(out)

@@ -64,11 +64,13 @@ DelayOption: TypeAlias = Annotated[
     ),
 ]
 MethodOption: TypeAlias = Annotated[
-    MethodChoice,
+    MethodChoice | None,
     typer.Option(
         help="Method of the fit: lms is the paper's; least-squares fits all its weights at once; "
         "surface fits a smooth surface of loops, for records with loops of all sizes; auto chooses "
-        "the model that predicts held-out positions best."
+        "the model that predicts held-out positions best. Default: auto; with --order or "
+        "--thresholds, least-squares.",
+        show_default=False,
     ),
 ]
 OrderOption: TypeAlias = Annotated[
@@ -190,12 +192,12 @@ def given_delay_s(text: str) -> float | None:
 
 
 def fit_settings(
-    method: MethodChoice, order: int | None, thresholds: Spacing | None, creep: bool | None
+    method: MethodChoice | None, order: int | None, thresholds: Spacing | None, creep: bool | None
 ) -> "FitSettings | Wanted":
     """Return the settings of the fit; with `auto`, those that are fixed and not chosen.
 
     Args:
-        method: Value of `--method`.
+        method: Value of `--method`; None if not given.
         order: Value of `--order`; None if not given.
         thresholds: Value of `--thresholds`; None if not given.
         creep: Value of `--creep`; None if not given.
@@ -206,6 +208,9 @@ def fit_settings(
     from piezod.experiment.fit.automatic import Wanted
     from piezod.experiment.fit.settings import FitSettings
 
+    if method is None:
+        operators_given = order is not None or thresholds is not None
+        method = MethodChoice.LEAST_SQUARES if operators_given else MethodChoice.AUTO
     if method is MethodChoice.AUTO:
         return Wanted(order=order, spacing=thresholds, creep=creep)
     if method is MethodChoice.SURFACE:

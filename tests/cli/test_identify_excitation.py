@@ -53,5 +53,5 @@ def test_document_holds_both(piezod: Command, poor: Path, rich: Path) -> None:
     )
 
     assert len(of_poor["missing"]) == 5
-    assert of_poor["recommended"].startswith("identification:\n  method: least-squares\n")
+    assert of_poor["recommended"].startswith("identification:\n  method: surface # ")
     assert of_rich == {"missing": [], "recommended": recommended_drive(0.0, 148.0)}

@@ -125,7 +125,7 @@ def recommended_drive(low_v: float, high_v: float) -> str:
     middle = f"{part.low_mv / 1e3 + half_v:.10g}"
     return f"""\
 identification:
-  method: least-squares
+  method: surface # with `creep: true` of the compensator
   settle_s: 5
   run_in_s: 8
   duration_s: 80
