@@ -36,7 +36,6 @@ MIDDLE_UM, SWING_UM = (LOW_UM + HIGH_UM) / 2.0, HIGH_UM - LOW_UM
 CYCLE_S = 2.0
 """Period of the full swing."""
 APPROACH_S = 2.0
-SETTLE_S = 2.0
 
 
 class Identified(NamedTuple):
@@ -70,14 +69,27 @@ def _with_axis(config: ExperimentConfig, **update: object) -> ExperimentConfig:
     return config.model_copy(update={"axes": {"x": axis}})
 
 
+def with_stops(config: ExperimentConfig, thresholds: str = "graded") -> ExperimentConfig:
+    """Return an experiment whose model is a sum of stops in place of a surface.
+
+    Args:
+        config: An experiment with one axis, which it identifies.
+        thresholds: Where the thresholds are, as in a configuration.
+    """
+    assert config.identification is not None
+    identification = config.identification.model_copy(update={"method": "least-squares"})
+    config = config.model_copy(update={"identification": identification})
+    return _with_compensator(config, thresholds=thresholds, deadband_pct=0.05)
+
+
 def identified(folder: Path, thresholds: str) -> Identified:
-    """Identify the stage of `beyond.yaml`, once for all processes that share a folder.
+    """Identify the stage of `beyond.yaml` by stops, once for all processes that share a folder.
 
     Args:
         folder: Where to keep the model.
         thresholds: Where the thresholds are, as in a configuration.
     """
-    config = _with_compensator(load_experiment(BEYOND, registry), thresholds=thresholds)
+    config = with_stops(load_experiment(BEYOND, registry), thresholds)
     kept = folder / f"{thresholds}.pickle"
     with (folder / f"{thresholds}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -92,14 +104,14 @@ def swing_um(t_s: float) -> float:
     return MIDDLE_UM + 0.5 * SWING_UM * float(np.sin(2.0 * np.pi * t_s / CYCLE_S))
 
 
-def approached(reference_um: TimeFunction) -> TimeFunction:
+def approached(reference_um: TimeFunction, approach_s: float) -> TimeFunction:
     """Return a reference from rest to the start of another one, and then along it."""
     start_um = reference_um(0.0)
 
     def value(t_s: float) -> float:
-        if t_s < APPROACH_S:
-            return start_um * max(t_s, 0.0) / APPROACH_S
-        return reference_um(t_s - APPROACH_S)
+        if t_s < approach_s:
+            return start_um * max(t_s, 0.0) / approach_s
+        return reference_um(t_s - approach_s)
 
     return value
 
@@ -135,10 +147,15 @@ class StressRig:
         stage: The stage, as it was identified.
         reference_um: Displacement over time.
         mode: How the drive is made.
+        approach_s: Duration of the way to the start, and of the rest before it.
     """
 
     def __init__(
-        self, stage: Identified, reference_um: TimeFunction, mode: Mode = Mode.ADAPTIVE
+        self,
+        stage: Identified,
+        reference_um: TimeFunction,
+        mode: Mode = Mode.ADAPTIVE,
+        approach_s: float = APPROACH_S,
     ) -> None:
         config, self._model = stage
         device = config.devices["rig"]
@@ -149,17 +166,17 @@ class StressRig:
         self.channels.activate(0)
         self.stage = VirtualStage(self.channels, config, lambda _cycles: None)
         creeping = Creeping(self._model, self.stage.period_ns / NS_PER_S)
-        creeping.watch(self.stage.rest(SETTLE_S)[0])
+        creeping.watch(self.stage.rest(approach_s)[0])
         creeping.zero()
         self.axis = compensated_axis(
             config.axes["x"],
             self._model,
             creeping.state,
             mode,
-            approached(reference_um),
+            approached(reference_um, approach_s),
             Start(self.stage.now_ns, self.stage.period_ns, self.stage.in_force_v[0]),
         )
-        self.run(APPROACH_S)
+        self.run(approach_s)
 
     def run(self, duration_s: float, before: Callable[[int], None] | None = None) -> FloatArray:
         """Continue the reference; return the trace, shape (cycles, COLUMNS)."""
