@@ -48,3 +48,18 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
             "devices": {"rig": device.model_copy(update={"options": options})},
         }
     )
+
+
+def with_stops(config: ExperimentConfig, thresholds: str = "graded") -> ExperimentConfig:
+    """Return an experiment whose model is a sum of stops in place of a surface.
+
+    Args:
+        config: An experiment with one axis, which it identifies.
+        thresholds: Where the thresholds are, as in a configuration.
+    """
+    assert config.identification is not None
+    identification = config.identification.model_copy(update={"method": "least-squares"})
+    axis = config.axes["x"]
+    stops = axis.compensator.model_copy(update={"thresholds": thresholds, "deadband_pct": 0.05})
+    axes = {"x": axis.model_copy(update={"compensator": stops})}
+    return config.model_copy(update={"identification": identification, "axes": axes})

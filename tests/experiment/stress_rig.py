@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.experiment import ExperimentConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import Start, compensated_axis
@@ -26,8 +26,7 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
-
-BEYOND = Path(__file__).parents[2] / "config" / "experiments" / "beyond.yaml"
+from tests.experiment.beyond import experiment_of, with_stops
 
 LOW_UM, HIGH_UM = 1.0, 25.0
 """Full swing. Below it, creep and drift would need negative voltages, which the amplifier
@@ -69,19 +68,6 @@ def _with_axis(config: ExperimentConfig, **update: object) -> ExperimentConfig:
     return config.model_copy(update={"axes": {"x": axis}})
 
 
-def with_stops(config: ExperimentConfig, thresholds: str = "graded") -> ExperimentConfig:
-    """Return an experiment whose model is a sum of stops in place of a surface.
-
-    Args:
-        config: An experiment with one axis, which it identifies.
-        thresholds: Where the thresholds are, as in a configuration.
-    """
-    assert config.identification is not None
-    identification = config.identification.model_copy(update={"method": "least-squares"})
-    config = config.model_copy(update={"identification": identification})
-    return _with_compensator(config, thresholds=thresholds, deadband_pct=0.05)
-
-
 def identified(folder: Path, thresholds: str) -> Identified:
     """Identify the stage of `beyond.yaml` by stops, once for all processes that share a folder.
 
@@ -89,7 +75,7 @@ def identified(folder: Path, thresholds: str) -> Identified:
         folder: Where to keep the model.
         thresholds: Where the thresholds are, as in a configuration.
     """
-    config = with_stops(load_experiment(BEYOND, registry), thresholds)
+    config = with_stops(experiment_of("stack"), thresholds)
     kept = folder / f"{thresholds}.pickle"
     with (folder / f"{thresholds}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
