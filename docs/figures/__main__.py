@@ -14,8 +14,8 @@ from docs.figures.drawings import (
     tracking_figure,
     variants_figure,
 )
-from docs.figures.errors import full_table, short_table, worst_of_cases
-from docs.figures.runs import FILES, holds, load, of_the_paper, on_another_specimen, run
+from docs.figures.errors import STOPS, short_table, variants_table, worst_of_cases
+from docs.figures.runs import holds, of_the_paper, of_variants, on_another_specimen
 from docs.figures.stages import stages_figure
 from piezod.config.modes import Mode
 from piezod.records.figures import mode_figure, overview_figure, save_png
@@ -31,15 +31,18 @@ def main() -> None:
     start_s = perf_counter()
     draw_paper()
     save_png(IMAGES / "stages.png", stages_figure())
-    recordings = {}
-    for stage in FILES:
-        recordings[stage] = run(load(stage)).recordings
-        print(f"{perf_counter() - start_s:4.0f} s: {stage}")
-    errors = {stage: worst_of_cases(runs) for stage, runs in recordings.items()}
-    shown = [each for each in recordings["stack"] if each.case == SHOWN_CASE]
+    errors: dict[str, dict[str, dict[str, float]]] = {}
+    for variant, surfaces, stops in of_variants():
+        if variant == "stack":
+            shown = [each for each in surfaces if each.case == SHOWN_CASE]
+        errors[variant] = {
+            STOPS: worst_of_cases(stops)[Mode.FEEDFORWARD],
+            **worst_of_cases(surfaces),
+        }
+        print(f"{perf_counter() - start_s:4.0f} s: {variant}")
     save_png(IMAGES / "modes-tracking.png", tracking_figure(shown))
     save_png(IMAGES / "modes-stages.png", variants_figure(errors))
-    write_table(PAGE, full_table(errors))
+    write_table(PAGE, variants_table(errors))
     write_table(README, short_table(errors["stack"]))
     save_png(IMAGES / "modes-holding.png", holding_figure(holds()))
     save_png(IMAGES / "modes-exchanged.png", specimen_figure(on_another_specimen()))

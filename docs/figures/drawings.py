@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from docs.figures.errors import Errors
+from docs.figures.errors import SHOWN_MODES, STOPS, Errors
 from docs.figures.runs import HOLD_S, MOVE_S, WITHOUT_CREEP
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.figures.overview import MODE_MARKS, Mark
@@ -26,7 +26,7 @@ from piezod.records.recording import Recording
 _WIDTH_IN: Final = 10.0
 _PALE: Final = 0.35
 _PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
-_NOISE: Final = Mark("|", BLACK, size=13.0, edge=1.6)
+_STOPS: Final = Mark("o", BLACK)
 
 
 @house_style()
@@ -117,63 +117,37 @@ def _averaged(recording: Recording) -> tuple[FloatArray, FloatArray]:
 
 @house_style()
 def variants_figure(errors: Errors) -> Figure:
-    """Draw worst and rms errors of every mode on every stage, and the sensor's noise.
+    """Draw worst and rms true errors of every mode on every stage.
 
     Args:
         errors: Stage → mode → metric → error in %.
     """
-    figure = new_figure(_WIDTH_IN, 7.6, "Errors on four stages, largest of three cases", "")
-    rows = [(stage, mode) for stage, modes in errors.items() for mode in ("", *modes)]
+    figure = new_figure(_WIDTH_IN, 5.6, "True errors on all simulated stages", "")
     panels = figure.subplots(1, 2, sharey=True)
-    for axes, metric, noise in zip(
-        panels, ("tracking_max_pct", "tracking_rms_pct"), ("", "noise_rms_pct"), strict=True
+    marks = {mode: MODE_MARKS.get(mode, _STOPS) for mode in SHOWN_MODES}
+    for axes, metric in zip(
+        panels, ("true_tracking_max_pct", "true_tracking_rms_pct"), strict=True
     ):
-        for y, (stage, mode) in enumerate(rows):
-            if mode:
-                _draw_row(axes, y, errors[stage][mode], MODE_MARKS[mode], metric, noise)
+        for y, modes in enumerate(errors.values()):
+            for mode, mark in marks.items():
+                axes.add_line(mark.line([modes[mode][metric]], [y], filled=mode != STOPS))
         _percent_scale(axes)
-        for y, (_, mode) in enumerate(rows[1:], 1):
-            if not mode:
-                axes.axhline(y - 0.5, color="#BBBBBB", linewidth=0.7)
-    panels[0].set_title("Worst tracking error")
-    panels[1].set_title("Rms tracking error")
-    panels[0].set_yticks(range(len(rows)), labels=[mode or stage for stage, mode in rows])
-    for label, (_, mode) in zip(panels[0].get_yticklabels(), rows, strict=True):
-        label.set_fontweight("normal" if mode else "bold")
-    panels[0].set_ylim(len(rows) - 0.4, -0.6)
-    dot = Mark("o", BLACK)
-    handles = [
-        dot.line([], [], "measured"),
-        dot.line([], [], "true", filled=False),
-        _NOISE.line([], [], "noise of the sensor"),
-    ]
-    figure.legend(handles=handles, loc="upper right", ncols=len(handles))
+    panels[0].set_title("Worst tracking error, largest of three cases")
+    panels[1].set_title("Rms tracking error, largest of three cases")
+    panels[0].set_yticks(range(len(errors)), labels=list(errors))
+    panels[0].set_ylim(len(errors) - 0.4, -0.6)
+    handles = [mark.line([], [], mode, filled=mode != STOPS) for mode, mark in marks.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
-
-
-def _draw_row(
-    axes: Axes, y: int, values: Mapping[str, float], mark: Mark, metric: str, noise: str
-) -> None:
-    measured, true = values[metric], values[f"true_{metric}"]
-    if noise:
-        axes.add_line(_NOISE.line([values[noise]], [y]))
-    axes.add_line(mark.line([measured], [y]))
-    axes.add_line(mark.line([true], [y], filled=False))
-    axes.text(
-        0.99, y, f"{measured:.2f} / {true:.2f}",
-        transform=axes.get_yaxis_transform(), ha="right", va="center", fontsize=9,
-    )  # fmt: skip
 
 
 def _percent_scale(axes: Axes) -> None:
     axes.set_xscale("log")
-    axes.set_xlim(0.05, 700.0)  # the numbers need a third of it
-    ticks = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0]
-    axes.set_xticks(ticks)
+    axes.set_xlim(0.03, 30.0)
+    axes.set_xticks([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
     axes.xaxis.set_major_formatter(_PLAIN)
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel("% of range")
-    axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
 
 

@@ -3,21 +3,23 @@
 from collections.abc import Iterable, Mapping
 from typing import Final
 
+from piezod.config.modes import Mode
 from piezod.experiment.error_rows import errors_pct
 from piezod.hysteresis import tracking_rms
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
 
-COLUMNS: Final = {
-    "tracking_max_pct": "worst",
-    "tracking_rms_pct": "rms",
-    "nonlinearity_pct": "nonlinearity",
-    "true_tracking_max_pct": "**worst**",
-    "true_tracking_rms_pct": "**rms**",
-    "true_nonlinearity_pct": "**nonlinearity**",
-    "noise_rms_pct": "noise",
-}
-"""Metric → head of its column."""
+METRICS: Final = (
+    "tracking_max_pct",
+    "nonlinearity_pct",
+    "true_tracking_max_pct",
+    "true_tracking_rms_pct",
+    "true_nonlinearity_pct",
+    "noise_rms_pct",
+)
+STOPS: Final = "stops, feedforward"
+"""Stands beside the modes: feedforward by a model of stops."""
+SHOWN_MODES: Final = (STOPS, Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
 SHORT_COLUMNS: Final = {
     "true_tracking_max_pct": "worst error, true",
     "true_nonlinearity_pct": "nonlinearity, true",
@@ -35,7 +37,7 @@ def worst_of_cases(recordings: Iterable[Recording]) -> dict[str, dict[str, float
     """Return mode → metric → the largest error of any case."""
     worst: dict[str, dict[str, float]] = {}
     for recording in recordings:
-        of_mode = worst.setdefault(recording.mode, dict.fromkeys(COLUMNS, 0.0))
+        of_mode = worst.setdefault(recording.mode, dict.fromkeys(METRICS, 0.0))
         for name, value in _errors(recording).items():
             of_mode[name] = max(of_mode[name], value)
     return worst
@@ -44,7 +46,7 @@ def worst_of_cases(recordings: Iterable[Recording]) -> dict[str, dict[str, float
 def _errors(recording: Recording) -> dict[str, float]:
     counted = slice(recording.first_metric_index, None)
     command_um, true_um = recording.command_um[counted], recording.true_um[counted]
-    names = tuple(name for name in COLUMNS if name != _COMPUTED_HERE)
+    names = tuple(name for name in METRICS if name != _COMPUTED_HERE)
     errors = errors_pct(names, command_um, recording.position_um[counted], true_um)
     return {**errors, _COMPUTED_HERE: _true_rms_pct(command_um, true_um)}
 
@@ -53,24 +55,27 @@ def _true_rms_pct(command_um: FloatArray, true_um: FloatArray) -> float:
     return 100.0 * tracking_rms(command_um, true_um)
 
 
-def full_table(errors: Errors) -> str:
-    """Return all errors as a table, one row for each stage and mode."""
+def variants_table(errors: Errors) -> str:
+    """Return the true errors of all stages as a table, worst / rms, one row for each stage."""
     rows = [
-        ["" if i else stage, mode, *_numbers(values, COLUMNS)]
+        [stage, *(_worst_and_rms(modes[mode]) for mode in SHOWN_MODES)]
         for stage, modes in errors.items()
-        for i, (mode, values) in enumerate(modes.items())
     ]
-    return _table(["stage", "mode"], COLUMNS.values(), rows)
+    return _table(["stage"], SHOWN_MODES, rows)
+
+
+def _worst_and_rms(values: Mapping[str, float]) -> str:
+    return f"{values['true_tracking_max_pct']:.2f} / {values['true_tracking_rms_pct']:.2f}"
 
 
 def short_table(modes: Mapping[str, Mapping[str, float]]) -> str:
     """Return the errors of one stage that tell most as a table, one row for each mode."""
-    rows = [[mode, *_numbers(values, SHORT_COLUMNS)] for mode, values in modes.items()]
+    rows = [
+        [mode, *(f"{values[name]:.2f}" for name in SHORT_COLUMNS)]
+        for mode, values in modes.items()
+        if mode != STOPS
+    ]
     return _table(["mode"], SHORT_COLUMNS.values(), rows)
-
-
-def _numbers(values: Mapping[str, float], names: Iterable[str]) -> list[str]:
-    return [f"{values[name]:.2f}" for name in names]
 
 
 def _table(texts: list[str], numbers: Iterable[str], rows: Iterable[list[str]]) -> str:

@@ -1,6 +1,7 @@
 """The runs from which the figures and tables of the documentation are made."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -15,18 +16,13 @@ from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.virtual.stage import opened
+from piezod.plant.variants import VARIANTS
 from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference
 from piezod.units import NS_PER_S
+from tests.experiment.beyond import experiment_of, with_stops
 
 EXPERIMENTS: Final = Path(__file__).parents[2] / "config" / "experiments"
-FILES: Final = {
-    "stack": "beyond.yaml",
-    "stack, sensor not calibrated": "beyond-uncalibrated.yaml",
-    "flexure": "beyond-flexure.yaml",
-    "AFM scanner": "beyond-afm.yaml",
-}
-"""Stage → its experiment."""
 COMPENSATED: Final = (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
 
 MOVE_S, HOLD_S = 1.0, 100.0
@@ -35,9 +31,20 @@ _OTHER_SPECIMEN: Final = 5
 """Seed of a stack with 11 % less travel than the first, and other loops."""
 
 
-def load(stage: str) -> ExperimentConfig:
-    """Return the experiment of a stage."""
-    return load_experiment(EXPERIMENTS / FILES[stage], registry)
+def of_variants() -> Iterator[tuple[str, tuple[Recording, ...], tuple[Recording, ...]]]:
+    """Run every variant with both classes of models, in as many processes as there are processors.
+
+    Yields:
+        Name of the variant, its recordings with a surface, and those with stops.
+    """
+    with ProcessPoolExecutor() as pool:
+        surfaces = pool.map(_recordings, (experiment_of(each) for each in VARIANTS))
+        stops = pool.map(_recordings, (with_stops(experiment_of(each)) for each in VARIANTS))
+        yield from zip(VARIANTS, surfaces, stops, strict=True)
+
+
+def _recordings(config: ExperimentConfig) -> tuple[Recording, ...]:
+    return run(config).recordings
 
 
 def of_the_paper() -> tuple[ExperimentResult, Reference | None]:
@@ -53,7 +60,7 @@ def run(config: ExperimentConfig) -> ExperimentResult:
 
 def holds() -> Mapping[str, Recording]:
     """Move the stack and hold it: without a model of its creep, with one, and trimmed."""
-    config = load("stack").model_copy(
+    config = experiment_of("stack").model_copy(
         update={"cases": (_hold_case(),), "modes": (Mode.FEEDFORWARD, Mode.TRIMMED)}
     )
     axis = config.axes["x"]
@@ -75,7 +82,7 @@ def holds() -> Mapping[str, Recording]:
 
 def on_another_specimen() -> tuple[Recording, ...]:
     """Identify one stack, then run a case on another one with the model of the first."""
-    config = load("stack")
+    config = experiment_of("stack")
     with opened(config, _ignore) as stage:
         first = identify_axes(stage, config)["x"]
     other = config.model_copy(update={"seed": _OTHER_SPECIMEN})

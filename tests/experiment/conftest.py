@@ -67,7 +67,7 @@ def shared_by_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) 
 
 @pytest.fixture(scope="session")
 def beyond_stage(shared_by_workers: Path) -> Identified:
-    """Return the stage of `beyond.yaml` with its model."""
+    """Return the stage of `beyond.yaml` with a model of stops, graded."""
     return identified(shared_by_workers, "graded")
 
 

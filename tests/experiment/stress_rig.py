@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.experiment import ExperimentConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import Start, compensated_axis
@@ -26,8 +26,7 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
-
-BEYOND = Path(__file__).parents[2] / "config" / "experiments" / "beyond.yaml"
+from tests.experiment.beyond import experiment_of, with_stops
 
 LOW_UM, HIGH_UM = 1.0, 25.0
 """Full swing. Below it, creep and drift would need negative voltages, which the amplifier
@@ -36,7 +35,6 @@ MIDDLE_UM, SWING_UM = (LOW_UM + HIGH_UM) / 2.0, HIGH_UM - LOW_UM
 CYCLE_S = 2.0
 """Period of the full swing."""
 APPROACH_S = 2.0
-SETTLE_S = 2.0
 
 
 class Identified(NamedTuple):
@@ -71,13 +69,13 @@ def _with_axis(config: ExperimentConfig, **update: object) -> ExperimentConfig:
 
 
 def identified(folder: Path, thresholds: str) -> Identified:
-    """Identify the stage of `beyond.yaml`, once for all processes that share a folder.
+    """Identify the stage of `beyond.yaml` by stops, once for all processes that share a folder.
 
     Args:
         folder: Where to keep the model.
         thresholds: Where the thresholds are, as in a configuration.
     """
-    config = _with_compensator(load_experiment(BEYOND, registry), thresholds=thresholds)
+    config = with_stops(experiment_of("stack"), thresholds)
     kept = folder / f"{thresholds}.pickle"
     with (folder / f"{thresholds}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -92,14 +90,14 @@ def swing_um(t_s: float) -> float:
     return MIDDLE_UM + 0.5 * SWING_UM * float(np.sin(2.0 * np.pi * t_s / CYCLE_S))
 
 
-def approached(reference_um: TimeFunction) -> TimeFunction:
+def approached(reference_um: TimeFunction, approach_s: float) -> TimeFunction:
     """Return a reference from rest to the start of another one, and then along it."""
     start_um = reference_um(0.0)
 
     def value(t_s: float) -> float:
-        if t_s < APPROACH_S:
-            return start_um * max(t_s, 0.0) / APPROACH_S
-        return reference_um(t_s - APPROACH_S)
+        if t_s < approach_s:
+            return start_um * max(t_s, 0.0) / approach_s
+        return reference_um(t_s - approach_s)
 
     return value
 
@@ -135,10 +133,15 @@ class StressRig:
         stage: The stage, as it was identified.
         reference_um: Displacement over time.
         mode: How the drive is made.
+        approach_s: Duration of the way to the start, and of the rest before it.
     """
 
     def __init__(
-        self, stage: Identified, reference_um: TimeFunction, mode: Mode = Mode.ADAPTIVE
+        self,
+        stage: Identified,
+        reference_um: TimeFunction,
+        mode: Mode = Mode.ADAPTIVE,
+        approach_s: float = APPROACH_S,
     ) -> None:
         config, self._model = stage
         device = config.devices["rig"]
@@ -149,17 +152,17 @@ class StressRig:
         self.channels.activate(0)
         self.stage = VirtualStage(self.channels, config, lambda _cycles: None)
         creeping = Creeping(self._model, self.stage.period_ns / NS_PER_S)
-        creeping.watch(self.stage.rest(SETTLE_S)[0])
+        creeping.watch(self.stage.rest(approach_s)[0])
         creeping.zero()
         self.axis = compensated_axis(
             config.axes["x"],
             self._model,
             creeping.state,
             mode,
-            approached(reference_um),
+            approached(reference_um, approach_s),
             Start(self.stage.now_ns, self.stage.period_ns, self.stage.in_force_v[0]),
         )
-        self.run(APPROACH_S)
+        self.run(approach_s)
 
     def run(self, duration_s: float, before: Callable[[int], None] | None = None) -> FloatArray:
         """Continue the reference; return the trace, shape (cycles, COLUMNS)."""

@@ -1,0 +1,65 @@
+"""The experiments beyond the paper, on any variant of the rig."""
+
+from pathlib import Path
+from typing import Any
+
+from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.devices import registry
+from piezod.plant.variants import VARIANTS
+
+EXPERIMENTS = Path(__file__).parents[2] / "config" / "experiments"
+_OTHER_FILES = {
+    "afm": "beyond-afm.yaml",
+    "flexure": "beyond-flexure.yaml",
+    "stack-uncalibrated": "beyond-uncalibrated.yaml",
+}
+"""Variant → its experiment, if it is not that of the stack."""
+_LIGHTLY_DAMPED = "light-damping"
+_SLOW_TRIM_PER_S = 5.0
+"""Gain of the trim for this variant; 50 per second is refused for its mode."""
+
+
+def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
+    """Return the experiment beyond the paper for a variant.
+
+    Args:
+        variant: Name of the variant.
+        seed: Seed of the specimen.
+        rig: Further options of the rig, as in a configuration.
+    """
+    path = EXPERIMENTS / _OTHER_FILES.get(variant, "beyond.yaml")
+    config = load_experiment(path, registry)
+    axis, device = config.axes["x"], config.devices["rig"]
+    if variant == _LIGHTLY_DAMPED:
+        assert axis.first_mode is not None
+        stage = VARIANTS[variant].parameters.stage
+        known = {"frequency_hz": stage.mode_hz, "damping": stage.mode_damping}
+        axis = axis.model_copy(
+            update={
+                "first_mode": axis.first_mode.model_copy(update=known),
+                "trim": axis.trim.model_copy(update={"gain_per_s": _SLOW_TRIM_PER_S}),
+            }
+        )
+    options = type(device.options).model_validate({"variant": variant, **rig})
+    return config.model_copy(
+        update={
+            "seed": seed,
+            "axes": {"x": axis},
+            "devices": {"rig": device.model_copy(update={"options": options})},
+        }
+    )
+
+
+def with_stops(config: ExperimentConfig, thresholds: str = "graded") -> ExperimentConfig:
+    """Return an experiment whose model is a sum of stops in place of a surface.
+
+    Args:
+        config: An experiment with one axis, which it identifies.
+        thresholds: Where the thresholds are, as in a configuration.
+    """
+    assert config.identification is not None
+    identification = config.identification.model_copy(update={"method": "least-squares"})
+    axis = config.axes["x"]
+    stops = axis.compensator.model_copy(update={"thresholds": thresholds, "deadband_pct": 0.05})
+    axes = {"x": axis.model_copy(update={"compensator": stops})}
+    return config.model_copy(update={"identification": identification, "axes": axes})
