@@ -32,7 +32,6 @@ from piezod.hysteresis import (
     placed_thresholds,
     stop_regressors,
 )
-from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray
 
 FINE_ORDER = 40
@@ -275,16 +274,16 @@ def _range_of(values: FloatArray) -> AffineRange:
 
 
 def _check(record: Record, settings: FitSettings) -> None:
-    surface = settings.method is Method.SURFACE
-    delay_s, n_weights = settings.delay_s or 0.0, SIZE if surface else 2 * settings.order
+    delay_s, n_weights = settings.delay_s or 0.0, settings.n_weights
     counted, fewest = record.counted(delay_s), SAMPLES_PER_WEIGHT * n_weights
     drive_v = record.drive_delayed_by(delay_s)[counted]
     position_um = record.position_um[counted]
     if drive_v.size < fewest:
+        surface = settings.method is Method.SURFACE
+        remedy = "or skip less" if surface else "skip less, or fit fewer operators"
         raise DataError(
             f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
-            f"more; record for longer{', or' if surface else ','} skip less"
-            f"{'' if surface else ', or fit fewer operators'}"
+            f"more; record for longer, {remedy}"
         )
     scaled = []
     for name, values in (("drive_v", drive_v), ("position_um", position_um)):

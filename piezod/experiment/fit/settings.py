@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.smoothing import smoothed_record
+from piezod.hysteresis.everett import SIZE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,11 @@ class FitSettings:
     deadband: float = 0.0
     delay_s: float | None = None
     smoothing: bool = True
+
+    @property
+    def n_weights(self) -> int:
+        """Number of weights of the model, or of coefficients of a surface."""
+        return SIZE if self.method is Method.SURFACE else 2 * self.order
 
     def as_fitted(self, record: Record) -> Record:
         """Return a record as the fit uses it: smoothed, if `smoothing` is set."""
