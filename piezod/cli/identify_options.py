@@ -24,6 +24,7 @@ class MethodChoice(StrEnum):
 
     LMS = Method.LMS.value
     LEAST_SQUARES = Method.LEAST_SQUARES.value
+    SURFACE = Method.SURFACE.value
     AUTO = "auto"
 
 
@@ -65,8 +66,9 @@ DelayOption: TypeAlias = Annotated[
 MethodOption: TypeAlias = Annotated[
     MethodChoice,
     typer.Option(
-        help="Method of the fit: lms is the paper's, least-squares fits all weights at once, auto "
-        "chooses the model with the fewest operators that predicts held-out data best."
+        help="Method of the fit: lms is the paper's, least-squares fits all weights at once, "
+        "surface fits a smooth surface of loops in place of operators, auto chooses the model with "
+        "the fewest operators that predicts held-out data best."
     ),
 ]
 OrderOption: TypeAlias = Annotated[
@@ -197,7 +199,7 @@ def fit_settings(
         creep: Value of `--creep`; None if not given.
 
     Raises:
-        typer.BadParameter: If creep is to be fitted by LMS.
+        typer.BadParameter: If creep is to be fitted by LMS, or operators by a surface.
     """
     from piezod.experiment.fit.automatic import Wanted
     from piezod.experiment.fit.settings import FitSettings
@@ -207,6 +209,9 @@ def fit_settings(
     if method is MethodChoice.LMS and creep:
         message = "creep is fitted by least squares, not by lms"
         raise typer.BadParameter(message, param_hint="'--creep'")
+    if method is MethodChoice.SURFACE and (order or thresholds):
+        message = "a surface has neither operators nor thresholds: leave it out"
+        raise typer.BadParameter(message, param_hint="'--order'" if order else "'--thresholds'")
     usual = Spacing.EVEN if method is MethodChoice.LMS else Spacing.GRADED
     return FitSettings(
         method=Method(method.value),

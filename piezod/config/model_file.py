@@ -30,6 +30,14 @@ CreepWeights: TypeAlias = Annotated[
 
 SURFACE_COEFFICIENTS = 24
 """Number of coefficients of a surface."""
+_FORM_KEYS = {
+    "right_stop_thresholds",
+    "right_stop_weights",
+    "left_stop_thresholds",
+    "left_stop_weights",
+    "surface_coefficients",
+}
+"""Keys that belong to one version; the others are left out of a file."""
 
 
 class SourceConfig(ConfigModel):
@@ -115,12 +123,13 @@ class ModelFile(ConfigModel):
         needed = SURFACE_COEFFICIENTS if self.version == 2 else 0
         if len(self.surface_coefficients) != needed:
             got = len(self.surface_coefficients)
-            what = f"needs {needed} entries in a file of version {self.version} (got {got})"
+            # The texts name the key, because a missing one has no place in the file.
+            what = f"a file of version {self.version} has {needed} surface_coefficients (got {got})"
             yield ("surface_coefficients",), what
         for key, thresholds in stops.items():
             if bool(thresholds) == (self.version == 2):
-                needs = "no entries" if self.version == 2 else "at least one entry"
-                yield (key,), f"needs {needs} in a file of version {self.version}"
+                count = "no" if self.version == 2 else "at least one of"
+                yield (key,), f"a file of version {self.version} has {count} {key}"
 
 
 def _broken_order(high_key: str, high: float, low_key: str, low: float) -> Iterator[BrokenRule]:
@@ -158,7 +167,11 @@ def load_model(path: Path) -> ModelFile:
 
 def dump_model(model: ModelFile) -> str:
     """Write a model as the text of a model file; `load_model` gives back the same model."""
-    return "# Model of a stage for piezod.\n" + _block(model.model_dump(), "")
+    # Without the keys of the other version, so that older versions read files of version 1.
+    document = model.model_dump()
+    other = [key for key in document if key in _FORM_KEYS and not document[key]]
+    kept = {key: value for key, value in document.items() if key not in other}
+    return "# Model of a stage for piezod.\n" + _block(kept, "")
 
 
 def _block(mapping: Mapping[str, Any], indent: str) -> str:

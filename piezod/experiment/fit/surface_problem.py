@@ -1,5 +1,7 @@
 """A record with its ranges, and the parts of the fit of a surface to it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from piezod.control.law.creep import NO_CREEP, TIME_CONSTANTS_S, CreepLaw
@@ -59,12 +61,15 @@ class SurfaceProblem:
             from_rest=record.from_rest,
             counted=record.counted(max(delay_s, 0.0)),
         )
-        return fit_surface(
+        found = fit_surface(
             normalised,
             creep=self._settings.creep,
             delay_s=None if search_delay else delay_s,
             start_delay_s=delay_s,
         )
+        # The first samples that count depend on the delay that was found.
+        found_s = float(found.parameters[DELAY]) * record.period_s
+        return replace(found, counted=record.counted(found_s))
 
     def model(self, parameters: FloatArray) -> StageModel:
         """Return the model of fitted parameters, shape (34,), in V and µm."""

@@ -110,6 +110,16 @@ def test_without_creep_the_model_has_none() -> None:
     assert uncertainty_of(fit, cross_validate(fit)).creep_per_decade is None
 
 
+@pytest.mark.parametrize("delay_periods", [-1.3, -0.02, 0.02, 0.6, 2.02])
+def test_samples_that_count_are_those_of_the_found_delay(delay_periods: float) -> None:
+    """The band of the prediction has one value for each sample that the errors count."""
+    fit = fitted(surface_record(delay_periods=delay_periods))
+    band_pct = uncertainty_of(fit, cross_validate(fit)).band_pct
+
+    assert band_pct is not None
+    assert band_pct.size == fit.residuals_pct(fit.record).size
+
+
 def test_given_delay_is_kept() -> None:
     """A delay that is given is not searched, and has no estimate."""
     fit = fitted(surface_record(delay_periods=-1.0), delay_s=-1.0 / RATE_HZ)
