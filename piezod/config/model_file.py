@@ -28,6 +28,11 @@ CreepWeights: TypeAlias = Annotated[
     tuple[Annotated[float, Quantity(0, 0.1)], ...], Field(max_length=50)
 ]
 
+_FORM_KEYS = {
+    *(f"{side}_stop_{what}" for side in ("right", "left") for what in ("thresholds", "weights")),
+    *(f"surface_{what}" for what in ("coefficients", "activation", "prompt_slope")),
+}
+"""Keys that files of one version only have."""
 SURFACE_COEFFICIENTS = 24
 """Number of coefficients of a surface."""
 
@@ -198,7 +203,10 @@ def load_model(path: Path) -> ModelFile:
 
 def dump_model(model: ModelFile) -> str:
     """Write a model as the text of a model file; `load_model` gives back the same model."""
-    return "# Model of a stage for piezod.\n" + _block(model.model_dump(exclude_none=True), "")
+    document = model.model_dump(exclude_none=True)
+    # Without the keys of the other version, so that older programs read files of version 1.
+    kept = {key: value for key, value in document.items() if value or key not in _FORM_KEYS}
+    return "# Model of a stage for piezod.\n" + _block(kept, "")
 
 
 def _block(mapping: Mapping[str, Any], indent: str) -> str:

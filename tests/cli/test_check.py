@@ -136,4 +136,7 @@ def test_surface(piezod: Command, folder: Path) -> None:
     assert (good.code, good.err) == (0, "")
     assert "a model: a surface, by surface" in good.out
     assert broken.code == 78
-    assert "surface_coefficients: needs 0 entries in a file of version 1 (got 24)" in broken.err
+    assert (
+        "surface_coefficients: a file of version 1 has 0 surface_coefficients (got 24)"
+        in broken.err
+    )

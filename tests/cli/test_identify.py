@@ -116,6 +116,20 @@ def test_method_and_order(piezod: Command, data: Path) -> None:
     assert (document["method"], document["order"]) == ("lms", 6)
 
 
+def test_surface(piezod: Command, data: Path, folder: Path) -> None:
+    """A surface is fitted without operators, and written as a file of version 2."""
+    code, out, _ = piezod("identify", data, "--method", "surface", "--out", "surface.yaml")
+    refused = piezod("identify", data, "--method", "surface", "--order", 3)
+    text = (folder / "surface.yaml").read_text(encoding="utf-8")
+
+    assert code == 0
+    assert "Model by surface, a smooth surface of loops." in " ".join(out.split())
+    assert "\nversion: 2\n" in text
+    assert "surface_coefficients:" in text
+    assert refused.code == 2
+    assert "a surface has neither operators nor thresholds" in refused.err
+
+
 def test_out_writes_model_and_figure(piezod: Command, data: Path, folder: Path) -> None:
     """The model file has the printed errors, and `check` accepts it."""
     arguments = ("--delay-s", 0.02, "--out", "new/stage.yaml")

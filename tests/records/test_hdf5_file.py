@@ -218,3 +218,19 @@ def test_late_samples_come_back(file: Path, result: ExperimentResult) -> None:
         ]
         assert late.attrs["units"] == "s"
         assert "stall" in late.attrs["long_name"]
+
+
+def test_surface_comes_back(file: Path, recording: Recording, result: ExperimentResult) -> None:
+    """24 coefficients come back as those of a surface; the file describes them."""
+    surface = replace(recording, weights=recording.weights[:, :23], surface=True)
+    whole = replace(result, recordings=(surface,))
+
+    (read,) = _written(file, whole).recordings
+
+    assert read.surface
+    assert read == surface
+    with h5py.File(file) as opened:
+        weights = next(
+            each["weights"] for each in opened["experiment"].values() if "mode" in each.attrs
+        )
+        assert weights.attrs["long_name"].startswith("coefficients of the surface")

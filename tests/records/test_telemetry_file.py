@@ -293,3 +293,17 @@ def test_file_explains_itself(file: Path) -> None:
             if group.attrs.get("NX_class") == "NXdata" and not group.attrs["description"]
         ]
         assert undescribed == []
+
+
+def test_axis_with_a_surface_comes_back(file: Path) -> None:
+    """The header names the axes whose weights have no sides, and their group describes them."""
+    said = replace(header(("x", "y")), weights={"x": 24, "y": 24}, surfaces=("y",))
+    with TelemetryWriter(file, said, record_dtype(2)) as writer:
+        writer.append(records(0, 100, 2))
+    read = read_telemetry(file)
+
+    assert read.header == said
+    assert [each.surface for each in read.recordings()] == [False, True]
+    with h5py.File(file) as opened:
+        about = opened["recording/weights_y"].attrs["description"]
+        assert about.startswith("Coefficients of the surface of axis y")

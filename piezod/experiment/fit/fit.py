@@ -161,9 +161,11 @@ def _check(record: Record, settings: FitSettings) -> None:
     drive_v = record.drive_delayed_by(delay_s)[counted]
     position_um = record.position_um[counted]
     if drive_v.size < fewest:
+        surface = settings.method is Method.SURFACE
+        remedy = "or skip less" if surface else "skip less, or fit fewer operators"
         raise DataError(
             f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
-            "more; record for longer, skip less, or fit fewer operators"
+            f"more; record for longer, {remedy}"
         )
     scaled = []
     for name, values in (("drive_v", drive_v), ("position_um", position_um)):

@@ -1,5 +1,7 @@
 """A record with its ranges, and the parts of the fit of a surface to it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from piezod.control.law.creep import NO_CREEP, TIME_CONSTANTS_S, CreepLaw
@@ -75,7 +77,10 @@ class SurfaceProblem:
             for rate in (False, True)
         ]
         plain_rms, rms = (float(np.std(fit.misses[fit.counted])) for fit in fits)
-        return fits[rms < SMALLER * plain_rms]
+        found = fits[rms < SMALLER * plain_rms]
+        # The first samples that count depend on the delay that was found.
+        found_s = float(found.parameters[DELAY]) * record.period_s
+        return replace(found, counted=record.counted(found_s))
 
     def model(self, parameters: FloatArray) -> StageModel:
         """Return the model of fitted parameters, shape (36,), in V and µm."""

@@ -90,7 +90,7 @@ def test_constraints_hold_if_the_record_would_break_them() -> None:
     drives = 0.5 - 0.5 * np.cos(k / 37) * np.exp(-k / 200.0)
     noise = 0.05 * np.random.default_rng(1).standard_normal(k.size)
     positions = SURFACE.form.positions_at(SURFACE.weights, drives) + noise
-    regressors = surface_regressors(drives)
+    regressors = surface_regressors(drives, 0.0, 1.0 / RATE_HZ)[:, :24]
     free: FloatArray = np.linalg.lstsq(regressors, positions, rcond=None)[0].astype(np.float64)
     assert least_surface_slope(free) < -1.0
 
@@ -108,6 +108,16 @@ def test_without_creep_the_model_has_none() -> None:
 
     assert fit.model.creep.weights.size == 0
     assert uncertainty_of(fit, cross_validate(fit)).creep_per_decade is None
+
+
+@pytest.mark.parametrize("delay_periods", [-1.3, -0.02, 0.02, 0.6, 2.02])
+def test_samples_that_count_are_those_of_the_found_delay(delay_periods: float) -> None:
+    """The band of the prediction has one value for each sample that the errors count."""
+    fit = fitted(surface_record(delay_periods=delay_periods))
+    band_pct = uncertainty_of(fit, cross_validate(fit)).band_pct
+
+    assert band_pct is not None
+    assert band_pct.size == fit.residuals_pct(fit.record).size
 
 
 def test_given_delay_is_kept() -> None:
