@@ -160,12 +160,13 @@ class ModelFile(ConfigModel):
         needed = SURFACE_COEFFICIENTS if self.version == 2 else 0
         if len(self.surface_coefficients) != needed:
             got = len(self.surface_coefficients)
-            what = f"needs {needed} entries in a file of version {self.version} (got {got})"
+            # The texts name the key, because a missing one has no place in the file.
+            what = f"a file of version {self.version} has {needed} surface_coefficients (got {got})"
             yield ("surface_coefficients",), what
         for key, thresholds in stops.items():
             if bool(thresholds) == (self.version == 2):
-                needs = "no entries" if self.version == 2 else "at least one entry"
-                yield (key,), f"needs {needs} in a file of version {self.version}"
+                count = "no" if self.version == 2 else "at least one of"
+                yield (key,), f"a file of version {self.version} has {count} {key}"
 
 
 def _broken_order(high_key: str, high: float, low_key: str, low: float) -> Iterator[BrokenRule]:

@@ -94,7 +94,7 @@ ProblemsOf = Callable[..., list[str]]
             "least-squares",
             "exact",
             "14:11: identification.method: unknown value (got 'exact'), "
-            "allowed: lms, least-squares",
+            "allowed: lms, least-squares, surface",
         ),
         (
             "[feedforward, adaptive]",

@@ -147,15 +147,15 @@ def test_largest_parameters_are_labelled(recording: Recording) -> None:
 
 
 def test_parameters_without_sides_are_numbered_through(recording: Recording) -> None:
-    """A model whose weights belong to no side has one legend entry and plain numbers."""
+    """A model whose weights belong to no side has one legend entry."""
     weights = np.tile([0.0, 0.3, 0.1, -0.2, 0.05], (recording.weights_t_s.size, 1))
     panel = _panel(mode_figure(replace(recording, weights=weights, surface=True)), "(e) Parameters")
     labels = {text.get_text(): float(text.xy[1]) for text in panel.texts}  # type: ignore[attr-defined]
 
-    assert labels == {"2": 0.3, "4": -0.2, "3": 0.1, "5": 0.05, "1": 0.0}
+    assert labels == {"c1": 0.3, "c3": -0.2, "c2": 0.1, "c4": 0.05, "c0": 0.0}
     legend = panel.get_legend()
     assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["1 to 5"]
+    assert [text.get_text() for text in legend.get_texts()] == ["c0 to c4"]
 
 
 def test_a_case_has_all_modes_on_the_same_scales(result: ExperimentResult) -> None:

@@ -60,7 +60,7 @@ def test_integers_become_doubles(recording: Recording) -> None:
         ({"weights": np.zeros(4)}, "weights has 1 dimensions; allowed is 2"),
         ({"weights": np.zeros((3, 38))}, r"shape \(3, 38\); allowed is \(40, 2M\)"),
         ({"weights": np.zeros((40, 37))}, r"shape \(40, 37\); allowed is \(40, 2M\)"),
-        ({"weights": np.zeros((3, 5)), "surface": True}, r"\(3, 5\); allowed is \(40, M\)"),
+        ({"weights": np.zeros((3, 5)), "surface": True}, r"\(3, 5\); allowed is \(40, 2M\)"),
         ({"first_metric_index": 400}, "first_metric_index is 400; allowed is 0 to 399"),
         ({"first_metric_index": -1}, "first_metric_index is -1"),
         ({"position_um": ["a"] * 400}, "position_um does not consist of numbers"),

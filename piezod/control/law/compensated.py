@@ -125,10 +125,10 @@ def compensated_axis(
         start: Conditions at the start.
     """
     period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
+    model = replace(model, form=model.form.sampled(period_ns / NS_PER_S))
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
-    model = replace(model, form=model.form.sampled(period_ns / NS_PER_S))
     pace = _pace(config, model.form, period_ns)
     identifier = Identifier(
         _shadowed(config, model, pace, period_ns),
@@ -136,8 +136,7 @@ def compensated_axis(
         model.position_um,
         history,
         delay_ns,
-        # A model from a file or an identification counts as converged.
-        None if np.any(model.weights) else _convergence(period_ns),
+        _convergence(model, period_ns),
         LearningGate(period_ns, latency_ns=sensor_delay_ns),
         creep,
     )
@@ -169,7 +168,10 @@ def compensated_axis(
     )
 
 
-def _convergence(period_ns: int) -> Convergence:
+def _convergence(model: StageModel, period_ns: int) -> Convergence | None:
+    """Return the criterion of the paper; a model from a file or a fit counts as converged."""
+    if np.any(model.weights):
+        return None
     return Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns))
 
 

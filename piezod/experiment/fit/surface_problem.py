@@ -27,8 +27,9 @@ from piezod.hysteresis.memory import FloatArray
 _PERIODS = 2.0
 """Delays up to this many sample periods around the best one are reported, with their errors."""
 _STEPS = 40
-SMALLER = 0.95
-"""The lag with the rate is part of the model if it makes the residual smaller by this factor."""
+SMALLER, LEAST_GAIN = 0.95, 5e-5
+"""The lag with the rate is part of the model if it makes the rms residual smaller by this factor,
+and by this share of the range."""
 
 
 class SurfaceProblem:
@@ -77,7 +78,7 @@ class SurfaceProblem:
             for rate in (False, True)
         ]
         plain_rms, rms = (float(np.std(fit.misses[fit.counted])) for fit in fits)
-        found = fits[rms < SMALLER * plain_rms]
+        found = fits[rms < min(SMALLER * plain_rms, plain_rms - LEAST_GAIN)]
         # The first samples that count depend on the delay that was found.
         found_s = float(found.parameters[DELAY]) * record.period_s
         return replace(found, counted=record.counted(found_s))

@@ -13,6 +13,7 @@ from piezod.control.law.kernel import POSITION
 from piezod.control.law.kernels import new_kernel
 from piezod.control.law.model import StageModel, unidentified_form
 from piezod.hysteresis import AffineRange, ModelForm, StopForm
+from piezod.hysteresis.memory import FloatArray
 from tests.control.made_up import FORM, WEIGHTS
 from tests.control.rig_stage import shipped_config
 
@@ -23,6 +24,14 @@ class _OtherForm:
     """A form that control does not know."""
 
     size = 5
+
+    def straight_line(self) -> FloatArray:
+        """Return weights that the refusal comes before."""
+        return np.zeros(5)
+
+    def sampled(self, _period_s: float) -> "_OtherForm":
+        """Return the form."""
+        return self
 
 
 OTHER = cast("ModelForm", _OtherForm())

@@ -11,7 +11,7 @@ from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.surface import LinearisedSurface
+from piezod.experiment.fit.surface import CREEP, OFFSET, LinearisedSurface
 from piezod.experiment.fit.uncertainty import SIGMAS_95, covariance_of, uncertainty_of
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.everett_bounds import least_surface_slope
@@ -170,7 +170,7 @@ def test_uncertainty_covers_the_truth(creep: bool) -> None:
         )
         inside.append(np.abs(error) <= SIGMAS_95 * scatter)
         ratios.append(np.mean(error**2) / np.mean(scatter**2))
-        lags = slice(24, 32)
+        lags = slice(CREEP, OFFSET)
         half = SIGMAS_95 * 2.0 * np.sqrt(np.mean(covariance[lags, lags]))
         miss = 2.0 * np.mean(drawn.parameters[lags] - known.parameters[lags])
         creeps.append(abs(miss) <= half)
@@ -184,11 +184,11 @@ def test_creep_is_as_uncertain_as_the_mean_of_its_lags() -> None:
     """The stated half width is that of the creep per decade, not that of one lag."""
     fit = fitted(surface_record(creep=0.004, noise=NOISE, duration_s=50.0), creep=True)
     _, covariance = covariance_of(linear(fit))
-    one_lag = SIGMAS_95 * 2.0 * float(np.sqrt(covariance[24, 24]))
+    one_lag = SIGMAS_95 * 2.0 * float(np.sqrt(covariance[CREEP, CREEP]))
 
     stated = uncertainty_of(fit, cross_validate(fit)).creep_per_decade
 
-    expected = SIGMAS_95 * 2.0 * float(np.sqrt(np.mean(covariance[24:32, 24:32])))
+    expected = SIGMAS_95 * 2.0 * float(np.sqrt(np.mean(covariance[CREEP:OFFSET, CREEP:OFFSET])))
     assert stated == pytest.approx(expected)
     assert expected < 0.5 * one_lag
 
