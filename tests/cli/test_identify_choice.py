@@ -1,6 +1,7 @@
 """`piezod identify`: the chosen model, its errors and its uncertainty."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,8 @@ def test_text_has_the_candidates_and_the_choice(piezod: Command, data: Path) -> 
     assert {row[1] for row in tried} == {"even", "graded", "placed"}
     assert sum("taken" in row for row in tried) == 1
     assert sum("best" in " ".join(row) for row in tried) == 1
-    assert "the one with the fewest parameters is taken" in " ".join(out.split())
+    (taken,) = re.findall(r"Taken: (.*?)\.\s", " ".join(out.split()))
+    assert "a surface was not tried, because the record does not have loops" in taken
 
 
 @pytest.mark.usefixtures("chosen_once")
@@ -60,8 +62,8 @@ def test_document_has_the_choice(piezod: Command, data: Path) -> None:
     (best,) = [each for each in choice["candidates"] if each["best"]]
     (taken,) = [each for each in choice["candidates"] if each["taken"]]
     assert taken["parameters"] <= best["parameters"]
-    assert best["voltage_error_rms_pct"] <= taken["voltage_error_rms_pct"]
-    assert taken["voltage_error_rms_pct"] <= choice["limit_rms_pct"]
+    assert best["position_error_rms_pct"] <= taken["position_error_rms_pct"]
+    assert taken["position_error_rms_pct"] <= choice["limit_rms_pct"]
     for key in ("method", "order", "thresholds", "creep"):
         assert document[key] == taken[key]
     assert document["creep"] is True
@@ -91,15 +93,18 @@ def test_given_options_are_not_chosen(
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        ((), ("least-squares", 19, "graded", False)),
+        (("--method", "least-squares"), ("least-squares", 19, "graded", False)),
+        (("--order", "7"), ("least-squares", 7, "graded", False)),
         (("--creep", "--thresholds", "placed"), ("least-squares", 19, "placed", True)),
         (("--method", "lms"), ("lms", 19, "even", False)),
+        (("--method", "surface"), ("surface", None, None, True)),
+        (("--method", "surface", "--no-creep"), ("surface", None, None, False)),
     ],
 )
 def test_without_a_choice_there_are_defaults(
     piezod: Command, data: Path, options: tuple[str, ...], expected: tuple[object, ...]
 ) -> None:
-    """The default thresholds are graded, and even with the paper's method."""
+    """Thresholds are graded, and even with the paper's method; a surface is fitted with creep."""
     document = json.loads(piezod("identify", data, "--delay-s", 0, *options, "--json").out)
 
     assert tuple(document[key] for key in ("method", "order", "thresholds", "creep")) == expected
@@ -114,9 +119,31 @@ def test_creep_by_lms_is_wrong_usage(piezod: Command, data: Path) -> None:
     assert "'--creep': creep is fitted by least-squares and surface, not by lms" in err
 
 
+@pytest.mark.parametrize("option", [("--order", "8"), ("--thresholds", "even")])
+def test_a_surface_has_no_operators(piezod: Command, data: Path, option: tuple[str, str]) -> None:
+    """Number and thresholds of operators are refused with a surface."""
+    code, out, err = piezod("identify", data, "--method", "surface", *option)
+
+    assert (code, out) == (2, "")
+    assert f"'{option[0]}': a surface has no operators; leave the option out" in err
+
+
+@pytest.mark.usefixtures("chosen_once")
+def test_auto_is_the_default(piezod: Command, data: Path) -> None:
+    """Without a method and without operators, the model is chosen."""
+    default, chosen = (
+        json.loads(piezod("identify", data, *options, "--delay-s", 0, "--json").out)
+        for options in ((), AUTO)
+    )
+
+    assert default["choice"] is not None
+    assert default == chosen
+
+
 def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: Path) -> None:
     """The document has the errors of each block: with and without creep, and unsmoothed."""
-    document = json.loads(piezod("identify", data, "--delay-s", 0, "--json").out)
+    options = ("--method", "least-squares", "--delay-s", 0)
+    document = json.loads(piezod("identify", data, *options, "--json").out)
 
     assert document["cross_validation"] == document["without_creep"]["cross_validation"]
     for which in ("with_creep", "without_creep", "raw_displacement"):

@@ -8,10 +8,11 @@ BAND = 0.05
 """Half width of the band of a vibration, as a share of its frequency."""
 ABOVE_NEIGHBOURS = 5.0
 """The power of a vibration is at least this many times that of the bands beside it."""
-DRIVE_SHARE, HARMONICS = 0.999, 20
+DRIVE_SHARE, HARMONICS = 0.99, 10
 """Below the highest frequency of the drive (this share of its power lies below) times this number,
 a line may be a harmonic of the drive: an error of the loops, no vibration."""
 _NEIGHBOURS = (-3, -2, 2, 3)  # in steps of one band
+_FIRST_LINE = 15  # below it a band would not contain a whole line
 
 
 def power_spectrum(values: FloatArray) -> FloatArray:
@@ -40,20 +41,23 @@ def vibration_of(
     power = power_spectrum(residuals)
     moved = np.cumsum(power_spectrum(drive))
     lowest = HARMONICS * (int(np.searchsorted(moved, DRIVE_SHARE * moved[-1])) + 1)
-    ratio = (1.0 + BAND) / (1.0 - BAND)
-    count = int(np.log(max((power.size - 1) / lowest, 1.0)) / np.log(ratio))
-    if count < len(_NEIGHBOURS) + 3:
+    # Three bands below the lowest one are neighbours only; the highest ones lack upper neighbours.
+    ratio, most = (1.0 + BAND) / (1.0 - BAND), max(_NEIGHBOURS)
+    first = lowest / ratio**most
+    count = int(np.log(max((power.size - 1) / first, 1.0)) / np.log(ratio))
+    if first < _FIRST_LINE or count <= most:
         return 0.0, None
-    edges = np.rint(lowest * ratio ** np.arange(count + 1)).astype(np.int64)
+    edges = np.rint(first * ratio ** np.arange(count + 1)).astype(np.int64)
     bands = np.add.reduceat(power[: edges[-1]], edges[:-1]) / np.diff(edges)
-    inner = np.arange(3, bands.size - 3)
-    beside = np.mean([bands[inner + shift] for shift in _NEIGHBOURS], axis=0)
+    inner = np.arange(most, bands.size)
+    known = np.pad(bands, (0, most), constant_values=np.nan)
+    beside = np.nanmean([known[inner + shift] for shift in _NEIGHBOURS], axis=0)
     found = inner[bands[inner] > ABOVE_NEIGHBOURS * beside]
     if not found.size:
         return 0.0, None
     best = int(found[np.argmax((bands * np.diff(edges))[found])])
     # The vibration may lie on an edge: its neighbours count, too.
-    around = slice(int(edges[best - 1]), int(edges[best + 2]))
+    around = slice(int(edges[best - 1]), int(edges[min(best + 2, bands.size)]))
     strongest = around.start + int(np.argmax(power[around]))
     excess = float(np.sum(power[around])) - float(np.min(beside)) * (around.stop - around.start)
     return float(np.sqrt(max(excess, 0.0))), strongest / (residuals.size * period_s)

@@ -178,7 +178,7 @@ def _models(config: ExperimentConfig, setup: LiveSetup) -> Iterator[Identificati
                 drive_v=no_samples,
                 position_um=no_samples,
                 predicted_v=no_samples,
-                fit_errors=axis.file.fit.model_dump(),
+                fit_errors=axis.file.fit.model_dump(exclude_none=True),
                 parameters=parameters_of(axis.model),
             )
 

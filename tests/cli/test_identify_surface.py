@@ -1,0 +1,81 @@
+"""`piezod identify --method surface`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from piezod.config.model_file import load_model
+from piezod.control.law.model_files import read_model
+from piezod.hysteresis import SurfaceForm
+from tests.cli.conftest import Command
+from tests.experiment.fit.made_up_surface import surface_record
+from tests.experiment.made_up import write_record
+
+SURFACE = ("--method", "surface")
+
+
+@pytest.fixture
+def data(folder: Path) -> Path:
+    """Return a data file of a stage that is a surface, whose samples are reported too early."""
+    record = surface_record(delay_s=-0.004, creep=0.004, noise=0.0005, duration_s=30.0)
+    write_record(folder / "data.csv", record)
+    return Path("data.csv")
+
+
+def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> None:
+    """The file has the errors of voltage and position; `check` and a stage accept it."""
+    options = (*SURFACE, "--test", data, "--out", "model.yaml")
+
+    document = json.loads(piezod("identify", data, *options, "--json").out)
+
+    file = load_model(folder / "model.yaml")
+    assert file.version == 2
+    assert file.fit.model_dump() == document["train"]
+    assert isinstance(read_model(folder / "model.yaml")[0].form, SurfaceForm)
+    assert piezod("check", "model.yaml").out == "model.yaml: ok, a model: a surface, by surface\n"
+    assert (folder / "model.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_document_of_a_surface(piezod: Command, data: Path) -> None:
+    """It has both errors everywhere, the uncertainty, the parts and a negative delay."""
+    document = json.loads(piezod("identify", data, *SURFACE, "--test", data, "--json").out)
+
+    assert (document["order"], document["thresholds"], document["creep"]) == (None, None, True)
+    assert document["delay_s"] == pytest.approx(-0.004, abs=5e-4)
+    curve = document["delay_estimate"]["criterion"]["position_error_rms_pct"]
+    assert min(curve) == pytest.approx(curve[len(curve) // 2], rel=0.01)
+    errors = [document[key] for key in ("train", "test", "test_offset_removed")]
+    for each in (*errors, document["cross_validation"], *document["cross_validation"]["blocks"]):
+        assert 0.0 < each["position_error_rms_pct"] < 0.1
+        assert 0.0 < each["voltage_error_rms_pct"] < 0.2
+    assert abs(document["test_offset_removed"]["position_offset_um"]) < 0.01
+    assert 0.0 < document["uncertainty"]["voltage_band_95"]["rms_pct"] < 0.2
+    parts = document["position_residual"]
+    assert parts["noise_pct"] == pytest.approx(0.05, rel=0.2)
+    squares = [
+        parts[f"{name}_pct"] ** 2 for name in ("drift", "rate", "vibration", "noise", "rest")
+    ]
+    assert sum(squares) == pytest.approx(parts["total_pct"] ** 2, rel=0.1)
+    assert document["without_creep"]["train"]["position_error_rms_pct"] > 0.1
+
+
+def test_text_of_a_surface(piezod: Command, data: Path) -> None:
+    """It says which errors are which, and what a negative delay means."""
+    code, out, err = piezod("identify", data, *SURFACE)
+
+    assert (code, err) == (0, "")
+    text = " ".join(out.split())
+    assert "from the smallest rms error of the predicted position" in text
+    assert "It is negative: the position leads the recorded voltage" in text
+    assert "Model by surface, a smooth surface of loops, with creep. Error of the drive" in text
+    assert "Error of the position predicted from the drive voltage, in % of its range:" in text
+    assert "Residual of the position as recorded, without its mean: 0.05" in text
+
+
+def test_given_delay_is_not_negative(piezod: Command, data: Path) -> None:
+    """A delay that is given keeps its range, and is used."""
+    out = piezod("identify", data, *SURFACE, "--delay-s", 0).out
+
+    assert "Delay 0 ms, as given." in out
+    assert piezod("identify", data, *SURFACE, "--delay-s", -0.004).code == 2

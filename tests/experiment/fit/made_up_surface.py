@@ -1,0 +1,60 @@
+"""Records of a stage that is a surface, whose model a fit can find exactly."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from piezod.control.law.creep import logarithmic
+from piezod.experiment.fit.record import Record
+from piezod.hysteresis import SurfaceForm, add_creep
+from piezod.hysteresis.everett import SIZE, surface
+from piezod.hysteresis.memory import FloatArray
+
+RATE_HZ, FINER = 100.0, 20
+DRIVE_V, POSITION_UM = 150.0, 30.0
+
+
+def made_up_surface() -> FloatArray:
+    """Return coefficients, shape (24,), of an asymmetric surface from 0 to 1."""
+    coefficients = np.zeros(SIZE)
+    coefficients[[0, 1, 4, 8]] = 1.0, 0.04, 0.12, -0.03
+    return coefficients / surface(coefficients, 1.0, 0.0)[0]
+
+
+def all_loops(t_s: FloatArray) -> FloatArray:
+    """Return a drive in [0, 1] with loops of all sizes and heights; (n,) for (n,) in s."""
+    shrinking = 0.5 * np.exp(-t_s / 8.0) * (1.0 - np.cos(2.0 * np.pi * 0.8 * t_s))
+    grows = 1.0 - np.exp(-t_s / 8.0)
+    slow = 0.42 * grows * (1.0 - np.cos(2.0 * np.pi * 0.06 * t_s))
+    small = 0.08 * grows * (1.0 - np.cos(2.0 * np.pi * 1.1 * t_s))
+    return shrinking + slow + small
+
+
+def surface_record(
+    *,
+    path: Callable[[FloatArray], FloatArray] = all_loops,
+    duration_s: float = 40.0,
+    delay_s: float = 0.0,
+    creep: float = 0.0,
+    noise: float = 0.0,
+    seed: int = 1,
+) -> Record:
+    """Return a record of the made-up stage.
+
+    Args:
+        path: Drive over time, (n,) for (n,) in s.
+        duration_s: Length, in s.
+        delay_s: Delay of the displacement behind the drive, in s; of either sign.
+        creep: Weight of each lag of its creep.
+        noise: Standard deviation of the sensor's noise, as a share of the range.
+        seed: Seed of the noise.
+    """
+    fine_s = np.arange(round(duration_s * RATE_HZ) * FINER) / (RATE_HZ * FINER)
+    drives = np.clip(path(fine_s), 0.0, 1.0)
+    x = SurfaceForm().positions_at(made_up_surface(), drives)
+    law = logarithmic(creep)
+    x = add_creep(law.at(1.0 / (RATE_HZ * FINER)), x, np.zeros(law.weights.size))
+    t_s = fine_s[::FINER]
+    late = np.interp(t_s - delay_s, fine_s, x)
+    late += noise * np.random.default_rng(seed).standard_normal(late.size)
+    return Record(t_s, DRIVE_V * drives[::FINER], POSITION_UM * late)
