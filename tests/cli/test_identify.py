@@ -128,11 +128,11 @@ def test_surface(piezod: Command, data: Path, folder: Path) -> None:
     text = (folder / "surface.yaml").read_text(encoding="utf-8")
 
     assert code == 0
-    assert "Model by surface, a smooth surface of loops." in " ".join(out.split())
+    assert "Model by surface, a smooth surface of loops, with creep." in " ".join(out.split())
     assert "\nversion: 2\n" in text
     assert "surface_coefficients:" in text
     assert refused.code == 2
-    assert "a surface has neither operators nor thresholds" in refused.err
+    assert "a surface has no operators" in refused.err
 
 
 def test_out_writes_model_and_figure(piezod: Command, data: Path, folder: Path) -> None:

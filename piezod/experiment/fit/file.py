@@ -104,12 +104,8 @@ def identify_file(
         test_source = read_source(test, skip_s, axis)
         test_record, notes = thinned(test_source.record), (*notes, *_notes("test", test_source))
     with prefix_errors(data):
-        if isinstance(settings, Wanted):
-            choice = choose(record, settings, delay_s, progress)
-            fit, validation = choice.taken.fit, choice.taken.validation
-        else:
-            choice, validation = None, None
-            fit = fit_model(record, replace(settings, delay_s=delay_s))
+        fit, choice = _fitted(record, settings, delay_s, progress)
+    validation = choice.taken.validation if choice else None
     other, raw = _counterparts(fit, record)
     taken = judge(fit, record, test_record, validation)
     with prefix_errors(data):
@@ -134,6 +130,16 @@ def identify_file(
             *residual_warnings(taken, parts),
         ),
     )
+
+
+def _fitted(
+    record: Record, settings: FitSettings | Wanted, delay_s: float | None, progress: Progress
+) -> tuple[Fit, Choice | None]:
+    """Return the fit, and the candidates if it was chosen among them."""
+    if isinstance(settings, Wanted):
+        choice = choose(record, settings, delay_s, progress)
+        return choice.taken.fit, choice
+    return fit_model(record, replace(settings, delay_s=delay_s)), None
 
 
 def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:
