@@ -1,5 +1,6 @@
 """`piezod identify`: fit the inverse model to recorded data."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -50,10 +51,20 @@ class _FitJob(NamedTuple):
     settings: "FitSettings | Wanted"
     axis: str | None = None
 
-    def fit(self, file: Path, run_in_s: float) -> "FileFit":
-        """Return the fit to a data file of which the first `run_in_s` seconds are excluded."""
+    def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> "FileFit":
+        """Return the fit to a data file.
+
+        Args:
+            file: The data file.
+            run_in_s: Its first seconds, which are excluded.
+            takes_surface: Whether a choice may take a surface.
+        """
+        from piezod.experiment.fit.automatic import Wanted
         from piezod.experiment.fit.file import identify_file
 
+        settings = self.settings
+        if isinstance(settings, Wanted):
+            settings = replace(settings, surface=takes_surface)
         with progress_bar() as progress:
             return identify_file(
                 file,
@@ -61,7 +72,7 @@ class _FitJob(NamedTuple):
                 skip_s=max(self.skip_s, run_in_s),
                 delay_s=self.delay_s,
                 axis=self.axis,
-                settings=self.settings,
+                settings=settings,
                 progress=progress,
             )
 

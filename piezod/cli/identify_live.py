@@ -22,7 +22,7 @@ _ADOPTED: Final = (
 
 
 def record_and_fit(
-    fit: Callable[[Path, float], "FileFit"],
+    fit: Callable[[Path, float, bool], "FileFit"],
     drive: Path | None,
     out: Path | None,
     axis: str | None,
@@ -31,7 +31,8 @@ def record_and_fit(
     """Drive and record a running stage, and fit the record.
 
     Args:
-        fit: Function of a data file and of its excluded start in s; returns the fit.
+        fit: Function of a data file, of its excluded start in s, and of whether the axis takes a
+            surface; returns the fit.
         drive: File with the drive; None for the default drive.
         out: Model file; the record is written beside it, or into the current folder if it is None.
         axis: Name of the axis; None for the only one.
@@ -48,7 +49,7 @@ def record_and_fit(
     check_writable(file.parent)
     with progress_bar() as progress:
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
-    fitted = fit(file, recorded.run_in_s)  # with a progress bar of its own
+    fitted = fit(file, recorded.run_in_s, recorded.takes_surface)  # with a progress bar of its own
     return replace(fitted, warnings=(*fitted.warnings, *recorded.warnings)), recorded.axis
 
 

@@ -175,7 +175,7 @@ def _reason(choice: Choice) -> str:
     if not any(each.fit.settings.method is Method.SURFACE for each in choice.candidates):
         text += (
             "; a surface was not tried, because the record does not have loops of all sizes and "
-            "heights, or is too short, or an option excludes it"
+            "heights, or is too short, or an option or the identifier of the axis excludes it"
         )
     return f"{text}."
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from piezod.cli.identify import _FitJob
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
 from piezod.experiment.fit.record import Record
 from tests.cli.conftest import Command
@@ -138,6 +139,21 @@ def test_auto_is_the_default(piezod: Command, data: Path) -> None:
 
     assert default["choice"] is not None
     assert default == chosen
+
+
+def test_axis_that_refuses_a_surface_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The identifiers of the paper learn operators only, so that no surface is tried."""
+    asked: list[object] = []
+
+    def identify_file(_file: Path, *, settings: object, **_: object) -> None:
+        asked.append(settings)
+
+    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", identify_file)
+    job = _FitJob(None, 0.0, None, Wanted(creep=True))
+    for takes_surface in (True, False):
+        job.fit(Path("data.csv"), 0.0, takes_surface)
+
+    assert asked == [Wanted(creep=True), Wanted(creep=True, surface=False)]
 
 
 def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: Path) -> None:

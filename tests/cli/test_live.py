@@ -233,6 +233,22 @@ def test_identify_says_how_to_keep_the_model(
     as_new(rig)  # for the other tests
 
 
+@pytest.mark.usefixtures("made_up_record")
+def test_a_surface_is_adopted(
+    piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
+) -> None:
+    """A running stage uses a surface from now on; the model file beside the record has it."""
+    options = ("--method", "surface", "--out", "m.yaml", "--adopt", "--json")
+
+    code, out, err = piezod("identify", "--live", *options, *socket)
+
+    assert (err, code) == ("", 0)
+    assert json.loads(out)["method"] == "surface"
+    used = rig.ask("GET", "params").json()["axes"]["x"]["model"]
+    assert used["surface_coefficients"] == list(load_model(folder / "m.yaml").surface_coefficients)
+    as_new(rig)  # for the other tests
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [

@@ -64,11 +64,13 @@ class Wanted:
         order: Operators on each side; if it or `spacing` is given, no surface is tried.
         spacing: Position of the thresholds.
         creep: Whether creep is fitted.
+        surface: Whether a surface may be tried.
     """
 
     order: int | None = None
     spacing: Spacing | None = None
     creep: bool | None = None
+    surface: bool = True
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,7 @@ def _settings(record: Record, wanted: Wanted) -> Iterator[FitSettings]:
     for order, spacing, creep in product(orders, spacings, creeps):
         yield FitSettings(order=order, spacing=spacing, creep=creep)
     # A surface extrapolates badly to loops that its record does not have.
-    free = wanted.order is None and wanted.spacing is None
+    free = wanted.surface and wanted.order is None and wanted.spacing is None
     if free and has_all_loops(smoothed_record(record)):
         for creep in creeps:
             yield FitSettings(method=Method.SURFACE, creep=creep)

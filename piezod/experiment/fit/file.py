@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,26 +96,26 @@ def identify_file(
         DataError: If a file cannot be used; the text starts with its name.
         OSError: If a file cannot be read.
     """
-    source = read_source(data, skip_s, axis)
+    given = _read(data, test, skip_s, axis)
+    record, test_record = given.record, given.test_record
     if delay_s is None:
-        delay_s = source.delay_s
-    record, notes = thinned(source.record), tuple(_notes("record", source))
-    test_record = None
-    if test:
-        test_source = read_source(test, skip_s, axis)
-        test_record, notes = thinned(test_source.record), (*notes, *_notes("test", test_source))
+        delay_s = given.source.delay_s
     with prefix_errors(data):
-        fit, choice = _fitted(record, settings, delay_s, progress)
-    validation = choice.taken.validation if choice else None
+        if isinstance(settings, Wanted):
+            choice = choose(record, settings, delay_s, progress)
+            fit, validation = choice.taken.fit, choice.taken.validation
+        else:
+            choice, validation = None, None
+            fit = fit_model(record, replace(settings, delay_s=delay_s))
     other, raw = _counterparts(fit, record)
     taken = judge(fit, record, test_record, validation)
     with prefix_errors(data):
         doubts = tuple(quality_warnings(taken, record, test_record))
-    parts = breakdown_of(fit, source.record)
+    parts = breakdown_of(fit, given.source.record)
     return FileFit(
         data=data,
         test_data=test,
-        recorded=source.record,
+        recorded=given.source.record,
         record=record,
         taken=taken,
         other=judge(other, record, test_record) if other else None,
@@ -124,7 +125,7 @@ def identify_file(
         choice=choice,
         untold=missing_excitation(smoothed_record(record)),
         warnings=(
-            *notes,
+            *given.notes,
             *_warnings(fit, record, test_record),
             *doubts,
             *residual_warnings(taken, parts),
@@ -132,14 +133,30 @@ def identify_file(
     )
 
 
-def _fitted(
-    record: Record, settings: FitSettings | Wanted, delay_s: float | None, progress: Progress
-) -> tuple[Fit, Choice | None]:
-    """Return the fit, and the candidates if it was chosen among them."""
-    if isinstance(settings, Wanted):
-        choice = choose(record, settings, delay_s, progress)
-        return choice.taken.fit, choice
-    return fit_model(record, replace(settings, delay_s=delay_s)), None
+class _Given(NamedTuple):
+    """The files of an identification.
+
+    Attributes:
+        source: The file of the fit.
+        record: Its record: a long one is averaged.
+        test_record: That of the test, None without one.
+        notes: What to know about the files, a sentence each.
+    """
+
+    source: Source
+    record: Record
+    test_record: Record | None
+    notes: tuple[str, ...]
+
+
+def _read(data: Path, test: Path | None, skip_s: float, axis: str | None) -> _Given:
+    source = read_source(data, skip_s, axis)
+    record, notes = thinned(source.record), tuple(_notes("record", source))
+    if not test:
+        return _Given(source, record, None, notes)
+    test_source = read_source(test, skip_s, axis)
+    test_notes = _notes("test", test_source)
+    return _Given(source, record, thinned(test_source.record), (*notes, *test_notes))
 
 
 def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:

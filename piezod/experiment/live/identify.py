@@ -29,12 +29,14 @@ class LiveRecord(NamedTuple):
         file: The data file.
         run_in_s: Its first part, which does not count, in s.
         warnings: Warnings, a sentence each.
+        takes_surface: Whether the identifier of the axis learns a surface, so that it accepts one.
     """
 
     axis: str
     file: Path
     run_in_s: float
     warnings: tuple[str, ...]
+    takes_surface: bool = True
 
 
 def record_live(
@@ -83,7 +85,8 @@ def record_live(
     if stage.faults:
         faults = ", ".join(sorted(stage.faults))
         warnings = (*warnings, f"Faults were present: {faults}. See `piezod faults`.")
-    return LiveRecord(name, file, drive.run_in_s, warnings)
+    takes_surface = live.config.compensator.identifier == "rls"
+    return LiveRecord(name, file, drive.run_in_s, warnings, takes_surface)
 
 
 def adopt_live(client: StageClient, axis: str, model: ModelFile) -> None:

@@ -6,7 +6,9 @@ import pytest
 from piezod.experiment.fit.account import account_of
 from piezod.experiment.fit.cross_validation import cross_validate
 from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
+from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import ORDER, RATE_HZ, record_of
 
 
@@ -57,3 +59,15 @@ def test_account_has_the_judgement_of_the_fit() -> None:
     assert errors["delay_uncertainty_ms"] == 1e3 * estimated.delay.uncertainty_s
     without = account_of(given, record, cross_validate(given), axis="x", title="").fit_errors
     assert "delay_uncertainty_ms" not in without
+
+
+def test_nothing_is_predicted_before_the_first_displacement() -> None:
+    """With a negative delay, the first voltages belong to displacements before the record."""
+    record = surface_record(delay_s=-0.025)
+    fit = fit_model(record, FitSettings(method=Method.SURFACE, smoothing=False))
+
+    account = account_of(fit, record, cross_validate(fit), axis="x", title="")
+
+    assert np.isnan(account.predicted_v[:2]).all()
+    assert np.isfinite(account.predicted_v[3:]).all()
+    assert "held_out_position_error_rms_pct" in account.fit_errors

@@ -110,6 +110,14 @@ def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
     assert rich.taken.fit.model.delay_s == pytest.approx(-0.004, abs=2e-4)
 
 
+def test_a_surface_is_not_tried_if_the_axis_refuses_it() -> None:
+    """A record with all loops is then described by operators."""
+    choice = choose(surface_record(), Wanted(creep=False, surface=False), 0.0)
+
+    methods = {each.fit.settings.method for each in choice.candidates}
+    assert methods == {Method.LMS, Method.LEAST_SQUARES}
+
+
 def test_few_operators_are_tried_only_on_short_records() -> None:
     """A coarse model that is best on one record is so by chance."""
     long, short = (

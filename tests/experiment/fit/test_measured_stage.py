@@ -7,7 +7,7 @@ import pytest
 from piezod.experiment.fit.automatic import Wanted
 from piezod.experiment.fit.file import FileFit, identify_file
 from piezod.experiment.fit.judgement import Judgement
-from piezod.experiment.fit.method import Spacing
+from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.settings import FitSettings
 from tests.conftest import Figure
 
@@ -51,6 +51,24 @@ def test_graded_models_hold_on_blocks_and_on_another_record(
     name = f"{'with' if creep else 'without'} creep, first {skip_s:g} s left out"
 
     check_errors_on_other_data(identified(shared_data, settings, skip_s).taken, name, figure)
+
+
+def test_surface_describes_a_record_that_starts_after_a_rest(
+    shared_data: Path, figure: Figure
+) -> None:
+    """The creep of the rest before the record follows from its first position."""
+    settings = FitSettings(method=Method.SURFACE, creep=True)
+    fitted = identified(shared_data, settings, 1.0)
+
+    errors, creep = fitted.taken.validation.errors, fitted.taken.fit.model.creep.per_decade
+    figure(
+        f"measured stage, surface: held-out voltage {errors['voltage_error_rms_pct']:.3f} % rms, "
+        f"position {errors['position_error_rms_pct']:.3f} % rms, creep {100 * creep:.1f} % a decade"
+    )
+    assert errors["voltage_error_rms_pct"] <= 0.35
+    assert errors["position_error_rms_pct"] <= 0.35
+    assert 0.005 < creep < 0.05
+    assert any("does not have loops of all sizes" in warning for warning in fitted.warnings)
 
 
 @pytest.mark.stress

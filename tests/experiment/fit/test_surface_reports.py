@@ -52,6 +52,14 @@ def test_record_of_one_frequency_bounds_the_creep() -> None:
     assert fit.errors_pct(record)["position_error_rms_pct"] < 0.2
 
 
+def test_creep_stays_within_the_limits_of_a_model_file() -> None:
+    """The weight of a lag is at most 0.1, whatever the record asks for."""
+    fit = fit_model(surface_record(creep=0.12), replace(SURFACE, delay_s=0.0))
+
+    assert np.max(fit.model.creep.weights) == pytest.approx(MAX_LAG)
+    assert np.max(fit.model.creep.weights) <= MAX_LAG
+
+
 def test_record_without_small_loops_has_a_warning() -> None:
     """A surface is determined by the loops of its record only."""
     poor, rich = (
