@@ -1,7 +1,7 @@
 """Tests of the targets beyond the paper, for the true displacement on stages of many classes."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -160,7 +160,7 @@ LIMITED_BY = [
 @pytest.mark.parametrize(("variant", "rig", "bounds"), LIMITED_BY)
 def test_errors_are_due_to_one_effect(
     variant: str,
-    rig: dict[str, object],
+    rig: dict[str, Any],
     bounds: tuple[float, ...],
     figure: Figure,
     request: pytest.FixtureRequest,
