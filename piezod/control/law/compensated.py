@@ -51,7 +51,8 @@ LAG_CYCLES = 3
 """Delay beyond that of the stage that explains a tracking error, in cycles: hold, mode, rounding of
 corners."""
 SPARE_ENTRIES = 4
-"""Entries that the drive history keeps beyond the delay: for both ends, and for late samples."""
+"""Entries that the drive history keeps beyond the delay: for both ends, and for late samples. No
+sample is paired with the oldest entry."""
 
 
 def limits_of(config: AxisConfig) -> Limits:
@@ -126,7 +127,6 @@ def compensated_axis(
     """
     period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
-    # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
     model = replace(model, form=model.form.sampled(period_ns / NS_PER_S))
     pace = _pace(config, model.form, period_ns)
