@@ -39,7 +39,7 @@ def main() -> None:
             STOPS: worst_of_cases(stops)[Mode.FEEDFORWARD],
             **worst_of_cases(surfaces),
         }
-        print(f"{perf_counter() - start_s:4.0f} s: {variant}")
+        print(f"{perf_counter() - start_s:4.0f} s: {variant}", flush=True)
     save_png(IMAGES / "modes-tracking.png", tracking_figure(shown))
     save_png(IMAGES / "modes-stages.png", variants_figure(errors))
     write_table(PAGE, variants_table(errors))

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -38,9 +39,10 @@ def of_variants() -> Iterator[tuple[str, tuple[Recording, ...], tuple[Recording,
         Name of the variant, its recordings with a surface, and those with stops.
     """
     with ProcessPoolExecutor() as pool:
-        surfaces = pool.map(_recordings, (experiment_of(each) for each in VARIANTS))
-        stops = pool.map(_recordings, (with_stops(experiment_of(each)) for each in VARIANTS))
-        yield from zip(VARIANTS, surfaces, stops, strict=True)
+        configs = [(experiment_of(each), with_stops(experiment_of(each))) for each in VARIANTS]
+        recordings = pool.map(_recordings, chain.from_iterable(configs))
+        for variant in VARIANTS:
+            yield variant, next(recordings), next(recordings)
 
 
 def _recordings(config: ExperimentConfig) -> tuple[Recording, ...]:

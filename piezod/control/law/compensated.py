@@ -51,7 +51,8 @@ LAG_CYCLES = 3
 """Delay beyond that of the stage that explains a tracking error, in cycles: hold, mode, rounding of
 corners."""
 SPARE_ENTRIES = 4
-"""Entries that the drive history keeps beyond the delay: for both ends, and for late samples."""
+"""Entries that the drive history keeps beyond the delay: for both ends, and for late samples. No
+sample is paired with the oldest entry."""
 
 
 def limits_of(config: AxisConfig) -> Limits:

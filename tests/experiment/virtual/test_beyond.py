@@ -1,7 +1,7 @@
 """Tests of the targets beyond the paper, for the true displacement on stages of many classes."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -134,3 +134,52 @@ def test_true_errors_are_small_on_any_stage(variant: str, seed: int, figure: Fig
 def test_file_has_the_targets() -> None:
     """The report compares with the targets of this test."""
     assert all(case.reference_pct == TARGETS_PCT for case in experiment_of("stack").cases)
+
+
+EXACT = {"calibration": {"kind": "commissioned", "residual_pct": 0.0}}
+"""Options of a rig whose sensor has no calibration error."""
+LIMITED_BY = [
+    pytest.param("stack", EXACT, (0.5, 0.25, 0.15), id="stack, sensor exact"),
+    pytest.param("afm", EXACT, (0.5, 0.25, 0.15), id="afm, sensor exact"),
+    pytest.param(
+        "flexure", {"effects": {"drift": False}}, (0.5, 0.25, 0.26), id="flexure, no drift"
+    ),
+    pytest.param(
+        "no-antialias",
+        {"effects": {"sensor_noise": False}},
+        (0.5, 0.25, 0.26),
+        id="no-antialias, no noise",
+    ),
+    pytest.param(
+        "thermal-relays", {"effects": {"creep": False}}, (1.0, 0.5, 0.3), id="relays, no creep"
+    ),
+]
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize(("variant", "rig", "bounds"), LIMITED_BY)
+def test_errors_are_due_to_one_effect(
+    variant: str,
+    rig: dict[str, Any],
+    bounds: tuple[float, ...],
+    figure: Figure,
+    request: pytest.FixtureRequest,
+) -> None:
+    """Without the effect that limits it, a variant reaches the targets."""
+    worst = worst_pct(experiment_of(variant, **rig))
+    figure(f"{request.node.callspec.id}, true worst / nonlinearity …: {shown(worst)} %")
+
+    assert misses(worst, bounds) == {}
+
+
+@pytest.mark.stress
+def test_adaptive_follows_a_drifting_gain(figure: Figure) -> None:
+    """While the gain grows by 10 % in 600 s, the true error stays below 0.4 %."""
+    config = experiment_of("gain-drift")
+    long = config.cases[0].model_copy(update={"duration_s": 600.0})
+    config = config.model_copy(update={"cases": (long,), "modes": (Mode.ADAPTIVE,)})
+    (recording,) = run_experiment(config, "", "", lambda _label, _share: None).recordings
+    worst = max(recording.metrics[metric] for metric in TRUE)
+    figure(f"gain-drift, 600 s, adaptive: worst true error {worst:.2f} %")
+
+    assert worst <= 0.4
