@@ -7,6 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import FillBetweenPolyCollection
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from piezod.records.figures import identification_figure, png_bytes
 from piezod.records.frozen import FloatArray
@@ -65,3 +66,15 @@ def test_a_fit_of_which_part_does_not_count_is_drawn(
     figure = identification_figure(replace(identification, predicted_v=predicted_v), band_v)
 
     assert png_bytes(figure).startswith(b"\x89PNG")
+
+
+def test_headline_fits_on_a_line(identification: Identification) -> None:
+    """Beside errors of the position there are rms errors only."""
+    names = [f"{of}_error_{kind}_pct" for of in ("voltage", "position") for kind in ("max", "rms")]
+    both = dict.fromkeys([*names, *(f"held_out_{name}" for name in names)], 0.5)
+
+    figure = identification_figure(replace(identification, fit_errors=both))
+
+    texts = " ".join(text.get_text() for text in figure.findobj(Text))
+    assert "rms position error held out 0.50 %" in texts
+    assert "worst" not in texts

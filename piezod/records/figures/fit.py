@@ -1,5 +1,6 @@
 """The figure of a model and the record that it was fitted to or is tested on."""
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -39,11 +40,7 @@ def identification_figure(
             (n_samples,); NaN if it is not known.
     """
     title = f"Model by {identification.method} · axis {identification.axis}: {identification.title}"
-    # The errors on the record, and below them the others: all of them exceed the width.
-    lines: dict[bool, list[str]] = {}
-    for name, value in identification.fit_errors.items():
-        lines.setdefault(name.startswith("voltage_"), []).append(metric_text(name, value))
-    errors = "\n".join(map(", ".join, lines.values()))
+    errors = ", ".join(metric_text(*item) for item in _headline(identification.fit_errors))
     figure = new_figure(13.0, 6.6, title, errors)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1.0), height_ratios=(1.5, 1.0))
     over_time = figure.add_subplot(grid[0, 0])
@@ -65,6 +62,12 @@ def identification_figure(
     for axes in (over_time, loop):
         axes.tick_params(labelbottom=False)
     return figure
+
+
+def _headline(errors: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return the errors that fit on a line: no worst ones beside those of the position."""
+    short = "position_error_rms_pct" in errors
+    return [item for item in errors.items() if not (short and item[0].endswith("_max_pct"))]
 
 
 def _draw_both(axes: Axes, x: FloatArray, identification: Identification) -> None:
