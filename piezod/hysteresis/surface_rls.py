@@ -41,7 +41,7 @@ class SurfaceIdentifier:
     Args:
         weights: (24,) coefficients of an identified surface.
         form: Form of the surface; without rate dependence by default.
-        pace: Factor of all random walks and of the information of a pair, above 0 to 1.
+        pace: Factor of all random walks and of the information of a pair, above 0.
         deadband: Width of the backlash before the memory of drives, in units of the range.
         capacity: Extrema stored on each side.
 
@@ -61,8 +61,8 @@ class SurfaceIdentifier:
         self._weights, self._scalars = np.zeros(SIZE), np.zeros(4)
         self._memory = new_surface_memory(capacity)
         self._deadband = checked_deadband(deadband)
-        if not 0.0 < pace <= 1.0:
-            raise ModelError(f"the pace is above 0 to 1, got {pace:g}")
+        if not pace > 0.0:
+            raise ModelError(f"the pace is above 0, got {pace:g}")
         self._covariance, self._walk = np.zeros((2, SIZE + 1, SIZE + 1))
         vectors = np.zeros((3, SIZE + 1))
         vectors[DECAY] = np.sqrt(1.0 - SHAPE_WALK * pace / SHAPE_BOUND)

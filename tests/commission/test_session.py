@@ -3,7 +3,7 @@
 import signal
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import count
 from math import inf, nan, sin
 
@@ -225,6 +225,15 @@ def test_any_exception_of_a_driver_during_a_wait_is_raised() -> None:
             eventually(lambda: len(written) > 90)
 
 
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Let SIGINT raise KeyboardInterrupt, whatever other tests of this process have set."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interrupts")
 def test_only_one_thread_drives_on_the_way_back() -> None:
     """This also holds if a signal has ended the wait for the holding thread."""
     holding, going_back, together = threading.Event(), threading.Event(), list[bool]()

@@ -299,9 +299,8 @@ def test_reset_forgets_the_past_and_keeps_the_model() -> None:
         (lambda: SurfaceIdentifier(KNOWN).adopt(KNOWN, math.nan), "a finite offset and no scale"),
         (lambda: SurfaceIdentifier(KNOWN).adopt(KNOWN, 0.0, 0.1), "a finite offset and no scale"),
         (lambda: SurfaceIdentifier(KNOWN, deadband=1.0), "dead-band is from 0 to below 1"),
-        (lambda: SurfaceIdentifier(KNOWN, pace=0.0), "pace is above 0 to 1"),
-        (lambda: SurfaceIdentifier(KNOWN, pace=math.nan), "pace is above 0 to 1"),
-        (lambda: SurfaceIdentifier(KNOWN, pace=2.0), "pace is above 0 to 1"),
+        (lambda: SurfaceIdentifier(KNOWN, pace=0.0), "pace is above 0, got 0"),
+        (lambda: SurfaceIdentifier(KNOWN, pace=math.nan), "pace is above 0, got nan"),
         (lambda: SurfaceIdentifier(KNOWN).run([0.1], [0.1, 0.2]), "as many drives as positions"),
     ],
 )

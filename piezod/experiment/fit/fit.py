@@ -145,7 +145,11 @@ def _fit_surface(record: Record, settings: FitSettings) -> Fit:
         stops = StopProblem(problem.record, replace(settings, spacing=Spacing.GRADED))
         estimate, start_s = stops.delay(stops.bank(), SlowParameters())
     one_frequency = has_one_frequency(record.drive_v)
-    linearised = problem.solve(start_s, search_delay=settings.delay_s is None and not one_frequency)
+    linearised = problem.solve(
+        start_s,
+        search_delay=settings.delay_s is None and not one_frequency,
+        search_rate=not one_frequency,
+    )
     model = problem.model(linearised.parameters)
     if settings.delay_s is not None:
         estimate = None

@@ -51,12 +51,13 @@ class SurfaceProblem:
         """The record, prepared for the method."""
         return self._record
 
-    def solve(self, delay_s: float, *, search_delay: bool) -> LinearisedSurface:
+    def solve(self, delay_s: float, *, search_delay: bool, search_rate: bool) -> LinearisedSurface:
         """Return the best surface, with its creep if `creep` is set.
 
         Args:
             delay_s: Delay, or the start of its search, in s.
             search_delay: Whether the delay is searched.
+            search_rate: Whether a lag with the rate is searched, which one frequency cannot show.
         """
         record = self._record
         positions = self._position_um.to_unit(record.position_um)
@@ -75,10 +76,10 @@ class SurfaceProblem:
                 start_delay_s=delay_s,
                 rate=rate,
             )
-            for rate in (False, True)
+            for rate in ((False, True) if search_rate else (False,))
         ]
-        plain_rms, rms = (float(np.std(fit.misses[fit.counted])) for fit in fits)
-        found = fits[rms < min(SMALLER * plain_rms, plain_rms - LEAST_GAIN)]
+        plain_rms, *rms = (float(np.std(fit.misses[fit.counted])) for fit in fits)
+        found = fits[bool(rms) and rms[0] < min(SMALLER * plain_rms, plain_rms - LEAST_GAIN)]
         # The first samples that count depend on the delay that was found.
         found_s = float(found.parameters[DELAY]) * record.period_s
         return replace(found, counted=record.counted(found_s))

@@ -224,7 +224,5 @@ PROFILES = (
         takes_long=True,
     ),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),
-    Profile(
-        "psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"}), takes_long=True
-    ),
+    Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),
 )
