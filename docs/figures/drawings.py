@@ -117,7 +117,7 @@ def _averaged(recording: Recording) -> tuple[FloatArray, FloatArray]:
 
 @house_style()
 def variants_figure(errors: Errors) -> Figure:
-    """Draw worst and rms true errors of every mode on every stage.
+    """Draw true tracking errors and nonlinearities of every mode on every stage.
 
     Args:
         errors: Stage → mode → metric → error in %.
@@ -126,14 +126,14 @@ def variants_figure(errors: Errors) -> Figure:
     panels = figure.subplots(1, 2, sharey=True)
     marks = {mode: MODE_MARKS.get(mode, _STOPS) for mode in SHOWN_MODES}
     for axes, metric in zip(
-        panels, ("true_tracking_max_pct", "true_tracking_rms_pct"), strict=True
+        panels, ("true_tracking_max_pct", "true_nonlinearity_pct"), strict=True
     ):
         for y, modes in enumerate(errors.values()):
             for mode, mark in marks.items():
                 axes.add_line(mark.line([modes[mode][metric]], [y], filled=mode != STOPS))
         _percent_scale(axes)
     panels[0].set_title("Worst tracking error, largest of three cases")
-    panels[1].set_title("Rms tracking error, largest of three cases")
+    panels[1].set_title("Nonlinearity, largest of three cases")
     panels[0].set_yticks(range(len(errors)), labels=list(errors))
     panels[0].set_ylim(len(errors) - 0.4, -0.6)
     handles = [mark.line([], [], mode, filled=mode != STOPS) for mode, mark in marks.items()]

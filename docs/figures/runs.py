@@ -7,6 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Final
 
+from docs.figures.errors import ErrorsOfModes, worst_of_cases
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
@@ -32,21 +33,27 @@ _OTHER_SPECIMEN: Final = 5
 """Seed of a stack with 11 % less travel than the first, and other loops."""
 
 
-def of_variants() -> Iterator[tuple[str, tuple[Recording, ...], tuple[Recording, ...]]]:
+def errors_of_variants() -> Iterator[tuple[str, ErrorsOfModes, ErrorsOfModes]]:
     """Run every variant with both classes of models, in as many processes as there are processors.
 
     Yields:
-        Name of the variant, its recordings with a surface, and those with stops.
+        Name of the variant, its errors in the compensated modes with a surface, and in feedforward
+        with stops.
     """
+    surfaces = [_in_modes(experiment_of(each), COMPENSATED) for each in VARIANTS]
+    stops = [_in_modes(with_stops(experiment_of(each)), COMPENSATED[:1]) for each in VARIANTS]
     with ProcessPoolExecutor() as pool:
-        configs = [(experiment_of(each), with_stops(experiment_of(each))) for each in VARIANTS]
-        recordings = pool.map(_recordings, chain.from_iterable(configs))
+        errors = pool.map(_errors_of, chain.from_iterable(zip(surfaces, stops, strict=True)))
         for variant in VARIANTS:
-            yield variant, next(recordings), next(recordings)
+            yield variant, next(errors), next(errors)
 
 
-def _recordings(config: ExperimentConfig) -> tuple[Recording, ...]:
-    return run(config).recordings
+def _in_modes(config: ExperimentConfig, modes: tuple[Mode, ...]) -> ExperimentConfig:
+    return config.model_copy(update={"modes": modes})
+
+
+def _errors_of(config: ExperimentConfig) -> ErrorsOfModes:
+    return worst_of_cases(run(config).recordings)
 
 
 def of_the_paper() -> tuple[ExperimentResult, Reference | None]:
