@@ -106,7 +106,7 @@ def at_rate(stage: Identified, rate_hz: float) -> Identified:
 def ringing_pct(stage: Identified) -> float:
     """Return the largest amplitude between harmonics of a wave that is learned from, in %.
 
-    Infinite if the stage followed so badly that what was learned was dropped, or nothing was learned.
+    Infinite if what was learned was dropped, because the stage followed badly, or nothing was.
     """
     rate_hz, width_um = stage.config.rate_hz, stage.model.position_um.width
     wave_hz = min(rate_hz / SAMPLES_PER_WAVE, FASTEST_WAVE_HZ)
