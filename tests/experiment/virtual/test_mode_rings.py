@@ -106,7 +106,7 @@ def at_rate(stage: Identified, rate_hz: float) -> Identified:
 def ringing_pct(stage: Identified) -> float:
     """Return the largest amplitude between harmonics of a wave that is learned from, in %.
 
-    Infinite if the stage followed so badly that what was learned was dropped.
+    Infinite if what was learned was dropped, because the stage followed badly, or nothing was.
     """
     rate_hz, width_um = stage.config.rate_hz, stage.model.position_um.width
     wave_hz = min(rate_hz / SAMPLES_PER_WAVE, FASTEST_WAVE_HZ)
@@ -118,9 +118,9 @@ def ringing_pct(stage: Identified) -> float:
     rig.run(0.2)  # in which the start of the wave decays
     before = rig.learned
     traces = [rig.run(part_s) for _ in range(PARTS)]
-    if rig.axis.proof.take_verdict() is not None:
+    dropped = rig.axis.proof.take_verdict() is not None
+    if dropped or np.array_equal(rig.learned, before):
         return np.inf
-    assert not np.array_equal(rig.learned, before)
     errors_um = [trace[:, TRUE_UM] - trace[:, COMMAND_UM] for trace in traces]
     return 100.0 / width_um * max(_largest_between(each, waves) for each in errors_um)
 
