@@ -96,7 +96,8 @@ REQUEST_VERBS: Final = (
     Verb(
         "reset",
         Group.STOP,
-        "Leave FAULT for SAFE, if no fault is present any more.\n\n"
+        "Clear faults that are gone, and leave FAULT for SAFE if none is present any "
+        "more.\n\n"
         "This is also the way out after an emergency stop.",
     ),
 )

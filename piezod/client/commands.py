@@ -114,7 +114,7 @@ class StageCommands:
 
     @ClientMethod
     def reset(self, *, engineer: bool = False) -> Call[Answer]:
-        """Leave FAULT for SAFE, if no fault is present any more.
+        """Clear faults that are gone, and leave FAULT for SAFE if none is present any more.
 
         Args:
             engineer: Also end the faults that only an engineer may end.

@@ -151,7 +151,7 @@ class Estop(ConfigModel):
 
 
 class Reset(ConfigModel):
-    """Leave FAULT for SAFE, if no fault is present any more.
+    """Clear faults that are gone, and leave FAULT for SAFE if none is present any more.
 
     This is also the way out after an emergency stop.
     """
