@@ -118,7 +118,10 @@ def brief(config: ExperimentConfig) -> ExperimentConfig:
     )
 
 
-@pytest.mark.parametrize("variant", ["preisach-asymmetric", "thermal-relays"])
+@pytest.mark.parametrize(
+    "variant",
+    ["preisach-asymmetric", pytest.param("thermal-relays", marks=pytest.mark.stress)],
+)
 def test_true_errors_are_small(variant: str, figure: Figure) -> None:
     """One case, after half of the identification, is within the bounds of the variant."""
     worst = worst_pct(brief(experiment_of(variant)))

@@ -26,7 +26,6 @@ PROMPT = "prompt"
 FAST = {
     ("light-damping", 2000.0, "surface"),
     (PROMPT, 500.0, "surface"),
-    (PROMPT, 10_000.0, "surface"),
 }
 """Tested by `make test`, too; with stops see `test_stage_mode_rings.py`."""
 _FULL = {"kind": "sine", "low": 0, "high": 140}

@@ -23,15 +23,17 @@ PAPER_PCT = {
 
 
 @pytest.mark.parametrize(
-    "seed", [1, *(pytest.param(seed, marks=pytest.mark.stress) for seed in range(2, 12))]
+    ("seed", "n_cases"),
+    [(1, 1), *(pytest.param(seed, 3, marks=pytest.mark.stress) for seed in range(1, 12))],
 )
-def test_errors_are_below_those_of_the_paper(seed: int) -> None:
+def test_errors_are_below_those_of_the_paper(seed: int, n_cases: int) -> None:
     """Tracking and nonlinearity in every case; adaptive is below feedforward."""
-    config = load_experiment(QIU, registry).model_copy(update={"seed": seed})
+    config = load_experiment(QIU, registry)
+    config = config.model_copy(update={"seed": seed, "cases": config.cases[:n_cases]})
     result = run_experiment(config, "", "qiu", lambda _label, _share: None)
     runs: dict[tuple[str, str], Recording] = {(r.case, r.mode): r for r in result.recordings}
 
-    assert len(runs) == 9
+    assert len(runs) == 3 * n_cases
     for case in result.cases:
         without = runs[case, Mode.UNCOMPENSATED].metrics
         assert without["nonlinearity_pct"] >= 6.0
