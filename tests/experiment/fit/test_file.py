@@ -146,7 +146,7 @@ def test_more_operators_than_noisy_data_determine_still_give_an_inverse(tmp_path
     record.position_um[:] += np.random.default_rng(1).normal(scale=0.3, size=record.t_s.size)
     write_record(path, record)
 
-    fitted = identify(path, delay_s=0.0, settings=FitSettings(order=100))
+    fitted = identify(path, delay_s=0.0, settings=FitSettings(order=60))
 
     assert fitted.taken.fit.smallest_slope >= LEAST_SLOPE
 

@@ -139,7 +139,12 @@ BEGINS_S = [3.1, *(pytest.param(begin_s, marks=pytest.mark.stress) for begin_s i
 """Begin of the fault: on the way down, at the turn, on the way up, and before the turn."""
 
 
-@pytest.mark.parametrize("name", FAULTS)
+FAST = {"stuck for 1 s", "spike of 10 %"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in FAST else pytest.mark.stress) for n in FAULTS]
+)
 @pytest.mark.parametrize("begin_s", BEGINS_S)
 def test_fault_of_the_sensor_leaves_nothing_behind(
     beyond_stage: Identified, figure: Figure, name: str, begin_s: float
