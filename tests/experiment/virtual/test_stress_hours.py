@@ -63,7 +63,7 @@ def rest(stage: Identified, mode: Mode, duration_s: float, figure: Figure) -> No
     assert max(worst) < (0.5 if mode is Mode.TRIMMED else UNSEEN_PCT)
 
 
-@pytest.mark.parametrize("duration_s", hours(20.0))
+@pytest.mark.parametrize("duration_s", hours(60.0))
 @pytest.mark.parametrize("mode", [Mode.ADAPTIVE, Mode.TRIMMED])
 def test_nothing_is_learned_at_rest(
     beyond_stage: Identified, figure: Figure, mode: Mode, duration_s: float
@@ -112,7 +112,7 @@ def random_commands(stage: Identified, duration_s: float, most_pct: float, figur
     assert worst.max() < most_pct
 
 
-@pytest.mark.parametrize("duration_s", hours(20.0))
+@pytest.mark.parametrize("duration_s", hours(60.0))
 def test_random_commands_leave_a_model_that_can_be_inverted(
     beyond_stage: Identified, figure: Figure, duration_s: float
 ) -> None:
