@@ -3,15 +3,20 @@
 from collections.abc import Sequence
 from math import nan
 
+import numpy as np
+
 from piezod.config import requests
 from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.assembly import assemble
+from piezod.control.law.creep import AT_REST
+from piezod.control.law.kernels import new_kernel
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.devices.status import NO_FLAGS, Flags
+from piezod.hysteresis import RLSIdentifier, StopForm, SurfaceForm, SurfaceIdentifier
 from piezod.units import NS_PER_S
 
 _CYCLES = 50
@@ -66,6 +71,26 @@ class _IdealDevices:
         return [NO_FLAGS] * (2 * len(self._axes))
 
 
+def _warm_forms() -> None:
+    """Run the kernels of both forms of a model: a stage may adopt either while it runs."""
+    stops, surface = StopForm.even(2), SurfaceForm()
+    identifiers = (
+        (stops, RLSIdentifier(stops.bank, stops.straight_line())),
+        (surface, SurfaceIdentifier(surface.straight_line(), surface)),
+    )
+    levels = np.array([0.0, 0.5, 1.0])
+    for form, identifier in identifiers:
+        weights = form.straight_line()
+        kernel = new_kernel(form, weights.copy(), AT_REST)
+        for level in (0.2, 0.8, 0.4):
+            kernel.step(weights, 0.5, 1.0, level, 1.0, 0.0, 0.0, 1.0)
+            identifier.step(level, level)
+        identifier.predict(weights, 0.0, 0.0)
+        form.smallest_slope(weights)
+        form.widest_loop(weights, levels)
+        form.drive_gradient(weights, levels)
+
+
 def warm_up(config: DaemonConfig) -> None:
     """Run a stage of this configuration through all states and modes, without its devices.
 
@@ -74,6 +99,7 @@ def warm_up(config: DaemonConfig) -> None:
         DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain is not safe.
     """
+    _warm_forms()
     devices = _IdealDevices(config)
     controller = assemble(config, devices, devices.capabilities())
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
