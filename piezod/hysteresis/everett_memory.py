@@ -20,6 +20,7 @@ from piezod.hysteresis.memory import (
     SEEN,
     FloatArray,
     Memory,
+    MemoryLoop,
     accept_input,
     backlash,
     commit,
@@ -89,6 +90,23 @@ def displacement(coefficients: FloatArray, regressors: FloatArray) -> float:
     return total
 
 
+@compiled
+def branch_move(
+    memory: Memory, coefficients: FloatArray, loop: MemoryLoop, drive: float
+) -> tuple[int, int, float]:
+    """Return the extremum at which the branch to a located drive begins, and the move since.
+
+    The extremum is given by its side and its place in the memory. Real-time safe.
+    """
+    if loop.rising:
+        start = loop.minima - 1
+        rise, _, _ = surface(coefficients, drive, memory.levels[MINIMUM, start])
+        return MINIMUM, start, rise
+    start = loop.maxima - 1
+    fall, _, _ = surface(coefficients, memory.levels[MAXIMUM, start], drive)
+    return MAXIMUM, start, -fall
+
+
 def new_displacement_memory(coefficients: FloatArray) -> Memory:
     """Return a relaxed memory of the displacements of one surface, for `advance_displacement`."""
     memory = new_memory(1)
@@ -97,24 +115,20 @@ def new_displacement_memory(coefficients: FloatArray) -> Memory:
 
 
 @compiled
-def advance_displacement(memory: Memory, coefficients: FloatArray, drive: float) -> float:
+def advance_displacement(
+    memory: Memory, coefficients: FloatArray, lag: FloatArray, drive: float
+) -> float:
     """Advance a memory of displacements by one drive; return the displacement. Real-time safe.
 
     With fixed coefficients one displacement stands for its 24 regressors, which takes a fraction of
     the time. The memory comes from `new_displacement_memory`.
     """
-    drive = accept_input(memory, drive)
-    loop = locate(memory, drive)
-    if loop.rising:
-        start = loop.minima - 1
-        rise, _, _ = surface(coefficients, drive, memory.levels[MINIMUM, start])
-        memory.now[0] = memory.values[MINIMUM, start, 0] + rise
-    else:
-        start = loop.maxima - 1
-        fall, _, _ = surface(coefficients, memory.levels[MAXIMUM, start], drive)
-        memory.now[0] = memory.values[MAXIMUM, start, 0] - fall
-    commit(memory, loop, drive)
-    return memory.now[0]
+    seen = lagging_drive(lag, memory.last[SEEN], accept_input(memory, drive))
+    loop = locate(memory, seen)
+    side, start, move = branch_move(memory, coefficients, loop, seen)
+    memory.now[0] = memory.values[side, start, 0] + move
+    commit(memory, loop, seen)
+    return memory.now[0] + prompt_displacement(memory, lag)
 
 
 @compiled
@@ -225,13 +239,6 @@ def displacement_at(
     Real-time safe.
     """
     lagging = lagging_drive(lag, memory.last[SEEN], drive)
+    side, start, move = branch_move(memory, coefficients, locate(memory, lagging), lagging)
     prompt = lag[PROMPT] * (drive - lagging)
-    loop = locate(memory, lagging)
-    levels, values = memory.levels, memory.values
-    if loop.rising:
-        start = loop.minima - 1
-        rise, _, _ = surface(coefficients, lagging, levels[MINIMUM, start])
-        return displacement(coefficients, values[MINIMUM, start]) + rise + prompt
-    start = loop.maxima - 1
-    fall, _, _ = surface(coefficients, levels[MAXIMUM, start], lagging)
-    return displacement(coefficients, values[MAXIMUM, start]) - fall + prompt
+    return displacement(coefficients, memory.values[side, start]) + move + prompt

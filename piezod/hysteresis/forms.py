@@ -170,5 +170,10 @@ class StopForm:
 
     def as_recorded(self, weights: FloatArray) -> FloatArray:
         """Return the weights [a^r, a^l] of weights [a^l, a^r], shape (..., 2 M)."""
-        left, right = np.split(weights, 2, axis=-1)
-        return np.concatenate((right, left), axis=-1)
+        return right_first(weights)
+
+
+def right_first(weights: FloatArray) -> FloatArray:
+    """Return the weights [a^r, a^l] of weights [a^l, a^r] of stops, shape (..., 2 M)."""
+    left, right = np.split(weights, 2, axis=-1)
+    return np.concatenate((right, left), axis=-1)

@@ -8,11 +8,11 @@ from piezod.errors import ModelError
 from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.everett_memory import (
+    advance_displacement,
     advance_drive,
-    displacement,
     drive_for,
+    new_displacement_memory,
     new_surface_memory,
-    prompt_displacement,
 )
 from piezod.hysteresis.memory import (
     MAXIMUM,
@@ -21,7 +21,6 @@ from piezod.hysteresis.memory import (
     RISING,
     SEEN,
     FloatArray,
-    IntArray,
     Memory,
 )
 from piezod.hysteresis.rate_lag import new_lag
@@ -37,14 +36,12 @@ class SurfaceStage:
     """
 
     def __init__(self, coefficients: FloatArray, lag: FloatArray) -> None:
-        self._coefficients, self._memory = coefficients.copy(), new_surface_memory()
-        self._lag = lag
+        self._coefficients, self._lag = coefficients.copy(), lag
+        self._memory = new_displacement_memory(self._coefficients)
 
     def step(self, drive: float, /) -> float:
         """Return the displacement for the next drive in [0, 1]. Real-time safe."""
-        advance_drive(self._memory, self._lag, 0.0, drive)
-        prompt = prompt_displacement(self._memory, self._lag)
-        return displacement(self._coefficients, self._memory.now) + prompt
+        return advance_displacement(self._memory, self._coefficients, self._lag, drive)
 
 
 @dataclass(frozen=True)
@@ -112,13 +109,14 @@ class SurfaceForm:
         """
         drives = np.empty_like(positions)
         memory = new_surface_memory()
-        _invert(*memory, weights, self.lag, deadband, np.ascontiguousarray(positions), drives)
+        _invert(memory, weights, self.lag, deadband, np.ascontiguousarray(positions), drives)
         return drives
 
     def positions_at(self, weights: FloatArray, drives: FloatArray) -> FloatArray:
         """Return the displacements for a record of drives in [0, 1], shape (n,)."""
         positions = np.empty_like(drives)
-        _follow(*new_surface_memory(), weights, self.lag, np.ascontiguousarray(drives), positions)
+        memory = new_displacement_memory(weights)
+        _follow(memory, weights, self.lag, np.ascontiguousarray(drives), positions)
         return positions
 
     def stage(self, weights: FloatArray) -> SurfaceStage:
@@ -156,7 +154,7 @@ def surface_regressors(drives: FloatArray, activation: float, period_s: float) -
         period_s: Sample period, in s.
     """
     regressors, lag = np.empty((drives.size, SIZE + 1)), new_lag(activation, 0.0, period_s)
-    _fill_regressors(*new_surface_memory(), lag, np.ascontiguousarray(drives), regressors)
+    _fill_regressors(new_surface_memory(), lag, np.ascontiguousarray(drives), regressors)
     return regressors
 
 
@@ -173,23 +171,18 @@ def branch_slopes(
     """
     slopes, lag = np.empty_like(drives), new_lag(activation, 0.0, period_s)
     memory = new_surface_memory()
-    _fill_slopes(*memory, coefficients, lag, np.ascontiguousarray(drives), slopes)
+    _fill_slopes(memory, coefficients, lag, np.ascontiguousarray(drives), slopes)
     return slopes
 
 
 @compiled
 def _fill_slopes(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
+    memory: Memory,
     coefficients: FloatArray,
     lag: FloatArray,
     drives: FloatArray,
     slopes: FloatArray,
 ) -> None:
-    memory = Memory(levels, values, now, last, counts)
     for k in range(drives.size):
         advance_drive(memory, lag, 0.0, drives[k])
         slopes[k] = _branch_slope(memory, coefficients)
@@ -208,16 +201,9 @@ def _branch_slope(memory: Memory, coefficients: FloatArray) -> float:
 
 @compiled
 def _fill_regressors(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
-    lag: FloatArray,
-    drives: FloatArray,
-    regressors: FloatArray,
+    memory: Memory, lag: FloatArray, drives: FloatArray, regressors: FloatArray
 ) -> None:
-    memory = Memory(levels, values, now, last, counts)
+    now, last = memory.now, memory.last
     for k in range(drives.size):
         advance_drive(memory, lag, 0.0, drives[k])
         for j in range(now.size):
@@ -227,36 +213,25 @@ def _fill_regressors(
 
 @compiled
 def _follow(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
+    memory: Memory,
     coefficients: FloatArray,
     lag: FloatArray,
     drives: FloatArray,
     positions: FloatArray,
 ) -> None:
-    memory = Memory(levels, values, now, last, counts)
     for k in range(drives.size):
-        advance_drive(memory, lag, 0.0, drives[k])
-        positions[k] = displacement(coefficients, now) + prompt_displacement(memory, lag)
+        positions[k] = advance_displacement(memory, coefficients, lag, drives[k])
 
 
 @compiled
 def _invert(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
+    memory: Memory,
     coefficients: FloatArray,
     lag: FloatArray,
     deadband: float,
     positions: FloatArray,
     drives: FloatArray,
 ) -> None:
-    memory = Memory(levels, values, now, last, counts)
     for k in range(positions.size):
         drives[k] = drive_for(memory, coefficients, lag, positions[k])
         advance_drive(memory, lag, deadband, drives[k])

@@ -110,9 +110,14 @@ def _learn(
         keep_surface_invertible(coefficients, scalars, covariance, rows, stride * root, gain)
 
 
+# The fields of the tuples are passed one by one, see decision 3.
 @compiled
-def _adapt(
-    memory: Memory,
+def step(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
     coefficients: FloatArray,
     scalars: FloatArray,
     covariance: FloatArray,
@@ -120,14 +125,15 @@ def _adapt(
     vectors: FloatArray,
     rows: FloatArray,
     steepest: FloatArray,
-    variance: float,
     deadband: float,
+    variance: float,
     lag: FloatArray,
     position: float,
     drive: float,
     learn: bool,
 ) -> float:
-    """Update all states with one pair; return the error before the update."""
+    """Adapt to one pair; return the error before the update. Real-time safe."""
+    memory = Memory(levels, values, now, last, counts)
     if not is_finite(drive):
         return np.nan
     before = memory.last[SEEN]
@@ -152,47 +158,6 @@ def _adapt(
             limited_error(error),
         )
     return -error
-
-
-# The fields of the tuples are passed one by one, see decision 3.
-@compiled
-def step(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
-    coefficients: FloatArray,
-    scalars: FloatArray,
-    covariance: FloatArray,
-    walk: FloatArray,
-    vectors: FloatArray,
-    rows: FloatArray,
-    steepest: FloatArray,
-    deadband: float,
-    variance: float,
-    lag: FloatArray,
-    position: float,
-    drive: float,
-    learn: bool,
-) -> float:
-    """Adapt to one pair; return the error before the update. Real-time safe."""
-    return _adapt(
-        Memory(levels, values, now, last, counts),
-        coefficients,
-        scalars,
-        covariance,
-        walk,
-        vectors,
-        rows,
-        steepest,
-        variance,
-        deadband,
-        lag,
-        position,
-        drive,
-        learn,
-    )
 
 
 @compiled

@@ -100,8 +100,8 @@ def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
     refuse_unstable(
         config.trim.gain_per_s,
         period_s,
-        max(delay_s, 0.0)
-        + 0.5 * period_s,  # counted from the middle of the cycle in which a voltage holds
+        # Counted from the middle of the cycle in which a voltage holds.
+        max(delay_s, 0.0) + 0.5 * period_s,
         mode.frequency_hz if mode else None,
         mode.damping if mode else None,
     )

@@ -1,9 +1,12 @@
 """What a fit needs of the problem that it solves, for every form of model."""
 
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 from piezod.control.law.model import StageModel
 from piezod.experiment.fit.record import Record, Rows
+from piezod.experiment.fit.settings import FitSettings
+from piezod.hysteresis import AffineRange
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -41,13 +44,21 @@ class LinearProblem(Protocol):
         """Return the parameters that fit these rows best, shape (p,)."""
 
 
-class Problem(Protocol):
-    """A record, and what a fit searches in it."""
+class Problem(ABC):
+    """A record with its ranges, and what a fit searches in it.
 
-    @property
-    def record(self) -> Record:
-        """The record, prepared for the method."""
+    Args:
+        record: Drive and displacement, prepared for the method.
+        settings: Settings of the fit.
+    """
 
+    def __init__(self, record: Record, settings: FitSettings) -> None:
+        counted = record.counted()
+        self.record, self._settings = record, settings
+        self.drive_v = _range_of(record.drive_v[counted])
+        self._position_um = _range_of(record.position_um[counted])
+
+    @abstractmethod
     def without(
         self, model: StageModel, linearised: LinearProblem | None, held_out: Rows
     ) -> StageModel:
@@ -58,3 +69,7 @@ class Problem(Protocol):
             linearised: The problem, linear around it; None if it is not linear.
             held_out: (n,) mask of the samples to leave out.
         """
+
+
+def _range_of(values: FloatArray) -> AffineRange:
+    return AffineRange.checked(float(values.min()), float(values.max()))

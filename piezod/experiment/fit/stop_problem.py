@@ -13,9 +13,8 @@ from piezod.experiment.fit.least_squares import (
 )
 from piezod.experiment.fit.lms_passes import repeated_lms
 from piezod.experiment.fit.method import Spacing
-from piezod.experiment.fit.problem import LinearProblem
-from piezod.experiment.fit.record import Record, Rows
-from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.problem import LinearProblem, Problem
+from piezod.experiment.fit.record import Rows
 from piezod.hysteresis import (
     AffineRange,
     StopForm,
@@ -31,24 +30,8 @@ FINE_ORDER = 40
 """Operators of the first fit, which shows where thresholds are needed."""
 
 
-class StopProblem:
-    """A record with its ranges, and the parts of the fit of stop operators.
-
-    Args:
-        record: Drive and displacement, prepared for the method.
-        settings: Settings of the fit.
-    """
-
-    def __init__(self, record: Record, settings: FitSettings) -> None:
-        counted = record.counted()
-        self._record, self._settings = record, settings
-        self.drive_v = _range_of(record.drive_v[counted])
-        self._position_um = _range_of(record.position_um[counted])
-
-    @property
-    def record(self) -> Record:
-        """The record, prepared for the method."""
-        return self._record
+class StopProblem(Problem):
+    """A record with its ranges, and the parts of the fit of stop operators."""
 
     def without(
         self, model: StageModel, linearised: LinearProblem | None, held_out: Rows
@@ -129,7 +112,3 @@ class StopProblem:
             delay_s,
             logarithmic(slow_parameters.creep) if slow_parameters.creep else NO_CREEP,
         )
-
-
-def _range_of(values: FloatArray) -> AffineRange:
-    return AffineRange.checked(float(values.min()), float(values.max()))

@@ -7,9 +7,8 @@ import numpy as np
 from piezod.control.law.creep import NO_CREEP, TIME_CONSTANTS_S, CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.fit.delay import DelayEstimate
-from piezod.experiment.fit.problem import LinearProblem
-from piezod.experiment.fit.record import Record, Rows
-from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.problem import LinearProblem, Problem
+from piezod.experiment.fit.record import Rows
 from piezod.experiment.fit.surface import (
     ACTIVATION,
     CREEP,
@@ -32,24 +31,8 @@ SMALLER, LEAST_GAIN = 0.95, 5e-5
 and by this share of the range."""
 
 
-class SurfaceProblem:
-    """A record with its ranges, and the parts of the fit of a surface.
-
-    Args:
-        record: Drive and displacement, prepared for the method.
-        settings: Settings of the fit.
-    """
-
-    def __init__(self, record: Record, settings: FitSettings) -> None:
-        counted = record.counted()
-        self._record, self._settings = record, settings
-        self._drive_v = _range_of(record.drive_v[counted])
-        self._position_um = _range_of(record.position_um[counted])
-
-    @property
-    def record(self) -> Record:
-        """The record, prepared for the method."""
-        return self._record
+class SurfaceProblem(Problem):
+    """A record with its ranges, and the parts of the fit of a surface."""
 
     def solve(self, delay_s: float, *, search_delay: bool, search_rate: bool) -> LinearisedSurface:
         """Return the best surface, with its creep if `creep` is set.
@@ -59,10 +42,10 @@ class SurfaceProblem:
             search_delay: Whether the delay is searched.
             search_rate: Whether a lag with the rate is searched, which one frequency cannot show.
         """
-        record = self._record
+        record = self.record
         positions = self._position_um.to_unit(record.position_um)
         normalised = SurfaceRecord(
-            drives_at=lambda at_s: self._drive_v.to_unit(record.drive_delayed_by(at_s)),
+            drives_at=lambda at_s: self.drive_v.to_unit(record.drive_delayed_by(at_s)),
             positions=positions,
             period_s=record.period_s,
             before=float(positions[0] if record.from_rest else np.mean(positions)),
@@ -94,9 +77,9 @@ class SurfaceProblem:
         return StageModel(
             SurfaceForm(float(parameters[ACTIVATION]), float(parameters[PROMPT]) / top),
             coefficients / top,
-            self._drive_v,
+            self.drive_v,
             AffineRange.checked(low_um, low_um + top * width_um),
-            float(parameters[DELAY]) * self._record.period_s,
+            float(parameters[DELAY]) * self.record.period_s,
             CreepLaw(TIME_CONSTANTS_S, weights.copy()) if weights.any() else NO_CREEP,
         )
 
@@ -112,7 +95,7 @@ class SurfaceProblem:
 
     def delay(self, linearised: LinearisedSurface) -> DelayEstimate:
         """Return the delay with its uncertainty, and the errors of delays around it."""
-        period_s, counted = self._record.period_s, linearised.counted
+        period_s, counted = self.record.period_s, linearised.counted
         best = float(linearised.parameters[DELAY])
         periods = best + np.linspace(-_PERIODS, _PERIODS, _STEPS + 1)
         # Each other delay with the other parameters that fit best to it: a projection.
@@ -131,7 +114,3 @@ class SurfaceProblem:
             uncertainty_s=rms / float(np.sqrt(np.mean(shift**2))) * period_s,
             of_position=True,
         )
-
-
-def _range_of(values: FloatArray) -> AffineRange:
-    return AffineRange.checked(float(values.min()), float(values.max()))

@@ -13,6 +13,7 @@ from piezod.errors import DataError
 from piezod.experiment.live.late import judged_errors_pct, late_indices
 from piezod.experiment.live.setup import LiveAxis
 from piezod.experiment.steps import step_metrics
+from piezod.hysteresis.forms import right_first
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
 from piezod.records.telemetry_reader import RecordedTelemetry
@@ -84,7 +85,7 @@ def cut_waveform(
         command_um=command_um,
         uncompensated_v=columns["uncompensated_v"][part],
         true_um=true_um,
-        weights=weights if surface else _right_first(weights),
+        weights=weights if surface else right_first(weights),
         weights_t_s=weights_t_s,
         surface=surface,
         first_metric_index=int(np.searchsorted(cut_s, case.period_s)),
@@ -121,8 +122,3 @@ def _weights(
     weights, t_s = telemetry.weights[name]["weights"], telemetry.weights[name]["weights_t_s"]
     within = (t_s >= begin_s) & (t_s < end_s)
     return weights[within], t_s[within] - begin_s
-
-
-def _right_first(weights: FloatArray) -> FloatArray:
-    left, right = np.split(weights, 2, axis=1)
-    return np.concatenate((right, left), axis=1)

@@ -11,12 +11,11 @@ from piezod.client.results import Document
 from piezod.client.waveforms import tupled
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
-from piezod.control.law.model import StageModel, unidentified_form
+from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import from_model_file
 from piezod.control.reference.motion import Motion, MotionLimits, waveform_motion
 from piezod.control.reference.waveforms import Waveform
 from piezod.control.stage.axis import SHORTEST_MOTION_CYCLES, SHORTEST_MOTION_PERIODS
-from piezod.hysteresis import ModelForm
 
 AT_REST_V = 1e-3
 """Largest difference of a safe voltage and the rest voltage that counts as equal, in V."""
@@ -44,11 +43,6 @@ class LiveAxis:
     def safe_at_rest(self) -> bool:
         """Whether its safe voltage is the rest voltage."""
         return abs(self.config.safe_v - self.config.limits.rest_v) <= AT_REST_V
-
-    @property
-    def form(self) -> ModelForm:
-        """Form of the model in use."""
-        return self.model.form if self.model else unidentified_form(self.config)
 
     def motion(self, waveform: Waveform, duration_s: float, start_um: float) -> Motion:
         """Return the movement along a waveform, with the motion to its start.
