@@ -5,14 +5,15 @@ accepted, so that a loop that takes the place of another one starts soon.
 
 The supervisor starts it. It accepts the configuration and writes the copy (`loop.accept`). Then
 the supervisor makes the shared memory and lets it go on. It owns the devices and nothing else: no
-HTTP, no log, no disk. It ends on a request, or when the supervisor is lost, in both cases at the
-safe voltage: exit code 0. After any other exit code the last voltage is still in force, and
-`piezod safe` has to be run.
+HTTP, no log, and no file but the record of a play. It ends on a request, or when the supervisor is
+lost, in both cases at the safe voltage: exit code 0. After any other exit code the last voltage is
+still in force, and `piezod safe` has to be run.
 """
 
 import signal
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from os import getpid
 from pathlib import Path
 from typing import Final
@@ -23,7 +24,7 @@ from piezod.control.assembly import assemble
 from piezod.control.controller import StageController
 from piezod.control.faults.detection import Detection
 from piezod.control.warm_up import warm_up
-from piezod.daemon.clock import MonotonicClock
+from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop.accept import accept
@@ -37,6 +38,7 @@ from piezod.daemon.loop.placement import (
     rate_refusal,
     start_threads,
 )
+from piezod.daemon.loop.play_thread import play_threads
 from piezod.daemon.loop.rate import (
     kept_period_ns,
     measure_busy_ns,
@@ -47,7 +49,7 @@ from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
-from piezod.daemon.paths import IDENTITIES
+from piezod.daemon.paths import IDENTITIES, PLAYED
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.telemetry import requests_codec
@@ -96,12 +98,13 @@ def main(
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
+    plays = play_threads(config, channels, placements, clock, runtime / PLAYED)
     channels.use({one.name: one.device for one in placements})  # the wrappers, from here on
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
-    timed = TimedChannels(channels, clock, last_output)
-    capabilities = channels.capabilities()
-    controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
+    timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
+    forget = partial(_forget, last_output, clock)
+    controller = assemble(config, timed, able, forget, plays)
     controller.stay_in_boot(True)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
@@ -120,6 +123,10 @@ def main(
     _run(loop, realtime, clock)
     # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
     channels.close()
+
+
+def _forget(last_output: LastOutputWriter, clock: Clock) -> None:
+    last_output.forget(clock.now_ns())
 
 
 def _run(loop: Loop, realtime: Realtime, clock: MonotonicClock) -> None:

@@ -64,6 +64,12 @@ async def config(context: ContextOf) -> JsonAnswer:
     return JsonAnswer(context.stage.config())
 
 
+@endpoint(router, "played")
+async def played(context: ContextOf) -> JsonAnswer:
+    """Return the record of the last play."""
+    return JsonAnswer(await context.stage.played())
+
+
 @endpoint(router, "audit")
 async def audit(
     context: ContextOf, limit: Annotated[int, Query(ge=1, le=1000)] = 100

@@ -250,6 +250,14 @@ class StageService(Protocol):
         """Write an entry to the audit; must not block."""
         ...
 
+    async def played(self) -> Document:
+        """Return the record of the last play.
+
+        Raises:
+            UnknownNameError: If nothing was played since the daemon started.
+        """
+        ...
+
     async def audit_log(self, limit: int) -> list[Document]:
         """Return the newest `limit` entries of the audit, newest first."""
         ...

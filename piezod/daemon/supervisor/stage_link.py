@@ -1,6 +1,7 @@
 """The stage as the HTTP service sees it: posts requests to the loop, reads the shared memory."""
 
 import asyncio
+import json
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from math import inf
@@ -22,6 +23,7 @@ from piezod.daemon.service.stage_service import (
     Peer,
     RecordReader,
     UnavailableError,
+    UnknownNameError,
 )
 from piezod.daemon.stores.audit import AuditLog
 from piezod.daemon.stores.audit_queue import AuditQueue
@@ -59,6 +61,7 @@ class StageLink:
         reload: Callable[[Peer], Awaitable[Document]],
         shadow: bool,
     ) -> None:
+        self._played_file = paths.played
         self.loop = loop
         """Connection to the loop; a reload replaces it."""
         self.available = True
@@ -188,6 +191,16 @@ class StageLink:
         self.stage_audit.write(
             peer.uid, peer.user, peer.client, entry.what, entry.accepted, entry.why
         )
+
+    async def played(self) -> Document:
+        """Return the record of the last play."""
+        try:
+            text = await asyncio.to_thread(self._played_file.read_text, encoding="utf-8")
+        except FileNotFoundError:
+            what = "nothing was played since this machine started"
+            raise UnknownNameError(what, "`piezod play` plays a table") from None
+        document: Document = json.loads(text)
+        return document
 
     async def audit_log(self, limit: int) -> list[Document]:
         """Return the newest entries of the audit log, newest first."""

@@ -143,6 +143,9 @@ class FakeStage:
     def audit(self, entry: AuditEntry) -> None:
         self.audited.append(entry)
 
+    async def played(self) -> Document:
+        return {"number": 3, "position_um": [1.0, None]}
+
     async def audit_log(self, limit: int) -> list[Document]:
         return [{"what": entry.what} for entry in self.audited[::-1][:limit]]
 

@@ -87,7 +87,7 @@ def test_only_waveforms_and_models_are_large() -> None:
     """Only bodies with waveforms or models may be large; urgent bodies are small."""
     large = {path for (_, path), row in ROUTES.items() if row.access.most_bytes > SMALL_BODY}
 
-    assert large == {"/v1/wave", "/v1/identify", "/v1/model"}
+    assert large == {"/v1/wave", "/v1/identify", "/v1/model", "/v1/play"}
 
 
 @pytest.mark.fault("C2")
