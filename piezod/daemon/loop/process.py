@@ -12,6 +12,7 @@ safe voltage: exit code 0. After any other exit code the last voltage is still i
 
 import signal
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from os import getpid
 from pathlib import Path
@@ -59,6 +60,8 @@ from piezod.units import NS_PER_S
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
+STACK_BYTES: Final = 1 << 20
+"""Stack of each thread, also of those that drivers start; all of it will be locked in memory."""
 
 
 def main(
@@ -80,6 +83,7 @@ def main(
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    threading.stack_size(STACK_BYTES)
     prepare = _compile if warm else None
     config = accept(source, copy, strict_rt=strict_rt, prepare=prepare)
     if config is None:
