@@ -12,6 +12,7 @@ still in force, and `piezod safe` has to be run.
 
 import signal
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from functools import partial
 from os import getpid
@@ -61,6 +62,8 @@ from piezod.units import NS_PER_S
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
+STACK_BYTES: Final = 1 << 20
+"""Stack of each thread, also of those that drivers start; all of it will be locked in memory."""
 
 
 def main(
@@ -82,6 +85,7 @@ def main(
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    threading.stack_size(STACK_BYTES)
     prepare = _compile if warm else None
     config = accept(source, copy, strict_rt=strict_rt, prepare=prepare)
     if config is None:
