@@ -108,12 +108,13 @@ def test_table_and_record_are_calibrated(tmp_path: Path) -> None:
     eventually(lambda: player.state is PlayState.PLAYING)
     running = played.threads.outcome()
     player.state = PlayState.ENDED
-    (end_v, failed), document = played.outcome(), played.document()
+    outcome, document = played.outcome(), played.document()
 
     assert running is None
     assert player.loaded is not None
     assert player.loaded.period[:, 0].tolist() == pytest.approx([2.0, 4.0, 3.0])
-    assert (end_v, failed) == (pytest.approx(30.0), "")
+    assert outcome.drive_v == pytest.approx(30.0)
+    assert outcome.failed == ""
     assert document["position_um"] == [pytest.approx(3.0), None, pytest.approx(6.0)]
     assert document["drive_v"] == pytest.approx([20.0, 40.0, 30.0])
     assert (document["number"], document["failed"], document["cycles"]) == (1, "", 2)
@@ -126,7 +127,7 @@ def test_abort_ends_a_play(tmp_path: Path) -> None:
     eventually(lambda: player.state is PlayState.PLAYING)
     played.threads.abort()
 
-    assert tuple(played.outcome()) == (pytest.approx(25.0), "")
+    assert played.outcome().drive_v == pytest.approx(25.0)
     assert player.state is PlayState.IDLE
     assert played.document()["failed"] == "it was aborted"
 
