@@ -38,6 +38,15 @@ def stage(served: Served) -> Iterator[StageClient]:
         yield stage
 
 
+def test_name_that_is_not_allowed_is_refused_in_words(served: Served) -> None:
+    """A client whose name has other characters learns which are allowed."""
+    with (
+        StageClient(socket=served.socket, name="µm scan") as stage,
+        pytest.raises(RefusedError, match=r"X-Piezod-Client: allowed: up to 64 letters"),
+    ):
+        stage.status()
+
+
 def test_every_request_arrives_as_it_was_meant(served: Served, stage: StageClient) -> None:
     """Each method sends its request with all fields."""
     model = load_model(ROOT / "config" / "models" / "simulated-stack.yaml")
