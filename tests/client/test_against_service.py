@@ -15,7 +15,7 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
-from piezod.telemetry.layout import record_dtype
+from piezod.telemetry.arrays import record_dtype
 from tests.control.surface_rig import surface_file
 from tests.daemon.service.fakes import Served
 
