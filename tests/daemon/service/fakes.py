@@ -31,7 +31,7 @@ from piezod.daemon.service.stage_service import (
     UnknownNameError,
 )
 from piezod.daemon.service.urgent_notes import UrgentNotes
-from piezod.telemetry.layout import record_dtype
+from piezod.telemetry.arrays import record_dtype
 from tests.daemon.daemons import NO_TLS
 
 NAN = float("nan")
