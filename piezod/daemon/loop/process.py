@@ -107,8 +107,7 @@ def main(
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
-    forget = partial(_forget, last_output, clock)
-    controller = assemble(config, timed, able, forget, plays)
+    controller = assemble(config, timed, able, partial(_forget, last_output, clock), plays)
     controller.stay_in_boot(True)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
