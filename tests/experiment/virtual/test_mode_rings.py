@@ -23,6 +23,8 @@ RATES_HZ = (100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0)
 CLASSES = ("surface", "stops")
 PROMPT = "prompt"
 """A stage beside the variants, on which learning at full pace does ring."""
+NEEDS_ALL = "bouc-wen"
+"""A surface fits this class so badly that the fit of a short record is refused."""
 FAST = {
     ("light-damping", 2000.0, "surface"),
     (PROMPT, 500.0, "surface"),
@@ -77,8 +79,9 @@ def identified(variant: str, kind: str) -> Identified:
     brief = type(config.identification).model_validate(
         {"method": config.identification.method, **RECORD}
     )
+    used = config if variant == NEEDS_ALL else config.model_copy(update={"identification": brief})
     with opened(config, lambda _cycles: None) as stage:
-        axes = identify_axes(stage, config.model_copy(update={"identification": brief}))
+        axes = identify_axes(stage, used)
     return Identified(config, axes["x"].model)
 
 
