@@ -140,6 +140,7 @@ class StageCommands:
         *,
         interval_s: float,
         cycles: int,
+        lead_in_v: Sequence[float] = (),
         axis: str | None = None,
     ) -> Call[Answer]:
         """Let the device play a table of voltages by its own clock; `played` returns the record.
@@ -150,10 +151,16 @@ class StageCommands:
             drive_v: Voltages of one period, in V; at most 16,000.
             interval_s: Time between two of them, in s.
             cycles: Number of periods.
+            lead_in_v: Voltages before the first period, in V; at most 16,000.
             axis: Name of the axis; None for the only axis.
         """
         return command(
-            "play", drive_v=tuple(drive_v), interval_s=interval_s, cycles=cycles, axis=axis
+            "play",
+            drive_v=tuple(drive_v),
+            lead_in_v=tuple(lead_in_v),
+            interval_s=interval_s,
+            cycles=cycles,
+            axis=axis,
         )
 
     @ClientMethod

@@ -35,8 +35,7 @@ from piezod.config.quantities import DriveV, DurationS, Name, PositionUm
 ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
 AxisName: TypeAlias = Name | None
-MAX_TABLE: Final = 16_000
-"""Most voltages of a table to play."""
+TableV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=16_000)]
 
 
 class Arm(ConfigModel):
@@ -195,15 +194,14 @@ class Identify(ConfigModel):
 class Play(ConfigModel):
     """Let the device of an axis play a table of voltages by its own clock, and record the sensor.
 
-    The axis ramps to the first voltage of the table, and to the rest voltage afterwards. Meanwhile
-    it follows no command, and the loop measures nothing. `GET /v1/play` returns the record.
+    The axis ramps to the first voltage, and to the rest voltage afterwards. Meanwhile it follows no
+    command, and the loop measures nothing. `GET /v1/play` returns the record.
     """
 
     kind: Literal["play"] = "play"
     axis: AxisName = None
-    drive_v: tuple[DriveV, ...] = Field(
-        min_length=2, max_length=MAX_TABLE, description="Voltages of one period, V."
-    )
+    drive_v: TableV = Field(min_length=2, description="Voltages of one period, V.")
+    lead_in_v: TableV = Field(default=(), description="Voltages before the first period, V.")
     interval_s: Annotated[float, Quantity(1e-6, 1, "s")] = Field(
         description="Time between two of them, s."
     )

@@ -19,7 +19,7 @@ _WITH_WAVEFORMS: Final[dict[str, tuple[type[Wave] | type[Identify], str]]] = {
     "identify": (Identify, "drive_v"),
 }
 """Requests with waveforms, and the field of the waveforms."""
-_PLAY: Final = "play"
+_PLAY, _TABLES = "play", ("lead_in_v", "drive_v")
 
 
 def encode(request: Request) -> bytes:
@@ -35,7 +35,8 @@ def encode(request: Request) -> bytes:
         return marshal.dumps(fields)
     fields = request.model_dump()
     if isinstance(request, Play):
-        fields["drive_v"] = array("d", request.drive_v).tobytes()
+        for name in _TABLES:
+            fields[name] = array("d", fields[name]).tobytes()
     if isinstance(request, SelectMode):
         fields["mode"] = request.mode.value  # marshal has no enumerations
     return marshal.dumps(fields)
@@ -56,13 +57,18 @@ def decode(payload: bytes) -> Request:
             fields[name] = unpack_waveforms(fields[name])
             return request_class.model_construct(**fields)
         if fields["kind"] == _PLAY:
-            drive_v = array("d")
-            drive_v.frombytes(fields["drive_v"])
-            return Play.model_construct(**(fields | {"drive_v": tuple(drive_v)}))
+            tables = {name: _doubles(fields[name]) for name in _TABLES}
+            return Play.model_construct(**(fields | tables))
         request: Request = _ADAPTER.validate_python(fields)
     except (AttributeError, EOFError, KeyError, TypeError) as error:
         raise ValueError(f"no request: {error}") from error
     return request
+
+
+def _doubles(packed: bytes) -> tuple[float, ...]:
+    values = array("d")
+    values.frombytes(packed)
+    return tuple(values)
 
 
 def warm_up() -> None:

@@ -13,7 +13,10 @@ from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import SILENT_CYCLES, DeviceBoundary, OutputKnowledge
-from piezod.devices.player import Table
+from piezod.control.table_guard import TableGuard
+from piezod.devices.played_axis import AxisTable
+from piezod.devices.player import PlayerCapabilities
+from piezod.errors import DataError
 
 
 class PlayOutcome(NamedTuple):
@@ -35,7 +38,11 @@ class PlayRunner(Protocol):
         """Return why an axis cannot play; empty if it can."""
         ...
 
-    def begin(self, axis: int, table: Table) -> int:
+    def capabilities(self, axis: int) -> PlayerCapabilities:
+        """Return the capabilities of the player of an axis that can play."""
+        ...
+
+    def begin(self, axis: int, table: AxisTable) -> int:
         """Begin a play, of a table in V; return its number. The runner has the devices now."""
         ...
 
@@ -71,15 +78,29 @@ class StagePlay:
         """Whether the devices are lent, or their voltage is not yet known again."""
         return self._boundary.lent or self._outcome is not None
 
-    def refusal(self, axis: int) -> str:
-        """Return why an axis cannot play now; empty if it can."""
+    def refusal(self, axis: int, of: StageAxis, table: AxisTable) -> str:
+        """Return why a table cannot be played now; empty if it can.
+
+        Args:
+            axis: Index of the axis.
+            of: The axis; it will ramp to the first voltage before.
+            table: The table.
+        """
         if self._boundary.shadow:
             return "in shadow nothing is driven: arm the stage without it"
         if self._runner is None:
             return "this stage has no device that plays tables"
-        return self._runner.refusal(axis)
+        if why := self._runner.refusal(axis):
+            return why
+        able = self._runner.capabilities(axis)
+        guard = TableGuard(of.law.limits, of.config.limits.rest_v, able.at_end, able.cycles)
+        try:
+            guard.check(table, table.first_v)
+        except DataError as error:
+            return f"axis {of.name}: {error}"
+        return ""
 
-    def begin(self, axis: int, table: Table) -> None:
+    def begin(self, axis: int, table: AxisTable) -> None:
         """Lend the devices and begin a play, of a table in V, which `refusal` has not refused."""
         if self._runner is None:
             return

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from piezod.control.reference.programs import VoltageProgram
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.playing import StagePlay
-from piezod.devices.player import Table
+from piezod.devices.played_axis import AxisTable
 
-DriveStep = Mapping[int, VoltageProgram | Table | float]
+DriveStep = Mapping[int, VoltageProgram | AxisTable | float]
 """One step: for each axis, by index, a voltage over time, a table in V that the device plays, or a
 voltage to ramp to. A step with a table has no other entry."""
 
@@ -64,7 +64,7 @@ class DriveSequence:
                     axis.hold()
                 case VoltageProgram() as program:
                     axis.drive(program, t_ns)
-                case Table() as table:
+                case AxisTable() as table:
                     axis.hold()
                     self._play.begin(i, table)
                 case voltage:

@@ -17,11 +17,11 @@ from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.placement import Placement
 from piezod.daemon.loop.worker import DeviceWorker
-from piezod.devices.axis_player import AxisPlayer
 from piezod.devices.channels import Channels
-from piezod.devices.player import AtEnd, PlayedRecord, Player, PlayState, Table
-from piezod.devices.wiring import pairs_of, wiring_of
-from piezod.errors import PiezodError
+from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
+from piezod.devices.player import AtEnd, PlayerCapabilities, PlayState
+from piezod.devices.wiring import pairs_of
+from piezod.errors import DeviceError, PiezodError
 from piezod.records.atomic import replacing
 from piezod.units import NS_PER_S
 
@@ -44,7 +44,7 @@ class PlayThreads:
 
     def __init__(
         self,
-        players: Mapping[int, AxisPlayer],
+        players: Mapping[int, PlayedAxis],
         refusals: Mapping[int, str],
         idle: Callable[[], bool],
         clock: Clock,
@@ -59,7 +59,11 @@ class PlayThreads:
         """Return why an axis cannot play; empty if it can. Real-time safe."""
         return self._refusals.get(axis, "")
 
-    def begin(self, axis: int, table: Table) -> int:
+    def capabilities(self, axis: int) -> PlayerCapabilities:
+        """Return the capabilities of the player of an axis that can play. Real-time safe."""
+        return self._players[axis].capabilities
+
+    def begin(self, axis: int, table: AxisTable) -> int:
         """Begin a play, of a table in V; return its number. Starts a thread."""
         self._number += 1
         player = self._players[axis]
@@ -86,8 +90,8 @@ class _PlayThread(threading.Thread):
 
     def __init__(
         self,
-        player: AxisPlayer,
-        table: Table,
+        player: PlayedAxis,
+        table: AxisTable,
         number: int,
         idle: Callable[[], bool],
         clock: Clock,
@@ -116,9 +120,10 @@ class _PlayThread(threading.Thread):
             seen = seen + 1 if self._idle() else 0
 
     def _play(self) -> PlayOutcome:
-        taken = self._player.load(self._table)
+        taken = self._player.load(self._table, self._now_ns())
         if not self.aborted.is_set():
-            self._player.start(self._now_ns())
+            self._player.player.arm()
+            self._player.player.start(self._now_ns())
             self._wait(taken)
         if self.aborted.is_set():
             self._store(taken, None, "it was aborted")
@@ -126,7 +131,7 @@ class _PlayThread(threading.Thread):
         self._store(taken, self._player.recording(), "")
         return PlayOutcome(self._end_v(taken))
 
-    def _wait(self, taken: Table) -> None:
+    def _wait(self, taken: AxisTable) -> None:
         """Wait until the play has ended, or is to be aborted.
 
         Raises:
@@ -134,7 +139,7 @@ class _PlayThread(threading.Thread):
         """
         end_ns = self._now_ns() + taken.duration_ns + GRACE_NS
         while not self.aborted.wait(POLL_S):
-            progress = self._player.progress(self._now_ns())
+            progress = self._player.player.progress(self._now_ns())
             if progress.state is PlayState.ENDED:
                 return
             if progress.state is not PlayState.PLAYING:
@@ -142,16 +147,17 @@ class _PlayThread(threading.Thread):
             if self._now_ns() > end_ns:
                 raise PlayError("the device plays on after the end of the table")
 
-    def _end_v(self, taken: Table) -> float:
+    def _end_v(self, taken: AxisTable) -> float:
         """Return the voltage after the end, in V; NaN if no source says what the device does."""
         holds = self._player.capabilities.at_end is AtEnd.HOLDS
-        return float(taken.period[-1, 0]) if holds else nan
+        return float(taken.period_v[-1]) if holds else nan
 
-    def _store(self, taken: Table, record: PlayedRecord | None, failed: str) -> None:
+    def _store(self, taken: AxisTable, record: AxisRecord | None, failed: str) -> None:
         document = {
             "number": self._number,
             "failed": failed,
-            "drive_v": taken.period[:, 0].tolist(),
+            "lead_in_v": taken.lead_in_v.tolist(),
+            "drive_v": taken.period_v.tolist(),
             "interval_s": taken.interval_ns / NS_PER_S,
             "cycles": taken.cycles,
             "position_um": [] if record is None else _with_null(record),
@@ -178,17 +184,14 @@ def play_threads(
         clock: The clock of the loop.
         file: Where the record of the last play goes.
     """
-    pairs, players, refusals = pairs_of(config.axes), dict[int, AxisPlayer](), dict[int, str]()
-    for i, (axis, pair) in enumerate(pairs.items()):
-        device, wiring = channels.devices[pair.amplifier], wiring_of(pair.amplifier, pairs)
-        if len(channels.devices) > 1 or pair.sensor is None:
-            refusals[i] = "a play needs a stage with one device, which drives and measures its axis"
-        elif not isinstance(device, Player):
-            refusals[i] = "its device plays no tables: docs/players.md has those that do"
-        elif len(wiring.outputs) > 1:
-            refusals[i] = "a play needs a device that drives this one axis and no other"
-        else:
-            players[i] = AxisPlayer(device, axis, pair, wiring, channels.output(axis))
+    pairs, players, refusals = pairs_of(config.axes), dict[int, PlayedAxis](), dict[int, str]()
+    for i, axis in enumerate(pairs):
+        try:
+            players[i] = PlayedAxis(axis, channels.devices, pairs)
+        except DeviceError as error:
+            refusals[i] = str(error)
+        if len(channels.devices) > 1:
+            refusals[i] = "a play needs a stage with one device, and this one has several"
 
     def idle() -> bool:
         workers = (each.device for each in placements if isinstance(each.device, DeviceWorker))
@@ -201,5 +204,5 @@ class PlayError(PiezodError):
     """Raised when a device does not play as it was told."""
 
 
-def _with_null(record: PlayedRecord) -> list[float | None]:
-    return [each if isfinite(each) else None for each in record.positions[:, 0].tolist()]
+def _with_null(record: AxisRecord) -> list[float | None]:
+    return [each if isfinite(each) else None for each in record.position_um.tolist()]

@@ -8,7 +8,8 @@ import pytest
 from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.control.stage.playing import PlayOutcome
-from piezod.devices.player import Table
+from piezod.devices.played_axis import AxisTable
+from piezod.devices.player import AtEnd, PlayerCapabilities
 from tests.control.rig_stage import RigStage
 
 PERIOD_V = (20.0, 40.0, 60.0, 40.0)
@@ -19,7 +20,7 @@ class PlayedByHand:
     """A runner whose play ends when the test says so."""
 
     def __init__(self) -> None:
-        self.why, self.tables, self.aborts = "", list[Table](), 0
+        self.why, self.tables, self.aborts = "", list[AxisTable](), 0
         self._outcome: PlayOutcome | None = None
 
     def refusal(self, axis: int) -> str:
@@ -27,7 +28,13 @@ class PlayedByHand:
         assert axis == 0
         return self.why
 
-    def begin(self, axis: int, table: Table) -> int:
+    def capabilities(self, axis: int) -> PlayerCapabilities:
+        """Return those of a player that holds its last value."""
+        assert axis == 0
+        numbers = (1000, 1000, 10**9, 100)
+        return PlayerCapabilities(*numbers, False, (0.0,), 0, False, 100, True, 0, AtEnd.HOLDS)
+
+    def begin(self, axis: int, table: AxisTable) -> int:
         """Begin a play that does not end by itself."""
         assert axis == 0
         self.tables.append(table)
@@ -84,7 +91,7 @@ def test_table_is_played_between_ramps() -> None:
     first_v, last_v = stage.channels.writes[0][1][0], stage.x.drive_v
 
     assert before_v == pytest.approx(PERIOD_V[0])
-    assert stage.runner.tables[0].period[:, 0].tolist() == list(PERIOD_V)
+    assert stage.runner.tables[0].period_v.tolist() == list(PERIOD_V)
     assert written == []
     assert {record.state for record in lent} == {"IDENT"}
     assert first_v == pytest.approx(40.0, abs=0.8)
@@ -136,8 +143,8 @@ def test_unknown_voltage_is_not_driven() -> None:
     ("request_", "why"),
     [
         (PLAY.model_copy(update={"drive_v": (0.0, 151.0)}), "allowed range 0 to 150 V"),
-        (PLAY.model_copy(update={"drive_v": (0.0, nan)}), "finite"),
-        (PLAY.model_copy(update={"interval_s": 1e-6}), "the slew rate of the axis"),
+        (PLAY.model_copy(update={"drive_v": (0.0, nan)}), "is nan V"),
+        (PLAY.model_copy(update={"interval_s": 1e-6}), "allowed: at most 20000 V/s"),
         (PLAY.model_copy(update={"axis": "z"}), "no axis 'z'"),
     ],
 )

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,9 +11,8 @@ from piezod.config.channels import LineCalibration
 from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.loop import play_thread
 from piezod.daemon.loop.play_thread import PlayThreads
-from piezod.devices.axis_player import AxisPlayer
-from piezod.devices.interface import Wiring
-from piezod.devices.outputs import CalibratedOutput
+from piezod.devices.interface import Capabilities, Device
+from piezod.devices.played_axis import AxisTable, PlayedAxis
 from piezod.devices.player import (
     AtEnd,
     FloatArray,
@@ -29,7 +28,7 @@ from piezod.testing.fake_clock import FakeClock
 from tests.daemon.waiting import eventually
 
 TEN_VOLTS_PER_VOLT = LineCalibration(kind="line", gain=10.0)
-TABLE = Table(1_000_000, np.empty((0, 1)), np.array([[20.0], [40.0], [30.0]]), 2)
+TABLE = AxisTable(1_000_000, np.empty(0), np.array([20.0, 40.0, 30.0]), 2)
 
 
 class FakePlayer:
@@ -39,6 +38,12 @@ class FakePlayer:
         self.state, self.reason, self.at_end = PlayState.LOADED, "", at_end
         self.loaded: Table | None = None
         self.refuses = ""
+
+    def capabilities(self) -> Capabilities:
+        return Capabilities(("x",), ("x",), read_back=True, max_rate_hz=1000.0)
+
+    def read_back(self, now_ns: int) -> list[float]:  # noqa: ARG002 - as the protocol has it
+        return [0.0]
 
     def player_capabilities(self) -> PlayerCapabilities:
         return PlayerCapabilities(
@@ -82,9 +87,7 @@ class Played:
             to_um=LineCalibration(kind="line", gain=3.0),
             to_v=TEN_VOLTS_PER_VOLT,
         )
-        axis = AxisPlayer(
-            player, "x", pair, Wiring(("x",), ("x",)), CalibratedOutput(TEN_VOLTS_PER_VOLT)
-        )
+        axis = PlayedAxis("x", {"dev": cast("Device", player)}, {"x": pair})
         self.file, self.clock = folder / "play.json", FakeClock()
         self.threads = PlayThreads({0: axis}, {1: "no player"}, lambda: True, self.clock, self.file)
         self.threads.begin(0, TABLE)
