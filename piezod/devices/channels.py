@@ -161,6 +161,10 @@ class Channels:
         self._zero_um = list(zero_um)
         self._true_zero_um = list(true_zero_um)
 
+    def zero_um(self, axis: int) -> float:
+        """Return the displacement that counts as zero on an axis, in µm."""
+        return self._zero_um[axis]
+
     def read(self, now_ns: int) -> list[Sample]:
         """Return one sample of each axis, relative to its zero. Real-time safe."""
         samples = [Sample(now_ns, 0.0, False)] * len(self._axes)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, nan
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from piezod.config.daemon import DaemonConfig
 from piezod.control.stage.playing import PlayOutcome
@@ -38,6 +38,7 @@ class PlayThreads:
         players: The player of each axis that has one, by index.
         refusals: Why each other axis has none, by index.
         idle: Returns whether no other thread uses the devices.
+        zero_um: Returns the displacement that counts as zero on an axis, in µm.
         clock: The clock of the loop.
         file: Where the record of the last play goes.
     """
@@ -47,10 +48,12 @@ class PlayThreads:
         players: Mapping[int, PlayedAxis],
         refusals: Mapping[int, str],
         idle: Callable[[], bool],
+        zero_um: Callable[[int], float],
         clock: Clock,
         file: Path,
     ) -> None:
-        self._players, self._refusals, self._idle = players, refusals, idle
+        self._players, self._refusals = players, refusals
+        self._idle, self._zero_um = idle, zero_um
         self._clock, self._file = clock, file
         self._number = 0
         self._thread: _PlayThread | None = None
@@ -66,10 +69,9 @@ class PlayThreads:
     def begin(self, axis: int, table: AxisTable) -> int:
         """Begin a play, of a table in V; return its number. Starts a thread."""
         self._number += 1
-        player = self._players[axis]
-        job = _PlayThread(player, table, self._number, self._idle, self._clock, self._file)
-        self._thread = job
-        job.start()
+        job = _PlayJob(self._players[axis], table, self._number, self._zero_um(axis))
+        self._thread = _PlayThread(job, self._idle, self._clock, self._file)
+        self._thread.start()
         return self._number
 
     def abort(self) -> None:
@@ -85,20 +87,21 @@ class PlayThreads:
         return outcome
 
 
+class _PlayJob(NamedTuple):
+    """One play: the axis, its table, its number, and the zero of its sensor in µm."""
+
+    axis: PlayedAxis
+    table: AxisTable
+    number: int
+    zero_um: float
+
+
 class _PlayThread(threading.Thread):
     """Plays one table; `outcome` is valid when it has ended."""
 
-    def __init__(
-        self,
-        player: PlayedAxis,
-        table: AxisTable,
-        number: int,
-        idle: Callable[[], bool],
-        clock: Clock,
-        file: Path,
-    ) -> None:
+    def __init__(self, job: _PlayJob, idle: Callable[[], bool], clock: Clock, file: Path) -> None:
         super().__init__(name="play", daemon=True)
-        self._player, self._table, self._number = player, table, number
+        self._job, self._axis = job, job.axis
         self._idle, self._now_ns, self._file = idle, clock.now_ns, file
         self.aborted = threading.Event()
         self.outcome = PlayOutcome(nan, "the play did not end in order")
@@ -109,8 +112,8 @@ class _PlayThread(threading.Thread):
             self.outcome = self._play()
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             why = str(error) if isinstance(error, PiezodError) else repr(error)
-            self.outcome = PlayOutcome(self._player.abort(self._now_ns()), why)
-            self._store(self._table, None, why)
+            self.outcome = PlayOutcome(self._axis.abort(self._now_ns()), why)
+            self._store(self._job.table, None, why)
 
     def _wait_until_idle(self) -> None:
         """Wait for the last round of a worker, which may still be under way."""
@@ -120,15 +123,15 @@ class _PlayThread(threading.Thread):
             seen = seen + 1 if self._idle() else 0
 
     def _play(self) -> PlayOutcome:
-        taken = self._player.load(self._table, self._now_ns())
+        taken = self._axis.load(self._job.table, self._now_ns())
         if not self.aborted.is_set():
-            self._player.player.arm()
-            self._player.player.start(self._now_ns())
+            self._axis.player.arm()
+            self._axis.player.start(self._now_ns())
             self._wait(taken)
         if self.aborted.is_set():
             self._store(taken, None, "it was aborted")
-            return PlayOutcome(self._player.abort(self._now_ns()))
-        self._store(taken, self._player.recording(), "")
+            return PlayOutcome(self._axis.abort(self._now_ns()))
+        self._store(taken, self._axis.recording(), "")
         return PlayOutcome(self._end_v(taken))
 
     def _wait(self, taken: AxisTable) -> None:
@@ -139,7 +142,7 @@ class _PlayThread(threading.Thread):
         """
         end_ns = self._now_ns() + taken.duration_ns + GRACE_NS
         while not self.aborted.wait(POLL_S):
-            progress = self._player.player.progress(self._now_ns())
+            progress = self._axis.player.progress(self._now_ns())
             if progress.state is PlayState.ENDED:
                 return
             if progress.state is not PlayState.PLAYING:
@@ -149,20 +152,21 @@ class _PlayThread(threading.Thread):
 
     def _end_v(self, taken: AxisTable) -> float:
         """Return the voltage after the end, in V; NaN if no source says what the device does."""
-        holds = self._player.capabilities.at_end is AtEnd.HOLDS
+        holds = self._axis.capabilities.at_end is AtEnd.HOLDS
         return float(taken.period_v[-1]) if holds else nan
 
     def _store(self, taken: AxisTable, record: AxisRecord | None, failed: str) -> None:
+        position_um = [] if record is None else (record.position_um - self._job.zero_um).tolist()
         document = {
-            "number": self._number,
+            "number": self._job.number,
             "failed": failed,
             "lead_in_v": taken.lead_in_v.tolist(),
             "drive_v": taken.period_v.tolist(),
             "interval_s": taken.interval_ns / NS_PER_S,
             "cycles": taken.cycles,
-            "position_um": [] if record is None else _with_null(record),
+            "position_um": [each if isfinite(each) else None for each in position_um],
             "first_point": 0 if record is None else record.first_point,
-            "lag_s": self._player.capabilities.lag_ns / NS_PER_S,
+            "lag_s": self._axis.capabilities.lag_ns / NS_PER_S,
         }
         with replacing(self._file) as temporary:
             temporary.write_text(json.dumps(document), encoding="utf-8")
@@ -197,12 +201,8 @@ def play_threads(
         workers = (each.device for each in placements if isinstance(each.device, DeviceWorker))
         return all(worker.idle for worker in workers)
 
-    return PlayThreads(players, refusals, idle, clock, file)
+    return PlayThreads(players, refusals, idle, channels.zero_um, clock, file)
 
 
 class PlayError(PiezodError):
     """Raised when a device does not play as it was told."""
-
-
-def _with_null(record: AxisRecord) -> list[float | None]:
-    return [each if isfinite(each) else None for each in record.position_um.tolist()]

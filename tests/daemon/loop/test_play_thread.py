@@ -88,8 +88,11 @@ class Played:
             to_v=TEN_VOLTS_PER_VOLT,
         )
         axis = PlayedAxis("x", {"dev": cast("Device", player)}, {"x": pair})
+        # The zero of the sensor is at 1 µm.
         self.file, self.clock = folder / "play.json", FakeClock()
-        self.threads = PlayThreads({0: axis}, {1: "no player"}, lambda: True, self.clock, self.file)
+        self.threads = PlayThreads(
+            {0: axis}, {1: "no player"}, lambda: True, lambda _axis: 1.0, self.clock, self.file
+        )
         self.threads.begin(0, TABLE)
 
     def outcome(self) -> PlayOutcome:
@@ -118,7 +121,7 @@ def test_table_and_record_are_calibrated(tmp_path: Path) -> None:
     assert player.loaded.period[:, 0].tolist() == pytest.approx([2.0, 4.0, 3.0])
     assert outcome.drive_v == pytest.approx(30.0)
     assert outcome.failed == ""
-    assert document["position_um"] == [pytest.approx(3.0), None, pytest.approx(6.0)]
+    assert document["position_um"] == [pytest.approx(2.0), None, pytest.approx(5.0)]
     assert document["drive_v"] == pytest.approx([20.0, 40.0, 30.0])
     assert (document["number"], document["failed"], document["cycles"]) == (1, "", 2)
 
