@@ -91,7 +91,7 @@ def write_recording(path: Path, stage: RigStage, weights: Sequence[float] = ()) 
     records = encoded(stage.records, stage.period_ns)
     with TelemetryWriter(path, header, records.dtype) as writer:
         if len(weights):
-            writer.append_weights("x", header.start_ns, weights)
+            writer.append_weights("x", header.start_ns, weights, surface="x" in header.surfaces)
         writer.append(records)
 
 

@@ -110,7 +110,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     check_usage(data, live=live, only_live=(drive, adopt, stage, socket))
     check_out(out)
     settings = fit_settings(method, order, thresholds, creep)
-    job = _FitJob(test, skip_s, given_delay_s(delay_s), settings, None if live else axis)
+    job = _FitJob(test, skip_s, given_delay_s(delay_s, settings), settings, None if live else axis)
     if data is not None:
         fitted = job.fit(data, 0.0)
         figure = _write(fitted, out, datetime.now(UTC))

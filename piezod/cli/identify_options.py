@@ -1,5 +1,6 @@
 """Arguments and options of `piezod identify`, and their checks."""
 
+import math
 from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from piezod.experiment.fit.automatic import Wanted
     from piezod.experiment.fit.settings import FitSettings
 
-LONGEST_DELAY_S: Final = 1.0
-"""Longest delay that a model file can hold, in s."""
 DEFAULT_ORDER: Final = 19
 
 
@@ -60,7 +59,8 @@ DelayOption: TypeAlias = Annotated[
     str,
     typer.Option(
         metavar="auto|S",
-        help="Delay of the displacement behind the drive, in s; auto: estimated.",
+        help="Delay of the displacement behind the drive, in s; auto: estimated. 0 to 1; with "
+        "--method surface also negative, from -0.1, if samples were reported early.",
     ),
 ]
 MethodOption: TypeAlias = Annotated[
@@ -170,23 +170,35 @@ def check_out(out: Path | None) -> None:
         check_writable(out.parent)
 
 
-def given_delay_s(text: str) -> float | None:
+def given_delay_s(text: str, settings: "FitSettings | Wanted") -> float | None:
     """Return the delay in s; None if it is to be estimated.
 
     Args:
         text: Value of `--delay-s`.
+        settings: Settings of the fit: the delay of a surface may be negative.
 
     Raises:
-        typer.BadParameter: If it is neither "auto" nor a time from 0 to 1 s.
+        typer.BadParameter: If it is neither "auto" nor a time that the model can have.
     """
     if text == "auto":
         return None
+    from piezod.config.axes import STOPS_DELAY_S
+    from piezod.config.model_file import FILE_DELAY_S
+    from piezod.experiment.fit.settings import FitSettings
+
+    surface = isinstance(settings, FitSettings) and settings.method is Method.SURFACE
+    allowed = FILE_DELAY_S if surface else STOPS_DELAY_S
     try:
         delay_s = float(text)
     except ValueError:
-        delay_s = -1.0
-    if not 0.0 <= delay_s <= LONGEST_DELAY_S:
-        message = f"must be auto, or a time from 0 to {LONGEST_DELAY_S:g} s (got {text})"
+        delay_s = math.nan
+    if not allowed.low <= delay_s <= allowed.high:
+        message = f"must be auto, or a time from {allowed.low:g} to {allowed.high:g} s (got {text})"
+        if delay_s < 0.0 and not surface:
+            message += (
+                "; stop operators have no negative delay, and --method auto tries them: give "
+                f"--method surface, which takes {FILE_DELAY_S.low:g} s or more"
+            )
         raise typer.BadParameter(message, param_hint="'--delay-s'")
     return delay_s
 

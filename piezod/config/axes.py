@@ -16,7 +16,7 @@ from pydantic import (
 from piezod.config.channels import Input, InputConfig, Output, OutputConfig
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, context_of, raise_rules
 from piezod.config.files import ExistingFile
-from piezod.config.model_file import ModelFile, load_model
+from piezod.config.model_file import FILE_DELAY_S, ModelFile, load_model
 from piezod.config.quantities import DriveV, PositionUm
 from piezod.config.response_file import Damping, FrequencyHz, LoadedResponse
 from piezod.config.trim import TrimConfig
@@ -29,7 +29,7 @@ def _auto_or_number(value: object) -> str:
 
 # "auto": from the recorded data. The tags make pydantic report one error and not one per member.
 DelayS: TypeAlias = Annotated[
-    Annotated[Literal["auto"], Tag("auto")] | Annotated[float, Quantity(0, 1, "s"), Tag("number")],
+    Annotated[Literal["auto"], Tag("auto")] | Annotated[float, FILE_DELAY_S, Tag("number")],
     Discriminator(_auto_or_number),
 ]
 
@@ -74,6 +74,10 @@ class FirstModeConfig(ConfigModel):
     damping: Damping = Field(description="Damping ratio.")
 
 
+STOPS_DELAY_S: Final = Quantity(0, FILE_DELAY_S.high, "s")
+"""Delays with which stop operators are fitted; a surface also takes negative ones."""
+
+
 class CompensatorConfig(ConfigModel):
     """The inverse model of an axis, and its identification."""
 
@@ -105,6 +109,11 @@ class CompensatorConfig(ConfigModel):
     sensor_delay_s: Annotated[float, Quantity(0, 0.1, "s")] = Field(
         default=0.0, description="Part of that delay that is due to the sensor and its filter, s."
     )
+
+    @property
+    def has_negative_delay(self) -> bool:
+        """Whether a negative delay is given, which only a surface can have."""
+        return self.delay_s != "auto" and self.delay_s < STOPS_DELAY_S.low
 
     @model_validator(mode="before")
     @classmethod

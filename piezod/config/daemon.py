@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from piezod.config.axes import AxisConfig
+from piezod.config.axes import STOPS_DELAY_S, AxisConfig
 from piezod.config.channel_rules import broken_devices
 from piezod.config.devices import DeviceConfig
 from piezod.config.fields import (
@@ -96,6 +96,9 @@ class StageAxisConfig(AxisConfig):
         # With a model file the range of commands follows from the model.
         if self.model is None and self.command_range_um is None:
             broken.append((("command_range_um",), "needed if there is no model file"))
+        if self.compensator.has_negative_delay:
+            what = f"out of range (got {self.compensator.delay_s} s), {STOPS_DELAY_S}"
+            broken.append((("compensator", "delay_s"), what))
         raise_rules(broken)
         return self
 

@@ -27,7 +27,8 @@ TimeConstants: TypeAlias = Annotated[
 CreepWeights: TypeAlias = Annotated[
     tuple[Annotated[float, Quantity(0, 0.1)], ...], Field(max_length=50)
 ]
-
+FILE_DELAY_S = Quantity(-0.1, 1, "s")
+"""Delays of a model file: negative ones if the samples were reported early."""
 _FORM_KEYS = {
     *(f"{side}_stop_{what}" for side in ("right", "left") for what in ("thresholds", "weights")),
     *(f"surface_{what}" for what in ("coefficients", "activation", "prompt_slope")),
@@ -76,7 +77,7 @@ class ModelFile(ConfigModel):
     drive_high_v: DriveV = Field(description="Drive voltage at 1 of the model, V.")
     position_low_um: PositionUm = Field(description="Position at 0 of the model, µm.")
     position_high_um: PositionUm = Field(description="Position at 1 of the model, µm.")
-    delay_s: Annotated[float, Quantity(-0.1, 1, "s")] = Field(
+    delay_s: Annotated[float, FILE_DELAY_S] = Field(
         description="Delay from drive to sensor in the data, s; negative if samples are told early."
     )
     creep_time_constants_s: TimeConstants = Field(

@@ -4,19 +4,33 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import Final
 
+from piezod.config.axes import STOPS_DELAY_S, CompensatorConfig
 from piezod.config.channel_rules import broken_devices
 from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.commands import CommandPerAxis
 from piezod.config.document import KeyPath
-from piezod.config.experiment_fields import CaseConfig, ExperimentFields, IdentificationConfig
+from piezod.config.experiment_fields import (
+    CaseConfig,
+    ExperimentFields,
+    IdentificationConfig,
+    Method,
+)
 from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.frequencies import too_fast
 from piezod.config.messages import show, suggest
+from piezod.config.model_file import SURFACE_COEFFICIENTS
 
 MIN_JUDGED_SAMPLES: Final = 10
 """Smallest number of samples for the errors of a run."""
 SAMPLES_PER_WEIGHT: Final = 5
 """Smallest number of samples per weight; with fewer, a fit follows the noise."""
+_ONLY_STOPS: Final = {
+    "operators": "operators",
+    "thresholds": "thresholds",
+    "deadband_pct": "dead-band",
+}
+"""Keys of the compensator that a surface does not use, and their names in messages."""
+_OF_SURFACE: Final = ("creep", "identifier", "delay_s", "sensor_delay_s")
 
 
 def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Iterator[BrokenRule]:
@@ -63,9 +77,9 @@ def _identification(experiment: ExperimentFields) -> Iterator[BrokenRule]:
     if not without_model:
         yield ("identification",), "not used, every axis starts from a model file"
     for name in without_model:
-        if experiment.axes[name].compensator.creep and experiment.identification.method == "lms":
-            path = ("axes", name, "compensator", "creep")
-            yield path, "lms cannot identify creep, leave it out or use method least-squares"
+        path = ("axes", name, "compensator")
+        settings = experiment.axes[name].compensator
+        yield from _unfit(path, settings, experiment.identification.method)
         limits = experiment.axes[name].limits
         allowed = limits.drive_min_v, limits.drive_max_v
         drive = experiment.identification.drive_v
@@ -75,12 +89,33 @@ def _identification(experiment: ExperimentFields) -> Iterator[BrokenRule]:
         yield from _too_short(experiment, experiment.identification, without_model)
 
 
+def _unfit(path: KeyPath, settings: CompensatorConfig, method: Method) -> Iterator[BrokenRule]:
+    """Check the compensator of an axis for the method of its identification."""
+    if settings.creep and method == "lms":
+        what = "lms cannot identify creep, leave it out or use method least-squares"
+        yield (*path, "creep"), what
+    if settings.has_negative_delay and method != "surface":
+        what = f"out of range for the operators of {method} (got {settings.delay_s} s)"
+        yield (*path, "delay_s"), f"{what}, {STOPS_DELAY_S}; method surface takes a negative delay"
+    if method != "surface":
+        return
+    for key, own in _ONLY_STOPS.items():
+        if key in settings.model_fields_set:
+            what = f"not used, a surface has no {own}, leave it out or use method least-squares"
+            yield (*path, key), f"{what} (method surface uses {', '.join(_OF_SURFACE)})"
+    if settings.identifier != "rls":
+        what = f"identifier {settings.identifier} learns the weights of stop operators"
+        yield path, f"{what}, use identifier rls without lms_gain, or method least-squares"
+
+
 def _too_short(
     experiment: ExperimentFields, identification: IdentificationConfig, names: list[str]
 ) -> Iterator[BrokenRule]:
     """Check the length of the identification for the axis with the most operators."""
     largest = max(names, key=lambda name: experiment.axes[name].compensator.operators)
     n_weights = 2 * experiment.axes[largest].compensator.operators
+    if identification.method == "surface":
+        n_weights = SURFACE_COEFFICIENTS
     run_in_s = identification.run_in_s
     shortest_s = run_in_s + SAMPLES_PER_WEIGHT * n_weights / experiment.rate_hz
     if identification.duration_s < shortest_s:

@@ -32,12 +32,14 @@ class Learned(NamedTuple):
         offset: Offset of the displacement, in units of the range.
         scale: Relative gain of the hysteresis input over the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.
+        surface: Whether the weights are the coefficients of a surface, and not those of stops.
     """
 
     weights: FloatArray
     offset: float
     scale: float
     zero_um: float
+    surface: bool
 
 
 class StageController:
@@ -135,9 +137,9 @@ class StageController:
 
     def learned(self, axis: int) -> Learned:
         """Return the learned parameters of an axis."""
-        identifier = self._stage.axes[axis].law.identifier
-        zero_um = self._stage.zero.um(axis)
-        return Learned(identifier.weights, identifier.offset, identifier.scale, zero_um)
+        law, zero_um = self._stage.axes[axis].law, self._stage.zero.um(axis)
+        learner, surface = law.identifier, law.compensator.surface
+        return Learned(learner.weights, learner.offset, learner.scale, zero_um, surface)
 
     def take_events(self) -> list[StageEvent]:
         """Return the events since the last call, oldest first."""

@@ -1,7 +1,7 @@
 """The growing datasets of a recording of a running stage."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final, NamedTuple
 
 import h5py
 import numpy as np
@@ -32,19 +32,34 @@ _AXIS: Final = (
 )
 _WEIGHTS: Final = (
     "Weights of the inverse model of axis {axis} in use, whenever they changed: first those of the "
-    "left operators, then those of the right ones."
+    "left operators, then those of the right ones; of a surface, see `weights_form`, the "
+    "coefficients, four for each of six widths of a loop."
 )
-_COEFFICIENTS: Final = (
-    "Coefficients of the surface of axis {axis} in use, whenever they changed: four for each of "
-    "six widths of a loop."
-)
+FORMS: Final = {"stops": 0, "surface": 1}
+"""Forms of a model: the values of `weights_form`."""
 _OWN: Final = {
     "t_s": "Instant of the cycle since `start_ns`.",
     "gaps": "Rows of (index of the first row after the gap, number of missing cycles).",
     "weights": "One row per instant of weights_t_s.",
     "weights_t_s": "Instant since `start_ns` from which the weights hold.",
+    "weights_form": "Form of the model of the row. It changes if the axis adopts another model; "
+    "`model_…` is the one at the start. Rows with another number of weights are left out.",
 }
 """Descriptions of the datasets that are not fields of a record."""
+
+
+class WeightsRow(NamedTuple):
+    """Weights of an axis at an instant.
+
+    Attributes:
+        t_ns: The instant, on the clock of the records.
+        weights: The weights, shape (n_weights,).
+        surface: Whether they are the coefficients of a surface, and not the weights of stops.
+    """
+
+    t_ns: int
+    weights: NDArray[np.float64]
+    surface: bool
 
 
 class TelemetryColumns:
@@ -74,7 +89,7 @@ class TelemetryColumns:
             for name in _public_names(dtype)
             if name not in ("axes", "end_seq")  # `end_seq` only protects the shared memory
         }
-        self._weights: dict[str, tuple[h5py.Dataset, h5py.Dataset]] = {}
+        self._weights: dict[str, tuple[h5py.Dataset, ...]] = {}
         for index, axis in enumerate(header.axes):
             self._lay_out_axis(index, axis, dtype["axes"].base)
 
@@ -89,11 +104,12 @@ class TelemetryColumns:
         # `modify` writes in place; in SWMR mode no attribute can be created.
         self._entry.attrs.modify("lost", self._entry.attrs["lost"] + lost)
 
-    def write_weights(self, axis: str, t_ns: Sequence[int], weights: Sequence[Any]) -> None:
-        """Add rows of weights of an axis, with their instants."""
-        rows, times = self._weights[axis]
-        _grow(rows, np.array(weights))
-        _grow(times, self._seconds(np.array(t_ns)))
+    def write_weights(self, axis: str, rows: Sequence[WeightsRow]) -> None:
+        """Add rows of weights of an axis."""
+        weights, forms, times = self._weights[axis]
+        _grow(weights, np.array([row.weights for row in rows]))
+        _grow(forms, np.array([FORMS["surface" if row.surface else "stops"] for row in rows], "u1"))
+        _grow(times, self._seconds(np.array([row.t_ns for row in rows])))
 
     def _seconds(self, t_ns: NDArray[Any]) -> NDArray[np.float64]:
         return np.asarray((t_ns - self._header.start_ns) / NS_PER_S)
@@ -106,14 +122,16 @@ class TelemetryColumns:
         for name in _public_names(fields):
             self._columns[index, name] = self._column(group, name, fields[name])
         if width := self._header.weights.get(axis):
-            surface = axis in self._header.surfaces
-            about = (_COEFFICIENTS if surface else _WEIGHTS).format(axis=axis)
+            about = _WEIGHTS.format(axis=axis)
             weights = self._data_group(f"weights_{axis}", about, "weights", "weights_t_s")
-            weights.attrs["surface"] = surface
+            weights.attrs["surface"] = axis in self._header.surfaces
+            forms = h5py.enum_dtype(FORMS, basetype="u1")
             self._weights[axis] = (
                 _growing(weights, "weights", np.dtype("f8"), _SIDE_CHUNK, width),
+                _growing(weights, "weights_form", forms, _SIDE_CHUNK),
                 _growing(weights, "weights_t_s", np.dtype("f8"), _SIDE_CHUNK),
             )
+            self._weights[axis][1].attrs["values"] = _numbered(FORMS)
 
     def _data_group(self, name: str, about: str, signal: str, axes: str = "t_s") -> h5py.Group:
         group = new_group(self._entry, name, "NXdata")
@@ -133,8 +151,13 @@ class TelemetryColumns:
         # The names are in the type, too, but many viewers show only the numbers.
         for attribute, texts in (("values", names), ("bits", header.bits.get(name, ()))):
             if texts:
-                column.attrs[attribute] = [f"{i} = {text}" for i, text in enumerate(texts)]
+                column.attrs[attribute] = _numbered(texts)
         return column
+
+
+def _numbered(texts: Iterable[str]) -> list[str]:
+    """Return names with their numbers, for viewers that show only the numbers."""
+    return [f"{number} = {text}" for number, text in enumerate(texts)]
 
 
 def _lay_out_entry(file: h5py.File, header: TelemetryHeader) -> h5py.Group:

@@ -12,7 +12,7 @@
         axis_<axis>/           NXdata   @signal=position_um @axes=t_s @axis
           t_s, drive_v, position_um, command_um, …
         weights_<axis>/        NXdata   @signal=weights @axes=weights_t_s
-          weights_t_s, weights
+          weights_t_s, weights, weights_form
 
 Each dataset has @units and @description, an enumeration @values, a bit mask @bits; each group of
 data has a @description, so that the file explains itself.
@@ -31,7 +31,7 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from piezod.records.reserved import Reserved
-from piezod.records.telemetry_columns import TelemetryColumns
+from piezod.records.telemetry_columns import TelemetryColumns, WeightsRow
 from piezod.records.telemetry_header import TelemetryHeader
 
 _CHUNK_RANGE: Final = (10, 8192)
@@ -67,8 +67,8 @@ class TelemetryWriter:
         self._chunk = int(np.clip(round(header.rate_hz), *_CHUNK_RANGE))
         self._pending = np.empty(0, dtype)
         self._gaps: list[tuple[int, int]] = []
-        self._weights: dict[str, list[tuple[int, NDArray[np.float64]]]] = {}
-        self._newest: dict[str, NDArray[np.float64]] = {}
+        self._weights: dict[str, list[WeightsRow]] = {}
+        self._newest: dict[str, WeightsRow] = {}
         self._widths = header.weights
         self._spare_bytes = _spare_bytes(header, dtype)
         self._reserved = Reserved(path)
@@ -117,7 +117,9 @@ class TelemetryWriter:
         early = max(2 * self._written, self._chunk // _FIRST_PARTS, 1)
         return len(self._pending) if total >= early else 0
 
-    def append_weights(self, axis: str, t_ns: int, weights: npt.ArrayLike) -> None:
+    def append_weights(
+        self, axis: str, t_ns: int, weights: npt.ArrayLike, *, surface: bool
+    ) -> None:
         """Add the weights of an axis at an instant; they are written with the next records.
 
         Weights that equal the last ones are left out. So are weights whose number differs from the
@@ -127,12 +129,15 @@ class TelemetryWriter:
             axis: Name of the axis.
             t_ns: Instant, on the clock of the records.
             weights: The weights, in the order of the loop; copied.
+            surface: Whether they are the coefficients of a surface, and not the weights of stops.
         """
-        row = np.array(weights, np.float64)
-        if len(row) != self._widths.get(axis) or np.array_equal(row, self._newest.get(axis, ())):
+        row, last = WeightsRow(t_ns, np.array(weights, np.float64), surface), self._newest.get(axis)
+        if len(row.weights) != self._widths.get(axis):
+            return
+        if last and surface == last.surface and np.array_equal(row.weights, last.weights):
             return
         self._newest[axis] = row
-        self._weights.setdefault(axis, []).append((t_ns, row))
+        self._weights.setdefault(axis, []).append(row)
 
     def close(self) -> None:
         """Write the remaining records and close the file; a second call does nothing.
@@ -155,12 +160,12 @@ class TelemetryWriter:
         gaps, weights = self._gaps, self._weights
         # Cleared before the write: if it fails, `close` must not write these records again.
         self._pending, self._gaps, self._weights = self._pending[:0], [], {}
-        size = portion.nbytes + sum(len(rows) * rows[0][1].nbytes for rows in weights.values())
+        size = portion.nbytes + sum(len(rows) * rows[0].weights.nbytes for rows in weights.values())
         # Twice the size, because incompressible values get a little larger.
         self._reserved.reserve(self._file.id.get_filesize() + 2 * size + self._spare_bytes)
         try:
             for axis, rows in weights.items():
-                self._columns.write_weights(axis, [t for t, _ in rows], [row for _, row in rows])
+                self._columns.write_weights(axis, rows)
             self._columns.write(portion, gaps)
             self._file.flush()
         except RuntimeError as error:  # h5py raises this for some disk errors
@@ -170,7 +175,7 @@ class TelemetryWriter:
 
 def _spare_bytes(header: TelemetryHeader, dtype: np.dtype[np.void]) -> int:
     of_axis = len(dtype["axes"].base.names or ())
-    columns = len(dtype.names or ()) + len(header.axes) * (of_axis + 2)
+    columns = len(dtype.names or ()) + len(header.axes) * (of_axis + 3)
     notes = sum(len(text.encode()) for text in header.notes.values())
     chunks = 64 * 8 * sum(header.weights.values())
     return columns * _SPARE_BYTES + notes + chunks

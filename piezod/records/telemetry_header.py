@@ -18,7 +18,7 @@ class TelemetryHeader:
         notes: Texts of the recording by name, as in `{"configuration": "rate_hz: 1000"}`.
         weights: Number of recorded weights of each axis, 2M, or 24 of a surface; an axis without an
             entry has none.
-        surfaces: Names of the axes whose weights are the coefficients of a surface.
+        surfaces: Names of the axes whose weights are, at the start, the coefficients of a surface.
         descriptions: Meaning of each field, for people, as in `{"late_ns": "Wake-up after …"}`.
         bits: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
     """

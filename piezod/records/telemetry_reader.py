@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5py
 import numpy as np
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from piezod.errors import DataError
 from piezod.records.recording import Recording
-from piezod.records.telemetry_columns import ENTRY
+from piezod.records.telemetry_columns import ENTRY, FORMS
 from piezod.records.telemetry_header import TelemetryHeader
+
+_WEIGHTS: Final = ("weights", "weights_t_s", "weights_form")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +30,8 @@ class RecordedTelemetry:
         cycles: Columns by name, each of shape (n_records,); numbers for fields with names in the
             header.
         axes: Columns of each axis, by its name.
-        weights: `weights`, shape (n_snapshots, n_weights), and `weights_t_s`, shape
-            (n_snapshots,), of each axis; (0, 0) if they were not recorded.
+        weights: `weights`, shape (n_snapshots, n_weights), `weights_t_s`, shape (n_snapshots,), and
+            `weights_form`, of `FORMS`, the same, of each axis; (0, 0) if they were not recorded.
     """
 
     header: TelemetryHeader
@@ -62,7 +64,7 @@ class RecordedTelemetry:
 
     def _recording(self, axis: str) -> Recording:
         columns = self.axes[axis]
-        weights = self.weights[axis]
+        weights, weights_t_s, surface = self.first_weights(axis)
         t_s = self.cycles["t_s"]
         return Recording(
             axis=axis,
@@ -75,10 +77,34 @@ class RecordedTelemetry:
             command_um=columns["command_um"],
             uncompensated_v=columns["uncompensated_v"],
             true_um=np.full(t_s.size, np.nan),
-            weights=weights["weights"],
-            weights_t_s=weights["weights_t_s"],
-            surface=axis in self.header.surfaces,
+            weights=weights,
+            weights_t_s=weights_t_s,
+            surface=surface,
         )
+
+    def first_weights(
+        self, axis: str, begin_s: float = -inf, end_s: float = inf
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
+        """Return the weights of one form, of the first model in an interval, of an axis.
+
+        Weights of a model of the other form, which was adopted later, are left out.
+
+        Args:
+            axis: Name of the axis.
+            begin_s: Begin of the interval, in s.
+            end_s: Its end, exclusive, in s.
+
+        Returns:
+            The weights, shape (n, n_weights), their instants in s, shape (n,), and whether they are
+            the coefficients of a surface.
+        """
+        weights, t_s, forms = (self.weights[axis][name] for name in _WEIGHTS)
+        within = (t_s >= begin_s) & (t_s < end_s)
+        if not within.any():
+            return weights[:0], t_s[:0], axis in self.header.surfaces
+        first = forms[within][0]
+        within &= forms == first
+        return weights[within], t_s[within], bool(first == FORMS["surface"])
 
     def _mode(self, numbers: NDArray[Any]) -> str:
         found = np.unique(numbers)
@@ -129,8 +155,11 @@ def _read(entry: h5py.Group, begin_s: float, end_s: float) -> RecordedTelemetry:
 def _weights(entry: h5py.Group, axis: str, begin_s: float, end_s: float) -> dict[str, NDArray[Any]]:
     group = entry.get(f"weights_{axis}")
     if group is None:
-        return {"weights": np.empty((0, 0)), "weights_t_s": np.empty(0)}
-    return _columns(group, _part("weights_t_s", [group], begin_s, end_s))
+        return {name: np.empty((0, 0) if name == "weights" else 0) for name in _WEIGHTS}
+    found = _columns(group, _part("weights_t_s", [group], begin_s, end_s))
+    # Files from before a recording noted the form of each row have that of the start.
+    form = FORMS["surface" if group.attrs.get("surface", False) else "stops"]
+    return {"weights_form": np.full(found["weights_t_s"].size, form, "u1")} | found
 
 
 def _part(time: str, groups: Sequence[h5py.Group], begin_s: float, end_s: float) -> slice:

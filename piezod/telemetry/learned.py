@@ -8,8 +8,8 @@ from piezod.telemetry.shared_map import SharedMap
 
 _ATTEMPTS: Final = 1000
 AREA: Final = LEARNED_HEADER + MAX_WEIGHTS
-"""Words of an axis: turn begun, turn done, number of weights, offset, scale, sensor zero, a gap,
-and from `LEARNED_HEADER` on the weights."""
+"""Words of an axis: turn begun, turn done, number of weights, offset, scale, sensor zero, 1 for a
+surface, a gap, and from `LEARNED_HEADER` on the weights."""
 
 
 class LearnedAxis(NamedTuple):
@@ -20,12 +20,14 @@ class LearnedAxis(NamedTuple):
         offset: Offset of the displacement, normalised.
         scale: Scale of the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.
+        surface: Whether the weights are the coefficients of a surface, and not those of stops.
     """
 
     weights: Sequence[float]
     offset: float
     scale: float
     zero_um: float
+    surface: bool
 
 
 class LearnedReader:
@@ -44,9 +46,10 @@ class LearnedReader:
         at = axis * AREA
         for _ in range(_ATTEMPTS):
             done, count = self._words[at + 1], self._words[at + 2]
-            numbers = self._values[at + 3 : at + 6].tolist()
+            offset, scale, zero_um = self._values[at + 3 : at + 6]
+            surface = bool(self._words[at + 6])
             begin = at + LEARNED_HEADER
             weights = self._values[begin : begin + count].tolist()
             if done and self._words[at] == done:
-                return LearnedAxis(weights, *numbers)
+                return LearnedAxis(weights, offset, scale, zero_um, surface)
         return None

@@ -21,7 +21,13 @@ class LearnedWriter:
         self._areas = np.frombuffer(part, np.float64).reshape(-1, AREA)
 
     def publish(
-        self, axis: int, weights: ArrayLike, offset: float, scale: float, zero_um: float
+        self,
+        axis: int,
+        weights: ArrayLike,
+        offset: float,
+        scale: float,
+        zero_um: float,
+        surface: bool,
     ) -> None:
         """Publish the parameters of an axis, up to 2048 weights. Real-time safe."""
         count = len(weights)  # type: ignore[arg-type] # any sequence of numbers
@@ -33,5 +39,6 @@ class LearnedWriter:
         self._values[at + 3] = offset
         self._values[at + 4] = scale
         self._values[at + 5] = zero_um
+        self._words[at + 6] = surface
         self._areas[axis, LEARNED_HEADER : LEARNED_HEADER + count] = weights
         self._words[at + 1] = turn

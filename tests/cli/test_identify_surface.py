@@ -73,9 +73,37 @@ def test_text_of_a_surface(piezod: Command, data: Path) -> None:
     assert "Residual of the position as recorded, without its mean: 0.05" in text
 
 
-def test_given_delay_is_not_negative(piezod: Command, data: Path) -> None:
-    """A delay that is given keeps its range, and is used."""
-    out = piezod("identify", data, *SURFACE, "--delay-s", 0).out
+def test_given_delay_may_be_negative(piezod: Command, data: Path, folder: Path) -> None:
+    """A surface takes the delay of samples that were reported early, and stores it."""
+    options = ("--delay-s", -0.004, "--out", "model.yaml")
 
-    assert "Delay 0 ms, as given." in out
-    assert piezod("identify", data, *SURFACE, "--delay-s", -0.004).code == 2
+    code, out, err = piezod("identify", data, *SURFACE, *options)
+
+    assert (code, err) == (0, "")
+    assert "Delay -4 ms, as given." in out
+    assert load_model(folder / "model.yaml").delay_s == -0.004
+    assert "Delay 0 ms, as given." in piezod("identify", data, *SURFACE, "--delay-s", 0).out
+
+
+@pytest.mark.parametrize("method", [(), ("--method", "lms"), ("--order", 3)])
+def test_negative_delay_of_stops_is_refused(
+    piezod: Command, data: Path, method: tuple[str, ...]
+) -> None:
+    """Every method that may take stops refuses a negative delay, with the reason and a remedy."""
+    code, out, err = piezod("identify", data, *method, "--delay-s", -0.004)
+
+    assert (code, out) == (2, "")
+    assert (
+        "'--delay-s': must be auto, or a time from 0 to 1 s (got -0.004); stop operators have no "
+        "negative delay, and --method auto tries them: give --method surface, which takes -0.1 s "
+        "or more"
+    ) in err
+
+
+@pytest.mark.parametrize("delay", ["-0.2", "2", "nan", "soon"])
+def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay: str) -> None:
+    """The range of a surface is that of its model file."""
+    code, _, err = piezod("identify", data, *SURFACE, "--delay-s", delay)
+
+    assert code == 2
+    assert f"'--delay-s': must be auto, or a time from -0.1 to 1 s (got {delay})" in err

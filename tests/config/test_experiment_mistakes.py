@@ -4,6 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
+from piezod.config.experiment import ExperimentConfig
+
 ProblemsOf = Callable[..., list[str]]
 
 
@@ -81,7 +83,13 @@ ProblemsOf = Callable[..., list[str]]
         (
             "operators: 19",
             "delay_s: -1",
-            "12:28: axes.x.compensator.delay_s: out of range (got -1), allowed range 0 to 1 s",
+            "12:28: axes.x.compensator.delay_s: out of range (got -1), allowed range -0.1 to 1 s",
+        ),
+        (
+            "operators: 19",
+            "delay_s: -0.05",
+            "12:28: axes.x.compensator.delay_s: out of range for the operators of least-squares "
+            "(got -0.05 s), allowed range 0 to 1 s; method surface takes a negative delay",
         ),
         (
             "[0, 26]",
@@ -250,3 +258,51 @@ ProblemsOf = Callable[..., list[str]]
 def test_one_mistake(problems_of: ProblemsOf, old: str, new: str, expected: str) -> None:
     """Each mistake gives one line with the place and the allowed values."""
     assert [f"test.yaml:{expected}"] == problems_of((old, new))
+
+
+SURFACE = [("method: least-squares", "method: surface"), (", lms_gain: 0.1", "")]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "own"),
+    [
+        ("operators", "19", "operators"),
+        ("thresholds", "graded", "thresholds"),
+        ("deadband_pct", "0.05", "dead-band"),
+    ],
+)
+def test_surface_refuses_the_keys_of_stops(
+    problems_of: ProblemsOf, key: str, value: str, own: str
+) -> None:
+    """A key that a surface does not use is an error, with its place and what to do."""
+    assert problems_of(*SURFACE, ("operators: 19", f"{key}: {value}")) == [
+        f"test.yaml:12:{28 - len('delay_s') + len(key)}: axes.x.compensator.{key}: not used, a "
+        f"surface has no {own}, leave it out or use method least-squares (method surface uses "
+        "creep, identifier, delay_s, sensor_delay_s)"
+    ]
+
+
+def test_surface_takes_its_own_keys(load: Callable[..., ExperimentConfig]) -> None:
+    """Creep, identifier rls and delays, also a negative one, belong to a surface."""
+    settings = "creep: true, identifier: rls, delay_s: -0.0004, sensor_delay_s: 0.0006"
+
+    experiment = load(*SURFACE, ("operators: 19", settings))
+
+    assert experiment.axes["x"].compensator.delay_s == -0.0004
+
+
+def test_surface_refuses_the_identifiers_of_the_paper(problems_of: ProblemsOf) -> None:
+    """They learn the weights of stop operators; a gain alone means lms, too."""
+    assert problems_of(*SURFACE, ("operators: 19", "lms_gain: 0.1")) == [
+        "test.yaml:12:5: axes.x.compensator: identifier lms learns the weights of stop operators, "
+        "use identifier rls without lms_gain, or method least-squares"
+    ]
+
+
+def test_length_of_the_identification_of_a_surface(problems_of: ProblemsOf) -> None:
+    """A surface has 24 weights, whatever the number of operators would be."""
+    short = ("duration_s: 30", "duration_s: 0.1"), ("operators: 19", "creep: true")
+
+    (problem,) = problems_of(*SURFACE, *short)
+
+    assert "too short for the 24 weights of axis x at 1000 Hz (got 0.1 s)" in problem

@@ -52,9 +52,9 @@ class FakeController:
         events, self.events = self.events, []
         return events
 
-    def learned(self, axis: int) -> tuple[list[float], float, float, float]:
+    def learned(self, axis: int) -> tuple[list[float], float, float, float, bool]:
         """Return values that differ between axes."""
-        return [axis + 0.5], 1.0, 2.0, 3.0
+        return [axis + 0.5], 1.0, 2.0, 3.0, False
 
     def cycle(self, t_ns: int, timing: CycleTiming) -> CycleRecord:
         """Read, spend time, write."""

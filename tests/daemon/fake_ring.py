@@ -6,6 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from piezod.telemetry.learned import LearnedAxis
 from tests.records.telemetry import records
 
 
@@ -17,10 +18,14 @@ class FakeRing:
         self._lock = Lock()
         self.newest = 0
         self.weights: dict[str, Sequence[float]] = {"x": [1.0, 2.0], "y": [3.0]}
+        self.surfaces: set[str] = set()
 
-    def learned(self) -> Mapping[str, Sequence[float]]:
-        """Return the weights of the axes."""
-        return self.weights
+    def learned(self) -> Mapping[str, LearnedAxis]:
+        """Return the parameters of the axes."""
+        return {
+            axis: LearnedAxis(weights, 0.0, 1.0, 0.0, axis in self.surfaces)
+            for axis, weights in self.weights.items()
+        }
 
     def run(self, cycles: int) -> None:
         """Append the records of some cycles."""

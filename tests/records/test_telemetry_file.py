@@ -72,9 +72,9 @@ def test_weights_come_back(file: Path) -> None:
     said = replace(header(("x", "y", "z")), weights={"x": 2, "z": 4})
     with TelemetryWriter(file, said, record_dtype(3)) as writer:
         for cycle in range(0, 2000, 100):
-            writer.append_weights("x", START_NS + cycle * 1_000_000, [cycle, -cycle])
-            writer.append_weights("y", START_NS, [1.0, 2.0])
-            writer.append_weights("z", START_NS, [1.0, 2.0, 3.0])
+            writer.append_weights("x", START_NS + cycle * 1_000_000, [cycle, -cycle], surface=False)
+            writer.append_weights("y", START_NS, [1.0, 2.0], surface=False)
+            writer.append_weights("z", START_NS, [1.0, 2.0, 3.0], surface=False)
             writer.append(records(cycle, cycle + 100, 3))
     read = read_telemetry(file, 0.3, 0.5)
     x, y, z = read.recordings()
@@ -306,4 +306,46 @@ def test_axis_with_a_surface_comes_back(file: Path) -> None:
     assert [each.surface for each in read.recordings()] == [False, True]
     with h5py.File(file) as opened:
         about = opened["recording/weights_y"].attrs["description"]
-        assert about.startswith("Coefficients of the surface of axis y")
+        assert "of a surface, see `weights_form`, the coefficients" in about
+        forms = opened["recording/weights_y/weights_form"].attrs["values"]
+        assert list(forms) == ["0 = stops", "1 = surface"]
+
+
+@pytest.fixture
+def adopted(file: Path) -> Path:
+    """Return a recording in which an axis with 12 stops on each side adopts a surface at 0.2 s."""
+    said = replace(header(("x",)), weights={"x": 24})
+    with TelemetryWriter(file, said, record_dtype()) as writer:
+        for cycle in range(0, 400, 100):
+            # The surface begins with the numbers of the stops: its form alone is a change.
+            weights, surface = np.full(24, cycle // 300), cycle >= 200
+            writer.append_weights("x", START_NS + cycle * 1_000_000, weights, surface=surface)
+            writer.append(records(cycle, cycle + 100))
+    return file
+
+
+def test_each_row_of_weights_has_its_form(adopted: Path) -> None:
+    """Weights of stops and coefficients of a surface are told apart, though both are 24."""
+    weights = read_telemetry(adopted).weights["x"]
+
+    assert weights["weights_form"].tolist() == [0, 1, 1]
+    assert weights["weights_t_s"].tolist() == [0.0, 0.2, 0.3]
+
+
+def test_weights_of_two_forms_are_not_mixed(adopted: Path) -> None:
+    """A recording, or a part of one, has the weights of the form with which it begins."""
+    (whole,), (part,) = (read_telemetry(adopted, at).recordings() for at in (0.0, 0.2))
+
+    assert (whole.surface, part.surface) == (False, True)
+    assert (whole.weights_t_s.tolist(), part.weights_t_s.tolist()) == ([0.0], [0.2, 0.3])
+
+
+def test_file_without_forms_has_that_of_its_start(adopted: Path) -> None:
+    """Files from before the forms were recorded can be read; all rows have the form of the axis."""
+    with h5py.File(adopted, "r+") as opened:
+        del opened["recording/weights_x/weights_form"]
+        opened["recording/weights_x"].attrs["surface"] = True
+    read = read_telemetry(adopted)
+
+    assert read.weights["x"]["weights_form"].tolist() == [1] * 3
+    assert read.recordings()[0].surface

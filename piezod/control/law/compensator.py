@@ -54,6 +54,8 @@ class Compensator:
     ) -> None:
         self.weights: FloatArray = weights.copy()
         """Weights in use, shape (size,); they change in place if they follow the identifier."""
+        self.surface = not form.two_sided
+        """Whether they are the coefficients of a surface, and not the weights of stops."""
         self._offset, self._scale = 0.0, 0.0
         self._target = LearnedModel(weights.copy())
         self._fade_cycles, self._share = fade_cycles, share

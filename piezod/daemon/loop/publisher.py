@@ -25,8 +25,8 @@ _STATE, _SKIPPED = int(Word.LOOP_STATE), int(Word.SKIPPED_CYCLES)
 class LearnedSource(Protocol):
     """Gives the parameters that its axes have learned."""
 
-    def learned(self, axis: int) -> tuple[Any, float, float, float]:
-        """Return weights, offset, scale and sensor zero of an axis."""
+    def learned(self, axis: int) -> tuple[Any, float, float, float, bool]:
+        """Return weights, offset, scale, sensor zero of an axis, and whether it has a surface."""
         ...
 
 

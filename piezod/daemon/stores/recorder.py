@@ -2,7 +2,7 @@
 
 import errno
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,6 +13,7 @@ from piezod.daemon.logging import logger
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.errors import PiezodError
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.learned import LearnedAxis
 
 if TYPE_CHECKING:
     import numpy as np
@@ -89,7 +90,7 @@ class Recorder:
         open_reader: Returns a new reader that begins with the next record.
         dtype: Returns the dtype of its records, see `telemetry.arrays.record_dtype`.
         folder: Folder of the recordings; made if it is absent.
-        learned: Returns the present weights of the axes, by name.
+        learned: Returns the present parameters of the axes, by name.
         no_room: Returns why the disk of a folder is too full, or "".
 
     Raises:
@@ -101,7 +102,7 @@ class Recorder:
         open_reader: Callable[[], RecordSource],
         dtype: "Callable[[], np.dtype[np.void]]",
         folder: Path,
-        learned: Callable[[], Mapping[str, Sequence[float]]] = dict,
+        learned: Callable[[], Mapping[str, LearnedAxis]] = dict,
         no_room: Callable[[Path], str] = no_room,
     ) -> None:
         self.folder = RecordingsFolder(folder)
@@ -142,9 +143,13 @@ class Recorder:
         try:
             if why := self._no_room(self.folder.path):
                 raise RecorderError(why)
-            learned = self._learned()
-            widths = {axis: len(learned[axis]) for axis in header.axes if axis in learned}
-            writer = TelemetryWriter(path, replace(header, weights=widths), self._dtype())
+            learned = {axis: at for axis, at in self._learned().items() if axis in header.axes}
+            header = replace(
+                header,
+                weights={axis: len(at.weights) for axis, at in learned.items()},
+                surfaces=tuple(axis for axis, at in learned.items() if at.surface),
+            )
+            writer = TelemetryWriter(path, header, self._dtype())
         except OSError as error:
             raise RecorderError(f"the recording cannot be started: {error}") from error
         self._set_status(RecorderStatus(True, path.stem, 0, 0, ""))
@@ -198,8 +203,9 @@ class Recorder:
         records, lost = reader.read(MAX_RECORDS)
         if len(records):
             # The writer stores weights only if they have changed.
-            for axis, weights in self._learned().items():
-                writer.append_weights(axis, int(records["t_ns"][-1]), weights)
+            t_ns = int(records["t_ns"][-1])
+            for axis, at in self._learned().items():
+                writer.append_weights(axis, t_ns, at.weights, surface=at.surface)
         writer.append(records, lost)
         self._set_status(self.status._replace(records=writer.records, lost=writer.lost))
         return len(records)

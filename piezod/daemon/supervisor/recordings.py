@@ -3,7 +3,7 @@
 import asyncio
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from piezod.records.repair import repair
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations
+from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class StageRecordings:
         axes: Number of axes.
         open_reader: Returns a reader that begins with the next record.
         last: Returns the newest records, at most a given number.
-        learned: Returns the present weights of the axes, by name.
+        learned: Returns the present parameters of the axes, by name.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class StageRecordings:
         axes: int,
         open_reader: Callable[[], RecordSource],
         last: "Callable[[int], Records]",
-        learned: Callable[[], Mapping[str, Sequence[float]]],
+        learned: Callable[[], Mapping[str, LearnedAxis]],
     ) -> None:
         self._name = paths.name
         self._recorder = Recorder(open_reader, partial(_dtype, axes), paths.recordings, learned)
@@ -155,7 +156,6 @@ class StageRecordings:
             start_ns=time.monotonic_ns(),
             names={field: [str(each.value) for each in members] for field, members in places},
             notes={"configuration": json.dumps(accepted_config.document(loop.config)), **models},
-            surfaces=tuple(axis for axis, m in loop.models.items() if m and m.version == 2),
             descriptions=descriptions(),
             bits=mask_bits(),
         )

@@ -30,6 +30,7 @@ from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
+from piezod.telemetry.learned import LearnedAxis
 
 if TYPE_CHECKING:
     from piezod.telemetry.arrays import Records
@@ -68,7 +69,7 @@ class StageLink:
         """Whether there is a loop for requests; False during an exchange."""
         self.parameters = LearnedParameters(ParameterStore(paths.parameters, paths.name))
         self.stage_recordings = StageRecordings(
-            paths, len(loop.axes), self.open_reader, self._last, self._weights
+            paths, len(loop.axes), self.open_reader, self._last, self._learned
         )
         self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
@@ -215,9 +216,9 @@ class StageLink:
 
         return RingReader(self.loop.shared).last(count)
 
-    def _weights(self) -> dict[str, Sequence[float]]:
+    def _learned(self) -> dict[str, LearnedAxis]:
         learned = {name: self.loop.learned.read(i) for i, name in enumerate(self.loop.axes)}
-        return {name: axis.weights for name, axis in learned.items() if axis is not None}
+        return {name: axis for name, axis in learned.items() if axis is not None}
 
     async def _running_soon(self, within_s: float) -> LoopConnection:
         """Return the loop; wait for the end of an exchange, at most this time."""

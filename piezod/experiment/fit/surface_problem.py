@@ -49,7 +49,7 @@ class SurfaceProblem(Problem):
             positions=positions,
             period_s=record.period_s,
             before=float(positions[0] if record.from_rest else np.mean(positions)),
-            counted=record.counted(max(delay_s, 0.0)),
+            counted=record.counted(delay_s),
         )
         fits = [
             fit_surface(

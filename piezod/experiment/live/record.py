@@ -72,8 +72,8 @@ def cut_waveform(
     part = slice(int(begin), int(end))
     cut_s, position_um = t_s[part] - begin_s, columns["position_um"][part]
     command_um, true_um = columns["command_um"][part], np.full(cut_s.size, np.nan)
-    weights, weights_t_s = _weights(telemetry, name, begin_s, begin_s + case.duration_s)
-    surface = name in telemetry.header.surfaces
+    end_s = begin_s + case.duration_s
+    weights, weights_t_s, surface = telemetry.first_weights(name, begin_s, end_s)
     recording = Recording(
         axis=name,
         case=case.name,
@@ -86,7 +86,7 @@ def cut_waveform(
         uncompensated_v=columns["uncompensated_v"][part],
         true_um=true_um,
         weights=weights if surface else right_first(weights),
-        weights_t_s=weights_t_s,
+        weights_t_s=weights_t_s - begin_s,
         surface=surface,
         first_metric_index=int(np.searchsorted(cut_s, case.period_s)),
         late_t_s=cut_s[late_indices(telemetry.cycles["skipped"][part])],
@@ -113,12 +113,3 @@ def _check_command(name: str, motion: Motion, since_s: FloatArray, command_um: F
             "the waveform; check whether another client moved the stage or changed its "
             "configuration"
         )
-
-
-def _weights(
-    telemetry: RecordedTelemetry, name: str, begin_s: float, end_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the weights, in the order of the recording, and their times."""
-    weights, t_s = telemetry.weights[name]["weights"], telemetry.weights[name]["weights_t_s"]
-    within = (t_s >= begin_s) & (t_s < end_s)
-    return weights[within], t_s[within] - begin_s

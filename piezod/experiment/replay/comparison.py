@@ -120,11 +120,13 @@ def _with_recorded_weights(
     model: StageModel, telemetry: RecordedTelemetry, axis: str, config: AxisConfig, mode: str
 ) -> StageModel:
     """Return the model with the weights in use at the start, where the mode follows them."""
-    weights = telemetry.weights[axis]["weights"]
+    weights, _, surface = telemetry.first_weights(axis)
     follows = mode == Mode.ADAPTIVE.value or (
         mode == Mode.TRIMMED.value and config.trim.base == "adaptive"
     )
-    if not follows or weights.shape[1:] != model.weights.shape or not len(weights):
+    # In a part of a recording the first weights may be those of a model that was adopted before.
+    fits = weights.shape[1:] == model.weights.shape and surface != model.form.two_sided
+    if not (follows and fits and len(weights)):
         return model
     return replace(model, weights=np.array(weights[0]))
 

@@ -35,7 +35,9 @@ def worst_error_um(stage: RigStage, mode: Mode) -> float:
 
 def test_surface_is_adopted_and_learned() -> None:
     """The running stage changes over to a surface, follows with it, and learns its coefficients."""
-    stage = adopting(RigStage(shipped_config().model_copy(update={"rate_hz": 500.0})))
+    before = RigStage(shipped_config().model_copy(update={"rate_hz": 500.0}))
+    was_surface = before.controller.learned(0).surface
+    stage = adopting(before)
     stage.do(rq.Arm())
     law = stage.stage.axes[0].law
     start = law.compensator.weights.copy()
@@ -43,6 +45,7 @@ def test_surface_is_adopted_and_learned() -> None:
     fixed_um = worst_error_um(stage, Mode.FEEDFORWARD)
     learned_um = worst_error_um(stage, Mode.ADAPTIVE)
 
+    assert (was_surface, stage.controller.learned(0).surface) == (False, True)
     assert start.tolist() == list(surface_file().surface_coefficients)
     assert not stage.faults()
     assert learned_um < 0.3

@@ -94,6 +94,21 @@ def test_weights_are_recorded_when_they_change(recorder: Recorder, ring: FakeRin
     assert recording.weights_t_s[1] == recording.t_s[-1]
 
 
+def test_form_of_the_weights_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
+    """A model of the other form that is adopted during a recording shows in it."""
+    recorder.start(header())
+    ring.run(1000)
+    eventually(lambda: recorder.status.records == ring.newest - 300)
+    ring.surfaces.add("x")
+    ring.run(1)
+    recorder.stop()
+    recorded = read(recorder)
+
+    assert recorded.header.surfaces == ()
+    assert recorded.weights["x"]["weights_form"].tolist() == [0, 1]
+    assert recorded.weights["x"]["weights"].tolist() == [[1.0, 2.0]] * 2
+
+
 def test_recordings_follow_each_other(recorder: Recorder, ring: FakeRing) -> None:
     """The next recording begins with the next cycle, in a new file."""
     names = []

@@ -1,7 +1,6 @@
 """Tests of the waveform in a recording: found by its movement, checked, and judged."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +57,7 @@ def make_recording(axis: LiveAxis, waveform: Waveform) -> MakeRecording:
         }
         snapshots = np.array([7.0, 8.0, 9.0])
         weights = {"weights": np.tile([1.0, 2.0, 3.0, 4.0], (3, 1)), "weights_t_s": snapshots}
+        weights["weights_form"] = np.zeros(3, "u1")
         return RecordedTelemetry(
             TelemetryHeader("t", ("x",), 1000.0, "", 0),
             0,
@@ -151,8 +151,18 @@ def test_coefficients_of_a_surface_keep_their_order(
 ) -> None:
     """A surface has no sides to exchange."""
     telemetry = make_recording()
-    surface = replace(telemetry, header=replace(telemetry.header, surfaces=("x",)))
-    recording = cut_waveform(surface, "x", axis, waveform, RUN)
+    telemetry.weights["x"]["weights_form"][:] = 1
+    recording = cut_waveform(telemetry, "x", axis, waveform, RUN)
 
     assert recording.surface
     assert recording.weights.tolist() == [[1.0, 2.0, 3.0, 4.0]] * 2
+
+
+def test_form_is_that_during_the_waveform(
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """An axis that has adopted a surface since the start of the recording has a surface."""
+    telemetry = make_recording()
+    telemetry.weights["x"]["weights_form"][1:] = 1  # the waveform begins after the first row
+
+    assert cut_waveform(telemetry, "x", axis, waveform, RUN).surface

@@ -11,6 +11,7 @@ from piezod.control.law.model_files import read_model
 from piezod.errors import DataError
 from piezod.experiment.replay.comparison import Comparison, replay_recording
 from piezod.experiment.replay.stand_in import StandIn
+from piezod.records.telemetry_columns import FORMS
 from piezod.records.telemetry_reader import read_telemetry
 from tests.control.rig_stage import shipped_config
 from tests.recorded import RATE_HZ, new_stage, run_modes, write_recording
@@ -63,6 +64,27 @@ def test_other_drive_is_not_repeated(tmp_path: Path) -> None:
     write_recording(tmp_path / "other.h5", stage)
 
     assert not replayed(tmp_path / "other.h5").repeats
+
+
+@pytest.mark.parametrize(("form", "repeats"), [("stops", False), ("surface", True)])
+def test_weights_of_another_form_are_not_used(tmp_path: Path, form: str, repeats: bool) -> None:
+    """A model of stops starts with recorded weights of stops, not with those of a surface."""
+    stage = new_stage()
+    run_modes(stage, (Mode.ADAPTIVE,))
+    write_recording(tmp_path / "rec.h5", stage)
+    telemetry, model = read_telemetry(tmp_path / "rec.h5"), shipped_model()
+    telemetry.weights["x"] = {
+        "weights": 0.5 * model.weights[np.newaxis],
+        "weights_t_s": np.zeros(1),
+        "weights_form": np.array([FORMS[form]]),
+    }
+
+    axis = shipped_config().axes["x"]
+    found = replay_recording(
+        tmp_path / "rec.h5", telemetry, "x", axis, model, mode=Mode.ADAPTIVE, learned=True
+    )
+
+    assert found.repeats == repeats
 
 
 @pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.TRIMMED])
