@@ -1,12 +1,20 @@
 """Fixtures and settings for the tests of every room."""
 
 import base64
+import gc
 import os
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Generator
+from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+HERE = Path(__file__)
+KERNELS = HERE.with_name("kernels.py")
+COMPILING = pytest.StashKey[subprocess.Popen[bytes]]()
 
 # No deadline: the first example may compile a kernel. In CI every run draws the same examples.
 # `make stress` asks for "long".
@@ -20,6 +28,56 @@ settings.load_profile(
 BLANK_PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg=="
 )
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config) -> None:
+    """Compile the kernels in a process of its own, while the workers start and collect.
+
+    That process holds the lock of its source until it ends.
+    """
+    with KERNELS.open() as source:
+        flock(source, LOCK_EX)
+        command = [sys.executable, "-m", "tests.kernels"]
+        config.stash[COMPILING] = subprocess.Popen(
+            command, cwd=HERE.parents[1], pass_fds=[source.fileno()]
+        )
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail if the kernels could not be compiled."""
+    compiling = session.config.stash.get(COMPILING, None)
+    if compiling is not None and compiling.wait():
+        pytest.exit("`python -m tests.kernels` failed", pytest.ExitCode.TESTS_FAILED)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make a worker of xdist share work with the others."""
+    if hasattr(config, "workerinput"):
+        config.pluginmanager.register(SharingWorker())
+
+
+class SharingWorker:
+    """Avoids work that another process of the same test run does."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collection(self) -> Generator[None, object, object]:
+        """Let the first worker collect alone: it compiles the source of every test."""
+        gc.disable()  # whatever is collected stays until the end
+        with HERE.open() as source:
+            try:
+                flock(source, LOCK_EX | LOCK_NB)
+            except BlockingIOError:
+                flock(source, LOCK_SH)
+            result = yield
+        gc.freeze()
+        gc.enable()
+        return result
+
+    def pytest_runtestloop(self) -> None:
+        """Wait for the kernels before the first test."""
+        with KERNELS.open() as source:
+            flock(source, LOCK_SH)
 
 
 @pytest.fixture(scope="session")

@@ -39,13 +39,11 @@ class _Driver(NamedTuple):
 
 
 def _look_up(name: str) -> _Driver:
-    from importlib.metadata import entry_points
-
-    from piezod.devices import registry
+    from piezod.devices import plugins, registry
     from piezod.devices.evidence import evidence_of
     from piezod.errors import RegistryError
 
-    points = entry_points(group=registry.GROUP, name=name)
+    points = plugins.points_of(registry.GROUP).select(name=name)
     made_by = sorted(f"{point.dist.name} {point.dist.version}" for point in points if point.dist)
     found = _Driver(name, ", ".join(made_by))
     try:

@@ -1,10 +1,10 @@
 """What the profiles of a driver were checked against, other than code of their own authors."""
 
 import json
-from importlib.metadata import entry_points
 from importlib.resources import files
 from typing import Final
 
+from piezod.devices.plugins import points_of
 from piezod.devices.registry import GROUP
 
 FILE: Final = "evidence.json"
@@ -20,7 +20,7 @@ def evidence_of(driver: str) -> dict[str, str]:
     driver does not state it.
     """
     words: dict[str, str] = {}
-    for point in entry_points(group=GROUP, name=driver):
+    for point in points_of(GROUP).select(name=driver):
         try:
             text = files(point.module.partition(".")[0]).joinpath(FILE).read_text("utf-8")
             table = json.loads(text)

@@ -4,7 +4,10 @@ A plug-in is an entry point. Listing names imports nothing. A plug-in is importe
 so a broken one does no harm to the others.
 """
 
-from importlib.metadata import EntryPoint, entry_points
+import sys
+from functools import lru_cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from pathlib import Path
 from typing import Protocol, TypeVar
 
 from piezod.errors import RegistryError
@@ -28,7 +31,28 @@ def names(group: str) -> tuple[str, ...]:
     Args:
         group: Group of their entry points.
     """
-    return tuple(sorted({point.name for point in entry_points(group=group)}))
+    return tuple(sorted({point.name for point in points_of(group)}))
+
+
+def points_of(group: str) -> EntryPoints:
+    """Return the entry points of a group.
+
+    A search reads a file of every installed distribution. It is repeated only if a folder of the
+    import path has changed: an installation changes one.
+    """
+    return _search(group, tuple((folder, _changed_ns(folder)) for folder in sys.path))
+
+
+@lru_cache(maxsize=8)
+def _search(group: str, folders: tuple[tuple[str, int], ...]) -> EntryPoints:  # noqa: ARG001 - a key
+    return entry_points(group=group)
+
+
+def _changed_ns(folder: str) -> int:
+    try:
+        return Path(folder).stat().st_mtime_ns
+    except OSError:
+        return 0  # also for a folder that does not exist yet
 
 
 def load(group: str, kind: str, plugin_type: type[PluginT], name: str) -> PluginT:
@@ -62,7 +86,7 @@ def load(group: str, kind: str, plugin_type: type[PluginT], name: str) -> Plugin
 
 def _only(group: str, kind: str, name: str) -> EntryPoint:
     # Two distributions may use the same name; a silent choice would depend on the search path.
-    points = entry_points(group=group, name=name)
+    points = points_of(group).select(name=name)
     known = f"known {kind}s: {', '.join(names(group)) or 'none is installed'}"
     if not points:
         raise RegistryError(f"unknown {kind} {name!r}, {known}")

@@ -7,6 +7,7 @@ curve of this simulation is V(g) = light · slope · g / (1 + (g/g_peak)³/2); i
 g_peak alone.
 """
 
+from functools import lru_cache
 from math import inf, sqrt
 
 import numpy as np
@@ -32,6 +33,7 @@ def line_residual(peak_gap: float) -> float:
     return float(np.max(np.abs(line(voltage) - position)))
 
 
+@lru_cache(maxsize=64)  # the bisection takes as long as the rest of a simulated axis
 def peak_gap_um(nonlinearity: float, travel_um: float) -> float:
     """Return the gap of maximum light for which `line_residual` equals `nonlinearity`, in µm.
 

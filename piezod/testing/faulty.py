@@ -41,6 +41,9 @@ class FaultyDevice:
         self, inner: SensorAmplifier, schedule: Sequence[Injection] = (), seed: int = 0
     ) -> None:
         self._inner = inner
+        # Checked once: to check a protocol takes longer than to read a device.
+        self._truth = inner if isinstance(inner, KnowsTruth) else None
+        self._flags = inner if isinstance(inner, TellsStatus) else None
         self.schedule = list(schedule)
         self._random = Random(seed)  # noqa: S311 - noise, no secret
         self._past: deque[Sequence[Sample]] = deque(maxlen=_STORED_SAMPLES)
@@ -86,8 +89,8 @@ class FaultyDevice:
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
         """Return the true displacement, NaN if the device does not know it."""
-        if isinstance(self._inner, KnowsTruth):
-            return self._inner.true_position_um(now_ns)
+        if self._truth is not None:
+            return self._truth.true_position_um(now_ns)
         return [nan] * len(self.capabilities().inputs)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
@@ -124,8 +127,8 @@ class FaultyDevice:
         """Return the flags of the device, plus those of the faults."""
         able = self.capabilities()
         n_inputs = len(able.inputs)
-        if isinstance(self._inner, TellsStatus):
-            flags = list(self._inner.status(now_ns))
+        if self._flags is not None:
+            flags = list(self._flags.status(now_ns))
         else:
             flags = [NO_FLAGS] * (n_inputs + len(able.outputs))
         for one in self._now(now_ns):

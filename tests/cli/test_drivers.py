@@ -1,7 +1,7 @@
 """`piezod drivers`."""
 
 import json
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import pytest
@@ -103,5 +103,6 @@ def test_driver_without_a_statement_has_no_evidence(
     monkeypatch.syspath_prepend(tmp_path)
     for module in ("json.tool", "string", "no_such_module", "piezod.errors", "acme_broken.driver"):
         point = EntryPoint("acme", f"{module}:PLUGIN", "piezod.drivers")
-        monkeypatch.setattr("piezod.devices.evidence.entry_points", lambda p=point, **_: [p])
+        points = EntryPoints([point])
+        monkeypatch.setattr("piezod.devices.evidence.points_of", lambda _, found=points: found)
         assert evidence_of("acme") == {}

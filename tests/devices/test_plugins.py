@@ -1,6 +1,8 @@
 """Plug-ins of both kinds: found by entry point, imported on demand, never ambiguous."""
 
+import os
 from collections.abc import Callable
+from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -90,6 +92,33 @@ def test_names_are_sorted_and_nothing_is_imported(kind: Kind, install: Install) 
 
     assert "a_broken_stage" in names
     assert tuple(sorted(names)) == names
+
+
+def test_search_is_repeated_after_an_installation_only(
+    kind: Kind, install: Install, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plug-in that is installed while the process runs is listed; else nothing is read again."""
+    install("a-maker", "early", "early", "")
+    searches: list[str] = []
+
+    def search(group: str) -> EntryPoints:
+        searches.append(group)
+        return entry_points(group=group)
+
+    monkeypatch.setattr("piezod.devices.plugins.entry_points", search)
+    os.utime(tmp_path, (0, 0))
+    first, again = kind.lookup.names(), kind.lookup.names()
+    late = tmp_path / "b_maker-1.0.dist-info"
+    late.mkdir()
+    (late / "entry_points.txt").write_text(f"[{kind.lookup.GROUP}]\nlate = m:PLUGIN\n")
+    (late / "METADATA").write_text("Name: b-maker\nVersion: 1.0\n")
+    os.utime(tmp_path)  # the clock of a file system may be too coarse to see the change
+
+    assert "early" in first
+    assert "late" not in first
+    assert first == again
+    assert set(kind.lookup.names()) == {*first, "late"}
+    assert searches == [kind.lookup.GROUP] * 2
 
 
 def test_plugin_of_another_distribution_is_loaded(kind: Kind, install: Install) -> None:
