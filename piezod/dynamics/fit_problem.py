@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from piezod.dynamics.hold import images
 from piezod.dynamics.measured import MeasuredResponse
 from piezod.dynamics.poles import combinations_of_modes
 
@@ -27,12 +28,16 @@ SIGNIFICANT: Final = 3.0
 """Smallest share of a mode, in standard uncertainties."""
 BEYOND: Final = 3.0
 """A filter may lie above the highest line by this factor, a mode not at all."""
+FASTEST_FILTER: Final = 0.35
+"""Highest frequency of a filter, as a share of the rate: samples do not show a faster one."""
 LONGEST_DELAY_S: Final = 1.0
 _PHASES, _CREEPS = (-0.3, 0.8), (-0.01, 0.03)
 _SHARES, _DAMPINGS = (-1.0, 2.0), (0.001, 1.0)
 _GAINS: Final = (0.1, 10.0)
 """Bounds of the parameters."""
 _DELAYS, _REFINED, _STEPS = 5, 6, 300
+_FILTERS, _FILTER_DAMPING, _WEAK = 6, 0.8, 0.05
+"""Filters that are tried in addition to the resonances of a solution."""
 
 
 class Parts(NamedTuple):
@@ -73,11 +78,16 @@ class FitProblem:
 
     Args:
         used: The responses, each with at least two lines.
+        rate_hz: Rate at which the drive was held; None if it was continuous.
     """
 
-    def __init__(self, used: Sequence[MeasuredResponse]) -> None:
+    def __init__(self, used: Sequence[MeasuredResponse], rate_hz: float | None) -> None:
         self._used, self.gains = tuple(used), len(used)
         self._frequency_hz = np.concatenate([each.frequency_hz for each in used])
+        # A stage without a resonance has no images: it follows each step at once.
+        self._line = self._frequency_hz[None], np.ones((1, self._frequency_hz.size))
+        self._held = self._line if rate_hz is None else images(self._frequency_hz, rate_hz)
+        self._fastest_filter_hz = np.inf if rate_hz is None else FASTEST_FILTER * rate_hz
         self._response = np.concatenate([each.response for each in used])
         self._weight = np.sqrt(2.0 / np.concatenate([each.variance for each in used]))
         sizes = [each.frequency_hz.size for each in used]
@@ -94,9 +104,15 @@ class FitProblem:
         """Return the parameters of a solution by their meaning."""
         return self._split(solution.parameters, solution.count)
 
-    def best(self, count: int) -> Solution | None:
-        """Return the best solution with a number of resonances; None if nothing hints at them."""
-        starts = sorted(self._starts(count), key=lambda each: self._start_cost(each, count))
+    def best(self, count: int, before: Solution | None) -> Solution | None:
+        """Return the best solution with a number of resonances; None if nothing hints at them.
+
+        Args:
+            count: The number.
+            before: A solution with one resonance fewer, to start from too.
+        """
+        found = [*self._starts(count), *(self._starts_after(before) if before else ())]
+        starts = sorted(found, key=lambda each: self._start_cost(each, count))
         solved = [self._solve(start, count) for start in starts[:_REFINED]]
         return min(solved, key=lambda each: each.cost, default=None)
 
@@ -119,6 +135,16 @@ class FitProblem:
                 shares = np.clip(weights / (weights.sum() or 1.0), *_SHARES)
                 yield np.array([*head, *np.log(modes).ravel(), *shares[:-1]])
 
+    def _starts_after(self, before: Solution) -> Iterator[FloatArray]:
+        """Yield the parameters of a solution with a weak filter more, in front of the others."""
+        parts = self.parts(before)
+        own = np.log(np.stack((parts.frequencies_hz, parts.dampings), axis=1)).ravel()
+        for frequency_hz in np.geomspace(self._low_hz, self._high_hz, _FILTERS + 2)[2:]:
+            for share in (_WEAK, -_WEAK) if before.count else ():
+                filtered = [np.log(frequency_hz), np.log(_FILTER_DAMPING)]
+                shares = [share, *((1.0 - share) * parts.shares[:-1])]
+                yield np.array([*parts.fixed, *filtered, *own, *shares])
+
     def criterion(self, solution: Solution) -> float:
         """Return the Bayesian information criterion, for an unknown scale of the variances."""
         n = self.residuals
@@ -129,10 +155,11 @@ class FitProblem:
         parts, uncertain = self.parts(solution), self.uncertainties(solution)
         known = uncertain.frequencies_hz < KNOWN * parts.frequencies_hz
         inside = (parts.frequencies_hz > self._low_hz) & (parts.frequencies_hz < self._high_hz)
+        slow_enough = parts.frequencies_hz < self._fastest_filter_hz
         significant = np.abs(parts.shares) > SIGNIFICANT * uncertain.shares
         within = (parts.shares > _SHARES[0]) & (parts.shares < _SHARES[1])
         is_filter = parts.dampings >= RINGS_BELOW
-        return bool(np.all(within & (is_filter | (known & inside & significant))))
+        return bool(np.all(within & np.where(is_filter, slow_enough, known & inside & significant)))
 
     def uncertainties(self, solution: Solution) -> Parts:
         """Return the standard uncertainties of a solution's parameters."""
@@ -186,45 +213,52 @@ class FitProblem:
         return Solution(found.x, float(found.cost), np.asarray(found.jac), count)
 
     def _distance(self, parameters: FloatArray, count: int) -> FloatArray:
-        factor, dynamics = self._factor(parameters, count), np.ones(1, dtype=np.complex128)
-        if count:
-            parts = self._split(parameters, count)
-            dynamics = parts.shares @ self._modes(parts)[1]
-        return _real(self._weight * (factor * dynamics - self._response))
+        model = self._slow(parameters) * self._dynamics(parameters, count)[0]
+        return _real(self._weight * (model - self._response))
 
     def _derivatives(self, parameters: FloatArray, count: int) -> FloatArray:
         """Return the Jacobian of the residuals, shape (residuals, parameters)."""
-        f, factor = self._frequency_hz, self._factor(parameters, count)
-        parts = self._split(parameters, count)
-        ratio, modes = self._modes(parts)
-        model = factor * (parts.shares @ modes if count else 1.0)
+        slow = self._slow(parameters)
+        dynamics, own = self._dynamics(parameters, count)
+        model = slow * dynamics
         columns = [np.where(self._which == i, model, 0.0) for i in range(self.gains)]
-        columns += [-1j * model, -np.log(1j * f / self._low_hz) * model]
-        columns += [-2e-3j * np.pi * f * model]
-        for r, mode, damping, share in zip(ratio, modes, parts.dampings, parts.shares, strict=True):
-            outer = -share * factor * mode**2
-            columns += [outer * (2.0 * r**2 - 2j * damping * r), outer * 2j * damping * r]
-        columns += [factor * (mode - modes[-1]) for mode in modes[:-1]]
+        columns += [-1j * model, -np.log(1j * self._frequency_hz / self._low_hz) * model]
+        columns += [slow * each for each in own]
         return np.stack([_real(self._weight * column) for column in columns], axis=1)
 
-    def _factor(self, parameters: FloatArray, count: int) -> ComplexArray:
-        """Return gain, phase, creep and delay at the lines."""
-        fixed = self._split(parameters, count).fixed
-        *_, phase, creep, delay_ms = fixed
-        f = self._frequency_hz
-        gain = (self.signs * np.exp(fixed[: self.gains]))[self._which]
-        turned = np.exp(-1j * (phase + 2e-3 * np.pi * f * delay_ms))
-        return np.asarray(gain * turned * (1j * f / self._low_hz) ** -creep)
+    def _slow(self, parameters: FloatArray) -> ComplexArray:
+        """Return gain, phase and creep at the lines."""
+        phase, creep = parameters[self.gains : self.gains + 2]
+        gain = (self.signs * np.exp(parameters[: self.gains]))[self._which]
+        fallen = (1j * self._frequency_hz / self._low_hz) ** -creep
+        return np.asarray(gain * np.exp(-1j * phase) * fallen)
 
-    def _modes(self, parts: Parts) -> tuple[FloatArray, ComplexArray]:
-        """Return frequency over that of each resonance, and its response, shape (n, lines)."""
-        ratio = self._frequency_hz / parts.frequencies_hz[:, None]
-        return ratio, _second_order(ratio, parts.dampings)
+    def _dynamics(
+        self, parameters: FloatArray, count: int
+    ) -> tuple[ComplexArray, Sequence[ComplexArray]]:
+        """Return delay and resonances at the lines, with their derivatives from the delay on."""
+        parts = self._split(parameters, count)
+        f, weights = self._held if count else self._line
+        turn = -2e-3j * np.pi * f
+        factor = weights * np.exp(turn * parts.fixed[-1])
+        ratios = f / parts.frequencies_hz[:, None, None]
+        modes = _second_order(ratios, parts.dampings)
+        total = factor * (np.tensordot(parts.shares, modes, 1) if count else 1.0)
+        columns = [turn * total]
+        for ratio, mode, damping, share in zip(
+            ratios, modes, parts.dampings, parts.shares, strict=True
+        ):
+            outer = -share * factor * mode**2
+            columns += [outer * (2.0 * ratio**2 - 2j * damping * ratio)]
+            columns += [outer * 2j * damping * ratio]
+        columns += [factor * (mode - modes[-1]) for mode in modes[:-1]]
+        return total.sum(axis=0), [column.sum(axis=0) for column in columns]
 
 
-def _second_order(ratio: FloatArray, dampings: FloatArray) -> ComplexArray:
-    """Return the responses of resonances, shape (n, lines), from ratios of that shape."""
-    return np.asarray(1.0 / (1.0 - ratio**2 + 2j * dampings[:, None] * ratio), np.complex128)
+def _second_order(ratios: FloatArray, dampings: FloatArray) -> ComplexArray:
+    """Return the responses of resonances from frequencies over theirs, shape (n, ...)."""
+    dampings = dampings.reshape(-1, *[1] * (ratios.ndim - 1))
+    return np.asarray(1.0 / (1.0 - ratios**2 + 2j * dampings * ratios), np.complex128)
 
 
 def _real(values: ComplexArray) -> FloatArray:

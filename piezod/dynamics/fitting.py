@@ -7,13 +7,14 @@ frequencies. G has a static gain of one, and a delay whose phase grows with the 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from piezod.dynamics.fit_problem import FitProblem, Solution
+from piezod.dynamics.hold import held
 from piezod.dynamics.measured import MeasuredResponse
 from piezod.dynamics.model import Resonance, ResponseModel
 from piezod.errors import DataError
@@ -47,6 +48,7 @@ class ResponseFit:
         criterion: Bayesian information criterion by number of resonances; lower is better. Numbers
             whose modes the lines do not determine are left out.
         rms: Rms distance of measured and fitted response, in standard uncertainties.
+        rate_hz: Rate at which the drive was held; None if it was continuous.
     """
 
     model: ResponseModel
@@ -58,6 +60,7 @@ class ResponseFit:
     used: tuple[MeasuredResponse, ...]
     criterion: dict[int, float]
     rms: float
+    rate_hz: float | None
 
     @property
     def low_hz(self) -> float:
@@ -80,26 +83,48 @@ class ResponseFit:
         creep = (1j * frequency_hz / self.low_hz) ** -self.creep
         return np.asarray(gain * np.exp(-1j * self.phase_rad) * creep)
 
+    def held(self, frequency_hz: FloatArray) -> ComplexArray:
+        """Return the model as the lines show it: with the hold, without its delay, shape (n,)."""
+        if self.rate_hz is None:
+            return self.model.at(frequency_hz)
+        return held(self.model, frequency_hz, self.rate_hz)
 
-def fit_response(responses: Sequence[MeasuredResponse]) -> ResponseFit:
+    def fitted(self, index: int, frequency_hz: FloatArray) -> ComplexArray:
+        """Return the fit of a response, shape (n,).
+
+        Args:
+            index: Number of the response.
+            frequency_hz: (n,) frequencies, in Hz.
+        """
+        return self.slow_part(index, frequency_hz) * self.held(frequency_hz)
+
+
+def fit_response(
+    responses: Sequence[MeasuredResponse], rate_hz: float | None = None
+) -> ResponseFit:
     """Fit one model to the responses about several voltages.
 
     Args:
         responses: The responses; their dynamics are the same, their gains are not.
+        rate_hz: Rate at which the drive was held; None if it was continuous. The delay of the hold,
+            half a period, is not part of the responses.
 
     Raises:
         DataError: If too few lines are clear of the noise.
     """
     used = tuple(_clear_lines(each) for each in responses)
-    problem = FitProblem(used)
-    counted = ((count, problem.best(count)) for count in range(MOST_RESONANCES + 1))
-    solved = {count: each for count, each in counted if each and problem.admits(each)}
+    problem = FitProblem(used, rate_hz)
+    solved, found = dict[int, Solution](), None
+    for count in range(MOST_RESONANCES + 1):
+        found = problem.best(count, found)
+        if found is not None and problem.admits(found):
+            solved[count] = found
     criterion = {count: problem.criterion(each) for count, each in solved.items()}
     chosen = 0
     for count, value in criterion.items():
         if value < criterion[chosen] - BETTER:
             chosen = count
-    return _result(problem, used, solved[chosen], criterion)
+    return replace(_result(problem, used, solved[chosen], criterion), rate_hz=rate_hz)
 
 
 def _clear_lines(response: MeasuredResponse) -> MeasuredResponse:
@@ -141,4 +166,5 @@ def _result(
         used=used,
         criterion=criterion,
         rms=float(np.sqrt(2.0 * solution.cost / problem.residuals)),
+        rate_hz=None,
     )

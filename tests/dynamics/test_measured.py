@@ -9,7 +9,8 @@ from tests.dynamics.made_up import answer, model_of
 
 RATE_HZ, PERIOD, PERIODS = 10_000.0, 2000, 12
 HARMONICS = odd_harmonics(1, 800, 60)
-DRIVE = low_peak_multisine(HARMONICS).sample(np.arange(PERIOD) / PERIOD)
+LINES = low_peak_multisine(HARMONICS)
+DRIVE = LINES.sample(np.arange(PERIOD) / PERIOD)
 MODEL = model_of(2e-4, (800.0, 0.03, 1.0))
 NOISE = 0.5
 
