@@ -3,12 +3,15 @@
 from typing import Final
 
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
+from piezod.devices.bus.line import Line
+from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.bus.tcp_line import TcpLine
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.modbus.labjack_dialogue import LabJackDialogue
 from piezod_drivers.modbus.layout import profile_of
 from piezod_drivers.modbus.options import ModbusOptions
+from piezod_drivers.modbus.profiles.labjack_stream import PORT_DISTANCE
 from piezod_drivers.modbus.register_dialogue import RegisterDialogue
 from piezod_drivers.modbus.rtu_transactions import RtuTransactions
 from piezod_drivers.modbus.tcp_transactions import TcpTransactions
@@ -28,12 +31,29 @@ def make_transactions(options: ModbusOptions) -> Transactions:
     return RtuTransactions(line, timeout_s, units, options.silence_s)
 
 
-def make_device(options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> BusDevice:
-    """Construct the device of the options."""
+def make_device(
+    options: ModbusOptions,
+    wiring: Wiring,
+    transactions: Transactions,
+    stream: Line | None = None,
+) -> BusDevice:
+    """Construct the device of the options.
+
+    Args:
+        options: The options.
+        wiring: The channels in use.
+        transactions: The line.
+        stream: The line from which the stream of a LabJack comes; None for its second port.
+    """
     profile = profile_of(options)
     name = " + ".join(unit.profile or f"unit {unit.unit}" for unit in options.every_unit)
     if profile is not None and profile.feedback and not options.units:
-        return ExchangingBusDevice(name, LabJackDialogue(options, wiring, transactions))
+        if stream is None:
+            stream = TcpLine(options.host or "", options.tcp_port + PORT_DISTANCE)
+        labjack = LabJackDialogue(options, wiring, transactions, stream)
+        if wiring.outputs:
+            return PlayingBusDevice(name, labjack, labjack.player)
+        return ExchangingBusDevice(name, labjack)
     dialogue = RegisterDialogue(options, wiring, transactions)
     return (ExchangingBusDevice if dialogue.exchanges else BusDevice)(name, dialogue)
 

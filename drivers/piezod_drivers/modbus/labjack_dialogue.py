@@ -6,16 +6,19 @@ from struct import Struct
 from typing import Final
 
 from piezod.devices.bus.dialogue import Reading
-from piezod.devices.bus.line import LineFault
+from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.codec import FEEDBACK, ModbusRequest
 from piezod_drivers.modbus.layout import armed_watchdogs, profile_of
 from piezod_drivers.modbus.options import ModbusOptions
+from piezod_drivers.modbus.player import LabJackPlayer
 from piezod_drivers.modbus.profiles.labjack import COUNTER_10KHZ
+from piezod_drivers.modbus.profiles.labjack_stream import STREAM_PLANS
 from piezod_drivers.modbus.register import Register, Role
 from piezod_drivers.modbus.setup import DeviceSetup
+from piezod_drivers.modbus.stream_setup import StreamSetup
 from piezod_drivers.modbus.transactions import Transactions
 
 _PART: Final = Struct(">BHB")
@@ -43,9 +46,15 @@ class LabJackDialogue:
         options: Options of the device.
         wiring: The channels in use.
         transactions: The line.
+        stream: The line from which the packets of a play come.
+
+    Attributes:
+        player: Plays tables on the outputs.
     """
 
-    def __init__(self, options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> None:
+    def __init__(
+        self, options: ModbusOptions, wiring: Wiring, transactions: Transactions, stream: Line
+    ) -> None:
         profile = profile_of(options)
         assert profile is not None  # noqa: S101 - `make_device` has checked it
         self._profile, self._options, self._transactions = profile, options, transactions
@@ -80,6 +89,13 @@ class LabJackDialogue:
         self._changed: DeviceFlag | None = None
         self._in_control = False
         self._noticed: set[DeviceFlag] = set()
+        self.player = LabJackPlayer(
+            StreamSetup(transactions, options.unit, STREAM_PLANS[profile.name]),
+            stream,
+            wiring,
+            options.known,
+            self._take_outputs,
+        )
 
     def open(self) -> Identity:
         """Connect, check the order of words, identify the device and read everything once.
@@ -95,7 +111,9 @@ class LabJackDialogue:
         identity = setup.read_identity(self._profile)
         # The first reply has no earlier outputs to be compared with.
         self._in_force, self._in_force_ns = (), None
-        self._read_all()
+        # During a stream the inputs cannot be read; `activate` stops it, if it drives our outputs.
+        if not self.player.setup.is_active():
+            self._read_all()
         return identity
 
     def close(self) -> None:
@@ -119,12 +137,14 @@ class LabJackDialogue:
         return [(register.low, register.high) for register in self._outputs]
 
     def activate(self) -> None:
-        """Arm the watchdog; the outputs keep their values.
+        """Stop a play that is found, and arm the watchdog; the outputs keep their values.
 
         Raises:
-            DeviceError: If it cannot be armed.
+            DeviceError: If it cannot be armed, or a stream of another program is running.
             LineFault: If an exchange fails.
         """
+        if self.player.stop_found():
+            self._in_force = ()
         self._last_ns = self._transactions.now_ns()
         if self._watchdog is not None and self._options.watchdog is not None:
             setup, wanted = (
@@ -181,6 +201,11 @@ class LabJackDialogue:
         noticed = self._transactions.take_noticed() | self._noticed
         self._noticed = set()
         return noticed
+
+    def _take_outputs(self, values: Sequence[float]) -> None:
+        """Take the outputs after a play as the ones that are in force. Real-time safe."""
+        self._in_force, self._in_force_ns = tuple(values), None
+        self._last_ns = self._transactions.now_ns()
 
     def _set(self, values: Sequence[float]) -> None:
         if self._transactions.now_ns() - self._last_ns > self._silence_ns:

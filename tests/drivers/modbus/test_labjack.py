@@ -255,7 +255,8 @@ def test_a_watchdog_that_cannot_be_armed_is_refused() -> None:
     )
     device, line, _ = emulated(emulator.LABJACK_T7, options, ONE)
     device.open()
-    line.change = lambda reply: reply[:-1] + b"\7" if reply[7:9] == b"\3\4" else reply
+    two = bytes.fromhex("03 04 00 00 00 02")
+    line.change = lambda reply: reply[:-1] + b"\7" if reply[7:] == two else reply
     with pytest.raises(DeviceError, match=r"cannot be armed: register 61604 holds 7 instead of 2"):
         device.activate(line.now_ns())
 

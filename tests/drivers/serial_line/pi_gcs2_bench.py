@@ -22,7 +22,15 @@ LIMITS = (
     exchange(b"VMI? 1\nERR?\n", b"1=-20\n0\n"),
     exchange(b"VMA? 1\nERR?\n", b"1=120\n0\n"),
 )
-AT_EASE = (exchange(b"SVO? 1\nERR?\n", b"1=0\n0\n"), exchange(b"ONL? 1\nERR?\n", b"1=1\n0\n"))
+NO_PLAY = (
+    exchange(b"WGO? 1\nERR?\n", b"1=0\n0\n"),
+    exchange(b"\x09ERR?\n", b"0\n0\n"),
+)
+AT_EASE = (
+    *NO_PLAY,
+    exchange(b"SVO? 1\nERR?\n", b"1=0\n0\n"),
+    exchange(b"ONL? 1\nERR?\n", b"1=1\n0\n"),
+)
 
 
 def scripted(line: ScriptedLine, **options: object) -> ExchangingBusDevice:

@@ -240,7 +240,7 @@ def test_an_earlier_life() -> None:
     "steps",
     [
         (*OPENING, exchange(b"VMI? 1\nERR?\n", b"603\n")),
-        (*OPENING, *LIMITS, AT_EASE[0], exchange(b"ONL? 1\nERR?\n", b"603\n")),
+        (*OPENING, *LIMITS, *AT_EASE[:-1], exchange(b"ONL? 1\nERR?\n", b"603\n")),
     ],
 )
 def test_an_error_while_opening(steps: tuple[Step, ...]) -> None:

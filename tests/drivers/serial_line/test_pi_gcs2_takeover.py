@@ -7,6 +7,7 @@ import pytest
 from piezod.errors import DeviceError, DeviceUnavailableError
 from tests.drivers.serial_line.pi_gcs2_bench import (
     LIMITS,
+    NO_PLAY,
     OPENING,
     emulated,
     scripted,
@@ -138,7 +139,7 @@ def test_activation_that_changes_nothing_sends_nothing() -> None:
 def test_a_servo_that_stays_on() -> None:
     """A controller whose servo stays on is not activated."""
     on = exchange(b"SVO? 1\nERR?\n", b"1=1\n0\n"), exchange(b"ONL? 1\nERR?\n", b"2\n")
-    line = ScriptedLine(*OPENING, *LIMITS, *on, exchange(b"VOL? 1\nERR?\n", b"1=5\n0\n"))
+    line = ScriptedLine(*OPENING, *LIMITS, *NO_PLAY, *on, exchange(b"VOL? 1\nERR?\n", b"1=5\n0\n"))
     line.then(on[1], exchange(b"SVO 1 0\nSVA 1 5.0000\nERR?\n", b"0\n"), *on)
     device = scripted(line)
     device.open()

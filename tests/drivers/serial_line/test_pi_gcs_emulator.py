@@ -63,7 +63,7 @@ def test_replies(request_: bytes, reply: bytes) -> None:
         (b"SVA 1 200\n", 17),
         (b"SVO 1 2\n", 17),
         (b"\x18", 10),
-        (b"A" * 300 + b"\n", 3),
+        (b"A" * 2000 + b"\n", 3),
     ],
 )
 def test_errors(request_: bytes, code: int) -> None:

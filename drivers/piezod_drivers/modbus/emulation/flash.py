@@ -17,6 +17,7 @@ from piezod_drivers.modbus.profiles.labjack_stream import InputScale, StreamPlan
 
 _LAST_CODE: Final = 0xFFFF
 _NEGATIVE_CH: Final = 41_000
+_ALL_NEGATIVE_CH: Final = 43_902
 _SINGLE_ENDED: Final = 199
 _RANGE_INVALID: Final = 2382
 _T4_HIGH: Final = (0.0003235316, -10.532965)
@@ -60,6 +61,7 @@ class Flash:
                 partial(self._set_range, channel),
             )
             unit.add_stored("holding", _NEGATIVE_CH + channel, "uint16", _SINGLE_ENDED)
+        unit.add_stored("holding", _ALL_NEGATIVE_CH, "uint16", _SINGLE_ENDED)
 
     def encode(self, channel: int, value_v: float) -> int:
         """Return the code of an input in its present range."""

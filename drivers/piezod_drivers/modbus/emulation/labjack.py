@@ -106,6 +106,7 @@ def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> LabJackServe
     for address, output in targets.items():
         unit.add("holding", address, "float32", _value_of(output), output.set)
     unit.add("holding", LAST_ERROR, "uint16", lambda: unit.last_error)
+    unit.add("holding", LAST_ERROR + 1, "uint16", lambda: unit.last_exception)
     _add_identity(unit, model, bench, serial)
     flash.add_to(unit)
     stream.add_to(unit)

@@ -70,6 +70,8 @@ class Stream:
             (registers.BUFFER_BYTES, "uint32"),
             (registers.AUTO_TARGET, "uint32"),
             (registers.DATA_TYPE, "uint32"),
+            (registers.CLOCK_SOURCE, "uint32"),
+            (registers.TRIGGER_INDEX, "uint32"),
             (registers.N_SCANS, "uint32"),
             *((registers.SCAN_LIST + 2 * i, "uint32") for i in range(registers.MOST_ADDRESSES)),
         ]

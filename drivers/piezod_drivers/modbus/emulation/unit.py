@@ -62,14 +62,15 @@ class EmulatedUnit:
         functions: Function codes that it supports.
 
     Attributes:
-        last_error: The device's own code of the last error; 0 if there was none.
+        last_error: The device's own code of the last error; 0 if there was none, or it has none.
+        last_exception: Exception code of the last error; 0 if there was none.
     """
 
     def __init__(self, functions: frozenset[int]) -> None:
         self._functions = functions
         self._cells: dict[tuple[Table, int], RegisterCell] = {}
         self._ports: dict[int, RegisterPort] = {}
-        self.last_error = 0
+        self.last_error = self.last_exception = 0
 
     def add(
         self,
@@ -104,7 +105,7 @@ class EmulatedUnit:
         try:
             return bytes((function,)) + self._run(function, pdu[1:])
         except ModbusRefusal as refusal:
-            self.last_error = refusal.detail or self.last_error
+            self.last_error, self.last_exception = refusal.detail, refusal.code
             return bytes((function | EXCEPTION_BIT, refusal.code))
 
     def _run(self, function: int, data: bytes) -> bytes:

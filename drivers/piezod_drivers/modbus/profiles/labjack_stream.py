@@ -18,9 +18,11 @@ SAMPLES_PER_PACKET: Final = 4006
 SETTLING_US: Final = 4008
 RESOLUTION_INDEX: Final = 4010
 BUFFER_BYTES: Final = 4012
+CLOCK_SOURCE: Final = 4014
 AUTO_TARGET: Final = 4016
 DATA_TYPE: Final = 4018
 N_SCANS: Final = 4020
+TRIGGER_INDEX: Final = 4024
 SCAN_LIST: Final = 4100
 ENABLE: Final = 4990
 OUT_TARGET: Final = 4040
@@ -128,6 +130,7 @@ class StreamPlan(NamedTuple):
         sets_of_input: Number of sets of constants for each input; 0 if all inputs share them.
         set_floats: Number of floats in each set.
         n_high: Number of inputs with constants of their own; later inputs share one set.
+        has_trigger: Whether a stream can wait for a trigger or follow an external clock.
     """
 
     shortest_ns: int
@@ -138,6 +141,7 @@ class StreamPlan(NamedTuple):
     sets_of_input: int
     set_floats: int
     n_high: int
+    has_trigger: bool = True
 
     def scale_source(self, channel: int, range_v: float) -> ScaleSource | None:
         """Return the place of an input's scale; None if the range is unknown."""
@@ -163,7 +167,9 @@ def input_scale(values: Sequence[float]) -> InputScale:
     return InputScale(center, above, -below)
 
 
-_T4: Final = StreamPlan(20_000, 20_000, (1 << 10) - 1, 0x3C4000, {0.0: 0, 10.0: 0, 2.5: 0}, 1, 2, 4)
+_T4: Final = StreamPlan(
+    20_000, 20_000, (1 << 10) - 1, 0x3C4000, {0.0: 0, 10.0: 0, 2.5: 0}, 1, 2, 4, has_trigger=False
+)
 _T7: Final = StreamPlan(
     10_000,
     10_000,

@@ -21,7 +21,7 @@ _QUIET_NS: Final = 50_000_000
 """After a silence of this length nothing of earlier exchanges is pending."""
 # Ends the wait on a line that is never quiet.
 _MOST_CHUNKS: Final = 20
-_OPENING_NS: Final = 500_000_000
+OPENING_NS: Final = 500_000_000
 """Time-out of requests outside the loop, which may take longer."""
 _IDENTITY: Final = r"([^\n]{1,400})\n"
 
@@ -51,13 +51,18 @@ class GcsDialogue(ABC):
         syntax: Text format of the generation.
         wiring: The channels in use.
         drive: Properties of the outputs.
+
+    Attributes:
+        conversation: Requests and replies.
+        syntax: Text format of the generation.
+        wiring: The channels in use.
     """
 
     def __init__(
         self, line: Line, timeout_s: float, syntax: Syntax, wiring: Wiring, drive: GcsDrive
     ) -> None:
-        self._line, self._syntax, self._wiring, self._drive = line, syntax, wiring, drive
-        self._conversation = Conversation(line, timeout_s)
+        self._line, self.syntax, self.wiring, self._drive = line, syntax, wiring, drive
+        self.conversation = Conversation(line, timeout_s)
         self._ranges: list[tuple[float, float]] = []
         self._in_force_ns: int | None = None
         self._in_force: Sequence[float] = ()
@@ -75,14 +80,14 @@ class GcsDialogue(ABC):
         """
         self._line.open()
         self._drain()
-        replies = self._ask_slowly(b"*IDN?\n", GcsReply(_IDENTITY))
+        replies = self.ask_slowly(b"*IDN?\n", GcsReply(_IDENTITY))
         identity = identity_of(replies[0])
         axes = self._axes()
         # The identifiers of the outputs may depend on the order of the axes, so the requests are
         # prepared again.
         self._outputs = self._output_ids(axes)
         self._prepare_requests()
-        self._ranges = self._find_ranges() if self._wiring.outputs else []
+        self._ranges = self._find_ranges() if self.wiring.outputs else []
         return identity
 
     def close(self) -> None:
@@ -91,7 +96,7 @@ class GcsDialogue(ABC):
 
     def capabilities(self) -> Capabilities:
         """Return the capabilities: outputs hold and are read back."""
-        inputs, outputs = self._wiring
+        inputs, outputs = self.wiring
         return Capabilities(inputs, outputs, True, self._drive.max_rate_hz, holds=True)
 
     def ranges(self) -> Sequence[tuple[float, float]]:
@@ -120,7 +125,7 @@ class GcsDialogue(ABC):
         held = {
             axis: self._require_in_range(axis, value, low, high)
             for axis, value, (low, high) in zip(
-                self._wiring.outputs, self._ask_in_force(), self._ranges, strict=True
+                self.wiring.outputs, self._ask_in_force(), self._ranges, strict=True
             )
             if axis in foreign
         }
@@ -139,12 +144,12 @@ class GcsDialogue(ABC):
 
     def put(self, values: Sequence[float]) -> None:
         """Set every output and check that the controller accepted it. Real-time safe."""
-        request = self._setpoints(self._wiring.outputs, values)
+        request = self._setpoints(self.wiring.outputs, values)
         self._ask(request + ASK_ERROR, self._put_reply)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Read every position, set every output and read it back. Real-time safe."""
-        request = self._setpoints(self._wiring.outputs, values)
+        request = self._setpoints(self.wiring.outputs, values)
         # Positions are read before the setpoint: the sample belongs to the voltage before it.
         whole = self._ask_positions + request + self._ask_voltages + ASK_ERROR
         return self._keep_read_back(self._ask(whole, self._sample_reply), now_ns)
@@ -161,7 +166,18 @@ class GcsDialogue(ABC):
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        return self._conversation.take_noticed()
+        return self.conversation.take_noticed()
+
+    def ask_slowly(self, request: bytes, reply: GcsReply) -> list[bytes]:
+        """Send a request and return the values of its reply. Not real-time safe.
+
+        Raises:
+            LineFault: If the controller refuses or does not reply.
+        """
+        # A set command has no reply; `ERR?` behind it confirms it and ends the frame.
+        request += ASK_ERROR
+        frame = self.conversation.ask(request, reply.length_of, timeout_ns=OPENING_NS)
+        return reply.texts(frame)
 
     @abstractmethod
     def _output_ids(self, axes: Sequence[str]) -> Sequence[str]:
@@ -173,18 +189,18 @@ class GcsDialogue(ABC):
 
     def _driven_by_others(self) -> Sequence[str]:
         """Return the outputs that `SVA` does not drive now."""
-        return self._outputs_switched("SVO?", self._wiring.outputs, on=1)
+        return self._outputs_switched("SVO?", self.wiring.outputs, on=1)
 
     def _take_over(self, held: Mapping[str, float]) -> None:
         """Make `SVA` drive these axes, at their present voltages."""
         # One write: the setpoint follows the servo at once, so the output does not leave its
         # voltage.
-        servos_off = self._syntax.setting("SVO", list(held), ["0"] * len(held))
-        self._ask_slowly(servos_off + self._setpoints(list(held), list(held.values())), GcsReply())
+        servos_off = self.syntax.setting("SVO", list(held), ["0"] * len(held))
+        self.ask_slowly(servos_off + self._setpoints(list(held), list(held.values())), GcsReply())
 
     def _setpoints(self, axes: Sequence[str], values: Sequence[float]) -> bytes:
         """Return the command that sets these axes."""
-        return self._syntax.setting("SVA", axes, volts(values))
+        return self.syntax.setting("SVA", axes, volts(values))
 
     def _require_in_range(self, axis: str, value: float, low: float, high: float) -> float:
         """Return the value in force on an axis.
@@ -204,34 +220,28 @@ class GcsDialogue(ABC):
         if not ids:
             return []
         # A bare "0" or "1" of GCS 1 looks like the reply to `ERR?`.
-        reply = GcsReply(*self._syntax.switches(ids), whole=self._syntax.bare)
-        replies = self._ask_slowly(self._syntax.query(query, ids), reply)
+        reply = GcsReply(*self.syntax.switches(ids), whole=self.syntax.bare)
+        replies = self.ask_slowly(self.syntax.query(query, ids), reply)
         return [
-            a for a, state in zip(self._wiring.outputs, replies, strict=True) if int(state) == on
+            a for a, state in zip(self.wiring.outputs, replies, strict=True) if int(state) == on
         ]
 
     def _ask(self, request: bytes, reply: GcsReply) -> list[float]:
         """Send a request in the loop; the values in force are unknown until it succeeds."""
         self._in_force_ns = None
-        return reply.numbers(self._conversation.ask(request, reply.length_of))
-
-    def _ask_slowly(self, request: bytes, reply: GcsReply) -> list[bytes]:
-        # A set command has no reply; `ERR?` behind it confirms it and ends the frame.
-        request += ASK_ERROR
-        frame = self._conversation.ask(request, reply.length_of, timeout_ns=_OPENING_NS)
-        return reply.texts(frame)
+        return reply.numbers(self.conversation.ask(request, reply.length_of))
 
     def _ask_in_force(self) -> Sequence[float]:
         return self._ask(self._ask_voltages + ASK_ERROR, self._voltages_reply)
 
     def _keep_read_back(self, values: list[float], now_ns: int) -> Reading:
-        n_inputs = len(self._wiring.inputs)
+        n_inputs = len(self.wiring.inputs)
         self._in_force, self._in_force_ns = values[n_inputs:], now_ns
         return now_ns, values[:n_inputs]
 
     def _prepare_requests(self) -> None:
         """Prepare the requests that are the same in every cycle."""
-        inputs, outputs, syntax = self._wiring.inputs, self._outputs, self._syntax
+        inputs, outputs, syntax = self.wiring.inputs, self._outputs, self.syntax
         positions = syntax.numbers(inputs) if inputs else ()
         voltages = syntax.numbers(outputs) if outputs else ()
         self._ask_positions = syntax.query("POS?", inputs) if inputs else b""
@@ -246,16 +256,16 @@ class GcsDialogue(ABC):
         Half a command that was sent before becomes an error together with this `ERR?`, not a
         voltage.
         """
-        self._conversation.restart()
-        self._conversation.wait_out()
+        self.conversation.restart()
+        self.conversation.wait_out()
         read_until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
-        self._conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=_OPENING_NS)
+        self.conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=OPENING_NS)
 
     def _axes(self) -> Sequence[str]:
-        reply = GcsReply(self._syntax.axes(), whole=True)
-        replies = self._ask_slowly(b"SAI?\n", reply)
-        axes = self._syntax.axes_in(replies[0].decode())
-        missing = [axis for axis in self._wiring.channels if axis not in axes]
+        reply = GcsReply(self.syntax.axes(), whole=True)
+        replies = self.ask_slowly(b"SAI?\n", reply)
+        axes = self.syntax.axes_in(replies[0].decode())
+        missing = [axis for axis in self.wiring.channels if axis not in axes]
         if missing:
             has, wanted = ", ".join(axes), ", ".join(missing)
             what = f"{self._line.where} has axes {has}, but not the configured {wanted}"

@@ -8,8 +8,6 @@ from typing import Final, NamedTuple, Protocol
 
 from piezod.devices.emulation.bench import SharedRig
 
-_LONGEST: Final = 256
-# Commands of a single byte, which need no line feed.
 _STOP: Final = 0x18
 _IS_MOVING: Final = 0x05
 _IS_READY: Final = 0x07
@@ -71,6 +69,7 @@ class GcsModel(NamedTuple):
         servo_error: Error code of `SVA` while the servo is on.
         lowest_v: Lowest voltage.
         highest_v: Highest voltage.
+        longest: Length of the longest command, in bytes.
     """
 
     identity: str
@@ -80,6 +79,7 @@ class GcsModel(NamedTuple):
     servo_error: int
     lowest_v: float
     highest_v: float
+    longest: int = 256
 
 
 @dataclass
@@ -113,12 +113,18 @@ class GcsEmulator:
         self.axes = [GcsAxis(setpoint_v=bench.drive_v(i)) for i in range(len(self._ids))]
         self._error = 0
         self._line = b""
+        # Commands of a single byte, which need no line feed.
+        self._bytes: dict[int, Callable[[], bytes]] = {
+            _STOP: self._stop,
+            _IS_MOVING: lambda: b"0\n",
+            _IS_READY: lambda: _READY,
+        }
         self._handlers: dict[str, _Handler] = {
             "*IDN?": lambda _: f"{model.identity.format(serial=self._serial)}\n".encode("cp1252"),
             "ERR?": self._report_error,
             "SAI?": lambda _: quirks.axes_reply(self._ids),
             "POS?": self._query(self._position),
-            "VOL?": self._query(bench.drive_v),
+            "VOL?": self._query(self._measured_v),
             "SVA?": self._query(lambda i: self.axes[i].setpoint_v),
             "SVO?": self._query(lambda i: self.axes[i].servo),
             "SVA": self._set_voltages,
@@ -129,15 +135,16 @@ class GcsEmulator:
         """Process bytes of the host; return the replies."""
         replies = []
         # Commands of a single byte also work inside a line, and do not end it.
-        for chunk in re.split(rb"([\n\x05\x07\x18])", data):
+        breaks = re.escape(bytes((*self._bytes, ord("\n"))))
+        for chunk in re.split(b"([" + breaks + b"])", data):
             if chunk == b"\n":
                 line, self._line = self._line, b""
                 replies.append(self._execute(line))
-            elif chunk and chunk[0] in {_STOP, _IS_MOVING, _IS_READY}:
-                replies.append(self._execute_byte(chunk[0]))
+            elif chunk and chunk[0] in self._bytes:
+                replies.append(self._bytes[chunk[0]]())
             else:
                 # One byte more than allowed is kept, so that a line that is too long is recognized.
-                self._line = (self._line + chunk)[: _LONGEST + 1]
+                self._line = (self._line + chunk)[: self._model.longest + 1]
         return [reply for reply in replies if reply]
 
     def connected(self) -> None:
@@ -149,7 +156,7 @@ class GcsEmulator:
         return []
 
     def _execute(self, line: bytes) -> bytes:
-        if len(line) > _LONGEST:
+        if len(line) > self._model.longest:
             # 3: command too long.
             self._error = 3
             return b""
@@ -162,12 +169,10 @@ class GcsEmulator:
             self._error = refusal.code
             return b""
 
-    def _execute_byte(self, byte: int) -> bytes:
-        if byte == _STOP:
-            # 10: stopped.
-            self._error = 10
-            return b""
-        return _READY if byte == _IS_READY else b"0\n"
+    def _stop(self) -> bytes:
+        # 10: stopped.
+        self._error = 10
+        return b""
 
     def _report_error(self, _arguments: str) -> bytes:
         error, self._error = self._error, 0
@@ -184,8 +189,14 @@ class GcsEmulator:
     def _text(self, value: float) -> str:
         return str(int(value)) if isinstance(value, bool) else self._model.number.format(value)
 
+    def _measured_v(self, axis: int) -> float:
+        return self._bench.drive_v(axis)
+
+    def _position_um(self, axis: int) -> float:
+        return self._bench.position_um(axis)
+
     def _position(self, axis: int) -> float:
-        position_um = self._bench.position_um(axis)
+        position_um = self._position_um(axis)
         if not isfinite(position_um):
             # 505: the sensor signal is invalid.
             raise GcsRefusal(505)

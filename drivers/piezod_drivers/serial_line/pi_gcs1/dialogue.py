@@ -26,7 +26,7 @@ class Gcs1Dialogue(GcsDialogue):
 
     def _output_ids(self, axes: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the generation's
         """Return the axes: their voltages have the same letters."""
-        return self._wiring.outputs
+        return self.wiring.outputs
 
     def _find_ranges(self) -> list[tuple[float, float]]:
-        return [self._range_v] * len(self._wiring.outputs)
+        return [self._range_v] * len(self.wiring.outputs)

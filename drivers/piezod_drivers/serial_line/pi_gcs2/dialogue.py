@@ -5,15 +5,19 @@ from math import isfinite
 from typing import Final
 
 from piezod.devices.bus.line import Line, LineFault
-from piezod.devices.interface import Wiring
+from piezod.devices.interface import Identity, Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
+from piezod.units import NS_PER_S
 from piezod_drivers.serial_line.gcs.dialogue import MEASURED, GcsDialogue, GcsDrive
 from piezod_drivers.serial_line.gcs.rate import NETWORK_RATE_HZ, wire_rate_hz
 from piezod_drivers.serial_line.gcs.reply import GcsReply
 from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2Syntax
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
+from piezod_drivers.serial_line.pi_gcs2.player import Gcs2Player
 
+_BITS: Final = 10
+"""Bits of a byte on a serial line."""
 _REFUSALS: Final = frozenset({DeviceFlag.WRONG_REQUEST, DeviceFlag.LOCAL_MODE})
 
 
@@ -24,6 +28,10 @@ class Gcs2Dialogue(GcsDialogue):
         line: The line.
         options: Options of the device.
         wiring: The channels in use.
+
+    Attributes:
+        numbers: Number of the piezo channel and of the wave generator of each output.
+        player: Plays tables on the outputs.
     """
 
     def __init__(self, line: Line, options: Gcs2Options, wiring: Wiring) -> None:
@@ -33,18 +41,43 @@ class Gcs2Dialogue(GcsDialogue):
         super().__init__(line, options.timeout_ms * 1e-3, Gcs2Syntax(), wiring, drive)
         self._range_v = options.range_v
         self._by_channel = options.read_back == MEASURED
-        self._amplifiers: Sequence[str] = ()
+        self.numbers: Sequence[str] = ()
+        byte_ns = 0 if options.host is not None else _BITS * NS_PER_S // options.baud
+        self.player = Gcs2Player(self, measures=self._by_channel, byte_ns=byte_ns)
+
+    def open(self) -> Identity:
+        """Connect, identify the controller, read its axes and ranges; nothing moves.
+
+        Raises:
+            DeviceUnavailableError: If the port is absent or locked.
+            DeviceError: If an axis is missing, or the range of an output is unknown.
+            LineFault: If an exchange fails.
+        """
+        self.player.forget()
+        return super().open()
+
+    def activate(self) -> None:
+        """Stop wave generators that are found; then take over the outputs.
+
+        Raises:
+            DeviceError: If an output cannot be taken over.
+            LineFault: If an exchange fails.
+        """
+        if self.player.stop_found() and not self._by_channel:
+            what = f"{self._line.where}: a wave generator was running, and was stopped"
+            raise DeviceError(f"{what}; SVA? does not measure its voltage: use read_back: VOL?")
+        super().activate()
 
     def _output_ids(self, axes: Sequence[str]) -> Sequence[str]:
         """Return the numbers of the piezo channels: an axis' own number, or its index from 1."""
-        outputs = self._wiring.outputs
+        outputs = self.wiring.outputs
         # `VOL?`, `VMI?`, `VMA?` and `ONL` address piezo channels, not axes.
-        self._amplifiers = [a if a.isdigit() else str(axes.index(a) + 1) for a in outputs]
-        return self._amplifiers if self._by_channel else outputs
+        self.numbers = [a if a.isdigit() else str(axes.index(a) + 1) for a in outputs]
+        return self.numbers if self._by_channel else outputs
 
     def _find_ranges(self) -> list[tuple[float, float]]:
         if self._range_v is not None:
-            return [self._range_v] * len(self._amplifiers)
+            return [self._range_v] * len(self.numbers)
         try:
             lowest, highest = self._limits("VMI?"), self._limits("VMA?")
         except LineFault as fault:
@@ -55,9 +88,9 @@ class Gcs2Dialogue(GcsDialogue):
         return list(zip(lowest, highest, strict=True))
 
     def _limits(self, query: str) -> list[float]:
-        reply = GcsReply(*self._syntax.numbers(self._amplifiers))
-        request = self._syntax.query(query, self._amplifiers)
-        limits = [float(text) for text in self._ask_slowly(request, reply)]
+        reply = GcsReply(*self.syntax.numbers(self.numbers))
+        request = self.syntax.query(query, self.numbers)
+        limits = [float(text) for text in self.ask_slowly(request, reply)]
         if not all(map(isfinite, limits)):
             what = f"{self._line.where} reports an infinite range: {limits}; give range_v"
             raise DeviceError(what)
@@ -65,12 +98,12 @@ class Gcs2Dialogue(GcsDialogue):
 
     def _driven_by_others(self) -> Sequence[str]:
         others = {*super()._driven_by_others(), *self._offline()}
-        return [axis for axis in self._wiring.outputs if axis in others]
+        return [axis for axis in self.wiring.outputs if axis in others]
 
     def _offline(self) -> Sequence[str]:
         """Return the outputs that an analog input drives; none if there is no such mode."""
         try:
-            return self._outputs_switched("ONL?", self._amplifiers, on=0)
+            return self._outputs_switched("ONL?", self.numbers, on=0)
         except LineFault as fault:
             if fault.flag is not DeviceFlag.WRONG_REQUEST:
                 raise
@@ -98,13 +131,13 @@ class Gcs2Dialogue(GcsDialogue):
         """
         axes = list(held)
         try:
-            self._ask_slowly(self._setpoints(axes, list(held.values())), GcsReply())
+            self.ask_slowly(self._setpoints(axes, list(held.values())), GcsReply())
         except LineFault as fault:
             if fault.flag not in _REFUSALS:
                 raise
             what = f"{self._line.where}: axis {', '.join(axes)} is driven by its analog input"
             remedy = "switch off its analog input and its servo at rest"
             raise DeviceError(f"{what} and refuses a setpoint ({fault}): {remedy}") from fault
-        channels_of = dict(zip(self._wiring.outputs, self._amplifiers, strict=True))
+        channels_of = dict(zip(self.wiring.outputs, self.numbers, strict=True))
         online = [channels_of[axis] for axis in axes]
-        self._ask_slowly(self._syntax.setting("ONL", online, ["1"] * len(online)), GcsReply())
+        self.ask_slowly(self.syntax.setting("ONL", online, ["1"] * len(online)), GcsReply())

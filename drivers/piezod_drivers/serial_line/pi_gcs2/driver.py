@@ -4,6 +4,8 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.bus.line import Line
+from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.interface import DriverPlugin, Wiring
 from piezod_drivers.serial_line.gcs.channels import channels
 from piezod_drivers.serial_line.gcs.faults import SEES
@@ -12,9 +14,16 @@ from piezod_drivers.serial_line.pi_gcs2.dialogue import Gcs2Dialogue
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 
 
+def make_device(line: Line, options: Gcs2Options, wiring: Wiring) -> ExchangingBusDevice:
+    """Construct a controller on a line; it plays if it drives anything."""
+    dialogue, name = Gcs2Dialogue(line, options, wiring), "PI GCS 2 controller"
+    if wiring.outputs:
+        return PlayingBusDevice(name, dialogue, dialogue.player)
+    return ExchangingBusDevice(name, dialogue)
+
+
 def _create(options: Gcs2Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
-    dialogue = Gcs2Dialogue(make_line(options), options, wiring)
-    return ExchangingBusDevice("PI GCS 2 controller", dialogue)
+    return make_device(make_line(options), options, wiring)
 
 
 PLUGIN: Final = DriverPlugin(

@@ -6,6 +6,8 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsModel, GcsRefusal, switch_in
+from piezod_drivers.serial_line.pi_gcs2.emulation.wave_commands import WaveCommands
+from piezod_drivers.serial_line.pi_gcs2.emulation.wave_generators import WaveGenerators
 
 _MODEL: Final = GcsModel(
     identity="(c)2015-2018 Physik Instrumente (PI) GmbH & Co. KG, E-727.3CDA, {serial}, "
@@ -16,8 +18,11 @@ _MODEL: Final = GcsModel(
     servo_error=79,
     lowest_v=-20.0,
     highest_v=150.0,
+    longest=1024,  # PIPython sends 32 arguments of up to 14 bytes in a line
 )
 _TRAVEL_UM: Final = 30.0
+_IS_PLAYING: Final = 0x09
+_GENERATOR_ACTIVE: Final = 73
 _NEXT: Final = " \n"
 """Ends a line of a reply that another line follows."""
 
@@ -47,7 +52,7 @@ class _Quirks:
 
 
 class Gcs2Emulator(GcsEmulator):
-    """Adds what only GCS 2.0 has: online mode, voltage limits and travel.
+    """Adds what only GCS 2.0 has: online mode, voltage limits, travel, wave generators, recorder.
 
     Args:
         bench: The rig.
@@ -64,6 +69,36 @@ class Gcs2Emulator(GcsEmulator):
             "TMN?": self._query(lambda _: 0.0),
             "TMX?": self._query(lambda _: _TRAVEL_UM),
         }
+        self._waves = WaveGenerators(bench, self.axes)
+        commands = WaveCommands(self._waves)
+        self._handlers |= commands.handlers
+        self._bytes[_IS_PLAYING] = commands.running
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Run the servo cycles that are due, then process bytes of the host."""
+        self._waves.advance()
+        return super().receive(data)
+
+    def due(self) -> list[bytes]:
+        """Run the servo cycles that are due; return nothing."""
+        self._waves.advance()
+        return super().due()
+
+    def _set_voltages(self, arguments: str) -> bytes:
+        moving = self._waves.running()
+        if any(moving >> self._index(axis) & 1 for axis, _ in self._quirks.pairs(arguments)):
+            raise GcsRefusal(_GENERATOR_ACTIVE)
+        return super()._set_voltages(arguments)
+
+    def _stop(self) -> bytes:
+        self._waves.stop_all()
+        return super()._stop()
+
+    def _measured_v(self, axis: int) -> float:
+        return self._waves.measured_v(axis)
+
+    def _position_um(self, axis: int) -> float:
+        return self._waves.position_um(axis)
 
     def _set_online(self, arguments: str) -> bytes:
         for channel, text in self._quirks.pairs(arguments):

@@ -1,0 +1,289 @@
+"""A device on a wire that also plays tables: it enforces the order of a play."""
+
+import typing
+from collections.abc import Callable, Sequence
+from math import nan
+from typing import Final, Protocol, TypeVar, TypeVarTuple
+
+from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.bus.dialogue import ExchangingDialogue, Reading
+from piezod.devices.bus.line import LineFault
+from piezod.devices.bus.table_check import check_table
+from piezod.devices.interface import Identity, Sample
+from piezod.devices.player import PlayedRecord, PlayerCapabilities, PlayState, Progress, Table
+from piezod.errors import DeviceError
+from piezod.units import NS_PER_S
+
+if typing.TYPE_CHECKING:
+    from piezod.devices.player import FloatArray
+
+AnswerT = TypeVar("AnswerT")
+Given = TypeVarTuple("Given")
+
+OVERDUE_NS: Final = 2 * NS_PER_S
+"""A play that has not ended this long after its duration, and 1 % of it, has failed."""
+
+
+class PlayDialogue(Protocol):
+    """The exchanges of a play; a `PlayingBusDevice` calls them in the right order, one at a time.
+
+    All methods but `close` raise `LineFault` if an exchange fails; those outside of the loop also
+    `DeviceError` if the device refuses.
+    """
+
+    def capabilities(self) -> PlayerCapabilities:
+        """Return the capabilities; may ask the device."""
+        ...
+
+    def load(self, table: Table) -> Table:
+        """Load a checked table; return it as the device will play it."""
+        ...
+
+    def arm(self) -> None:
+        """Prepare the start."""
+        ...
+
+    def start(self) -> None:
+        """Start the play and the record."""
+        ...
+
+    def progress(self, now_ns: int) -> Progress:
+        """Return the progress of a play that was started. Real-time safe."""
+        ...
+
+    def stop(self) -> Sequence[float]:
+        """Stop a play, if one is going on; return the value in force of each output.
+
+        Real-time safe.
+        """
+        ...
+
+    def recording(self) -> PlayedRecord:
+        """Return the record of the play that has ended."""
+        ...
+
+    def sample(self, now_ns: int) -> Reading:
+        """Return the newest sample of each input during a play. Real-time safe."""
+        ...
+
+    def in_force(self, now_ns: int) -> Sequence[float]:
+        """Return the value of each output during a play. Real-time safe."""
+        ...
+
+    def close(self) -> None:
+        """Release what only a play needs. Never raises."""
+        ...
+
+
+class PlayingBusDevice(ExchangingBusDevice):
+    """An `ExchangingBusDevice` that implements `Player`.
+
+    A play that was begun counts as going on until its end or its stop is confirmed. Therefore
+    writes are refused after a failure, too, until `abort` has reached the device, or the device was
+    opened and activated again: `activate` of the dialogue stops a play that it finds.
+
+    Args:
+        name: Name in messages.
+        dialogue: Exchanges of the protocol.
+        play: Exchanges of a play.
+    """
+
+    def __init__(self, name: str, dialogue: ExchangingDialogue, play: PlayDialogue) -> None:
+        super().__init__(name, dialogue)
+        self._play = play
+        self._player_able: PlayerCapabilities | None = None
+        self._progress = Progress(PlayState.IDLE, 0)
+        self._may_play = False
+        self._table: Table | None = None
+        self._overdue_ns = 0
+
+    def open(self) -> Identity:
+        """Connect and return the identity, as `BusDevice.open`; a begun play has failed."""
+        identity = super().open()
+        self._player_able = None
+        if self._progress.state is PlayState.PLAYING:
+            self._fail("the device was opened again during the play")
+        return identity
+
+    def activate(self, now_ns: int) -> None:
+        """Take control of the outputs at their present values; a play is stopped.
+
+        Raises:
+            DeviceError: If it is not open, or refuses control.
+        """
+        was_active = self._active
+        super().activate(now_ns)
+        self._may_play &= was_active
+
+    def player_capabilities(self) -> PlayerCapabilities:
+        """Return the capabilities as a player.
+
+        Raises:
+            DeviceError: If it is not active, or cannot play.
+        """
+        self._require_active()
+        if self._player_able is None:
+            self._player_able = self._do("report its memory", self._play.capabilities)
+        return self._player_able
+
+    def load(self, table: Table) -> Table:
+        """Load a table; return it as the device will play it. The outputs do not change.
+
+        Raises:
+            DeviceError: If it does not fit, or a play is going on.
+        """
+        able = self.player_capabilities()
+        if self._may_play:
+            raise DeviceError(f"{self._name} may still be playing: abort the play before")
+        self._progress, self._table = Progress(PlayState.IDLE, 0), None
+        check_table(table, able, self._ranges)
+        loaded = self._do("load a table", self._play.load, table)
+        self._table, self._progress = loaded, Progress(PlayState.LOADED, 0)
+        return loaded
+
+    def arm(self) -> None:
+        """Prepare the start.
+
+        Raises:
+            DeviceError: If no table is loaded, or the device refuses.
+        """
+        self._require_active()
+        self._require(PlayState.LOADED, "arm")
+        self._do("prepare the start", self._play.arm)
+        self._progress = Progress(PlayState.ARMED, 0)
+
+    def start(self, now_ns: int) -> None:
+        """Start the play and the record.
+
+        Raises:
+            DeviceError: If it is not armed, or the device refuses.
+        """
+        self._require_active()
+        self._require(PlayState.ARMED, "start")
+        assert self._table is not None  # noqa: S101 - an armed device has one
+        duration_ns = self._table.duration_ns
+        self._overdue_ns = now_ns + duration_ns + duration_ns // 100 + OVERDUE_NS
+        # Before the request: whether it has reached the device is unknown after a failure.
+        self._may_play = True
+        self._fail("the start was not confirmed")
+        self._do("start", self._play.start)
+        self._progress = Progress(PlayState.PLAYING, 0)
+
+    def replace(self, period: "FloatArray") -> "FloatArray":  # noqa: ARG002 - the interface's
+        """Refuse: no source states when these devices take new values into use.
+
+        Raises:
+            DeviceError: Always.
+        """
+        raise DeviceError(f"{self._name} cannot replace a table while it plays: load a new one")
+
+    def progress(self, now_ns: int) -> Progress:
+        """Return the progress. Call once per cycle. Real-time safe.
+
+        Raises:
+            DeviceError: If it is not active.
+        """
+        if self._progress.state is not PlayState.PLAYING:
+            return self._progress
+        progress = self._try(self._play.progress, now_ns)
+        if progress is not None:
+            self._progress = progress
+            self._may_play = progress.state is not PlayState.ENDED
+        elif self.lost:
+            self._fail(self.lost)
+        if self._progress.state is PlayState.PLAYING and now_ns > self._overdue_ns:
+            self._fail(self.last_fault or "the play does not end")
+        return self._progress
+
+    def abort(self, now_ns: int) -> tuple[float, ...]:
+        """Stop the play; return the value in force of each output, NaN if unknown.
+
+        Never raises. Real-time safe.
+        """
+        if self._able is None:
+            return ()
+        if self._may_play:
+            return self._stop()
+        if self._progress.state is not PlayState.ENDED:
+            self._progress = Progress(PlayState.IDLE, 0)
+        return tuple(self.read_back(now_ns))
+
+    def recording(self) -> PlayedRecord:
+        """Return the record of the play that has ended.
+
+        Raises:
+            DeviceError: If none has ended, or it cannot be read.
+        """
+        self._require_active()
+        self._require(PlayState.ENDED, "read a record")
+        return self._do("read the record", self._play.recording)
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Return a sample of each input; during a play the newest of its record. Real-time safe.
+
+        Raises:
+            DeviceError: If it is not active.
+        """
+        if not (self._active and self._may_play):
+            return super().read(now_ns)
+        return self._samples(self._try(self._play.sample, now_ns), now_ns)
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Return the read-back value of each output. Real-time safe.
+
+        Raises:
+            DeviceError: If it is not open.
+        """
+        able = self._require_open()
+        if not (self._active and self._may_play):
+            return super().read_back(now_ns)
+        values = self._try(self._play.in_force, now_ns)
+        return [nan] * len(able.outputs) if values is None else values
+
+    def close(self) -> None:
+        """Stop a play, release control and disconnect. Never raises."""
+        super().close()
+        self._play.close()
+
+    def _accepts(self, values: Sequence[float]) -> bool:
+        return not self._may_play and super()._accepts(values)
+
+    def _release_control(self) -> None:
+        if self._may_play:
+            self._stop()
+        else:
+            self._progress = Progress(PlayState.IDLE, 0)
+        super()._release_control()
+
+    def _stop(self) -> tuple[float, ...]:
+        """Stop a play that may be going on; without an answer it still may be."""
+        values = self._try(self._play.stop)
+        if values is None:
+            self._fail(self.lost or self.last_fault)
+            return (nan,) * len(self._require_open().outputs)
+        self._may_play, self._progress = False, Progress(PlayState.IDLE, 0)
+        return tuple(values)
+
+    def _fail(self, reason: str) -> None:
+        self._progress = Progress(PlayState.FAILED, self._progress.cycle, reason)
+
+    def _require(self, state: PlayState, what: str) -> None:
+        if self._progress.state is not state:
+            raise DeviceError(
+                f"{self._name} cannot {what}: it is {self._progress.state.value}, "
+                f"it must be {state.value}"
+            )
+
+    def _require_active(self) -> None:
+        if not self._active:
+            raise DeviceError(f"{self._name} is not active")
+        if self.lost:
+            raise DeviceError(f"{self._name} is lost: {self.lost}")
+
+    def _do(self, what: str, exchange: Callable[[*Given], AnswerT], *given: *Given) -> AnswerT:
+        """Return the result of exchanges outside of the loop; a fault of the line is an error."""
+        try:
+            return exchange(*given)
+        except LineFault as fault:
+            self._note_fault(fault)
+            raise DeviceError(f"{self._name} cannot {what}: {fault}") from fault

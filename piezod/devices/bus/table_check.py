@@ -1,0 +1,59 @@
+"""Whether a device can play a table: its shape, interval, size, cycles and values."""
+
+import typing
+from collections.abc import Sequence
+
+from piezod.devices.player import PlayerCapabilities, Table
+from piezod.errors import DeviceError
+
+if typing.TYPE_CHECKING:
+    from piezod.devices.player import FloatArray
+
+
+def check_table(
+    table: Table, able: PlayerCapabilities, ranges: Sequence[tuple[float, float]]
+) -> None:
+    """Check a table before anything is sent.
+
+    Args:
+        table: The table.
+        able: Capabilities of the player.
+        ranges: Lowest and highest value of each output.
+
+    Raises:
+        DeviceError: If the device cannot play it.
+    """
+    interval_ns = table.interval_ns
+    if interval_ns <= 0 or able.legal_interval_ns(interval_ns) != interval_ns:
+        raise DeviceError(
+            f"the interval of a table is {interval_ns} ns, allowed: {able.shortest_interval_ns} to "
+            f"{able.longest_interval_ns} ns in steps of {able.interval_step_ns} ns"
+        )
+    for part, values in (("lead_in", table.lead_in), ("period", table.period)):
+        _check_values(part, values, ranges)
+    if not len(table.period):
+        raise DeviceError("the period of a table has no point, allowed: at least 1")
+    n_points = len(table.lead_in) + len(table.period)
+    shared = able.points_shared and len(ranges) > 1
+    if n_points * (len(ranges) if shared else 1) > able.points:
+        for_outputs = f" for each of {len(ranges)} outputs" if shared else ""
+        raise DeviceError(
+            f"a table has {n_points} points{for_outputs}, allowed: at most {able.points}"
+            + (" together" if shared else "")
+        )
+    if not 1 <= table.cycles <= able.cycles:
+        raise DeviceError(f"a table has {table.cycles} cycles, allowed: 1 to {able.cycles}")
+
+
+def _check_values(part: str, values: "FloatArray", ranges: Sequence[tuple[float, float]]) -> None:
+    if values.ndim != 2 or values.shape[1] != len(ranges):
+        raise DeviceError(f"{part} has the shape {values.shape}, allowed: (points, {len(ranges)})")
+    for i, (low, high) in enumerate(ranges):
+        column = values[:, i]
+        inside = (column >= low) & (column <= high)  # NaN is outside
+        if not inside.all():
+            point = int(inside.argmin())
+            raise DeviceError(
+                f"point {point} of {part} of output {i} is {column[point]:g}, "
+                f"allowed range {low:g} to {high:g}"
+            )
