@@ -119,7 +119,7 @@ def _sentences(record: ResponseRecord) -> Iterator[str]:
         f"{used} of {measured} lines are clear of the noise, from {fit.low_hz:.4g} to "
         f"{fit.high_hz:.4g} Hz, with a coherence of {coherence.min():.3g} to "
         f"{coherence.max():.3g}. The amplitude was {amplitudes} V. The model describes the lines "
-        f"to {described_pct(fit):.2g} % rms."
+        f"to {described_pct(fit):.2g} % rms of the gain."
     )
     if all(_kind(mode) != _KINDS[True] for mode in fit.model.resonances):
         yield "There is no clear mode."

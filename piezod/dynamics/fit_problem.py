@@ -29,7 +29,7 @@ SIGNIFICANT: Final = 3.0
 BEYOND: Final = 3.0
 """A filter may lie above the highest line by this factor, a mode not at all."""
 FASTEST_FILTER: Final = 0.35
-"""Highest frequency of a filter, as a share of the rate: samples do not show a faster one."""
+"""Highest frequency of a filter alone, as a share of the rate: samples do not show a faster one."""
 LONGEST_DELAY_S: Final = 1.0
 _PHASES, _CREEPS = (-0.3, 0.8), (-0.01, 0.03)
 _SHARES, _DAMPINGS = (-1.0, 2.0), (0.001, 1.0)
@@ -87,6 +87,7 @@ class FitProblem:
         # A stage without a resonance has no images: it follows each step at once.
         self._line = self._frequency_hz[None], np.ones((1, self._frequency_hz.size))
         self._held = self._line if rate_hz is None else images(self._frequency_hz, rate_hz)
+        self._rate_hz = rate_hz
         self._fastest_filter_hz = np.inf if rate_hz is None else FASTEST_FILTER * rate_hz
         self._response = np.concatenate([each.response for each in used])
         self._weight = np.sqrt(2.0 / np.concatenate([each.variance for each in used]))
@@ -129,7 +130,7 @@ class FitProblem:
                 yield np.array(head)
                 continue
             undelayed = response * np.exp(2j * np.pi * f * delay_s)
-            for modes in combinations_of_modes(f, undelayed, count):
+            for modes in combinations_of_modes(f, undelayed, count, self._rate_hz):
                 basis = _second_order(f / modes[:, :1], modes[:, 1]).T
                 weights, *_ = np.linalg.lstsq(_real(basis), _real(undelayed), rcond=None)
                 shares = np.clip(weights / (weights.sum() or 1.0), *_SHARES)
@@ -151,15 +152,27 @@ class FitProblem:
         return float(n * np.log(2.0 * solution.cost / n) + solution.parameters.size * np.log(n))
 
     def admits(self, solution: Solution) -> bool:
-        """Return whether the lines determine all modes of a solution."""
+        """Return whether the lines determine all modes of a solution, or else a filter."""
+        parts, known = self.parts(solution), self._known(solution)
+        is_mode = parts.dampings < RINGS_BELOW
+        highest_hz = np.where(is_mode, self._high_hz, self._fastest_filter_hz)
+        resolved = known & (parts.frequencies_hz < highest_hz)
+        # A fast filter beside others makes up for what they lack. Alone it is none.
+        return bool(np.all(resolved | ~is_mode) and (np.any(resolved) or not solution.count))
+
+    def is_folded(self, solution: Solution) -> bool:
+        """Return whether the lines determine a mode above half of the rate only, by its images."""
+        parts = self.parts(solution)
+        is_mode = (parts.dampings < RINGS_BELOW) & self._known(solution)
+        above = parts.frequencies_hz > 0.5 * (self._rate_hz or np.inf)
+        inside = parts.frequencies_hz < self._high_hz
+        return bool(np.any(is_mode & above) and not np.any(is_mode & inside))
+
+    def _known(self, solution: Solution) -> npt.NDArray[np.bool_]:
+        """Return which resonances are determined, in frequency and share, shape (n,)."""
         parts, uncertain = self.parts(solution), self.uncertainties(solution)
         known = uncertain.frequencies_hz < KNOWN * parts.frequencies_hz
-        inside = (parts.frequencies_hz > self._low_hz) & (parts.frequencies_hz < self._high_hz)
-        slow_enough = parts.frequencies_hz < self._fastest_filter_hz
-        significant = np.abs(parts.shares) > SIGNIFICANT * uncertain.shares
-        within = (parts.shares > _SHARES[0]) & (parts.shares < _SHARES[1])
-        is_filter = parts.dampings >= RINGS_BELOW
-        return bool(np.all(within & np.where(is_filter, slow_enough, known & inside & significant)))
+        return known & (np.abs(parts.shares) > SIGNIFICANT * uncertain.shares)
 
     def uncertainties(self, solution: Solution) -> Parts:
         """Return the standard uncertainties of a solution's parameters."""
@@ -207,6 +220,7 @@ class FitProblem:
             self._derivatives,
             bounds=bounds,
             x_scale="jac",
+            ftol=1e-6,
             max_nfev=_STEPS,
             args=(count,),
         )

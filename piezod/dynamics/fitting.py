@@ -49,6 +49,7 @@ class ResponseFit:
             whose modes the lines do not determine are left out.
         rms: Rms distance of measured and fitted response, in standard uncertainties.
         rate_hz: Rate at which the drive was held; None if it was continuous.
+        is_folded: Whether the lines show a mode above half of the rate, folded below it.
     """
 
     model: ResponseModel
@@ -60,7 +61,8 @@ class ResponseFit:
     used: tuple[MeasuredResponse, ...]
     criterion: dict[int, float]
     rms: float
-    rate_hz: float | None
+    rate_hz: float | None = None
+    is_folded: bool = False
 
     @property
     def low_hz(self) -> float:
@@ -114,17 +116,22 @@ def fit_response(
     """
     used = tuple(_clear_lines(each) for each in responses)
     problem = FitProblem(used, rate_hz)
-    solved, found = dict[int, Solution](), None
+    solved, folded, found = dict[int, Solution](), list[float](), None
     for count in range(MOST_RESONANCES + 1):
         found = problem.best(count, found)
         if found is not None and problem.admits(found):
             solved[count] = found
+        elif found is not None and problem.is_folded(found):
+            folded.append(problem.criterion(found))
     criterion = {count: problem.criterion(each) for count, each in solved.items()}
     chosen = 0
     for count, value in criterion.items():
         if value < criterion[chosen] - BETTER:
             chosen = count
-    return replace(_result(problem, used, solved[chosen], criterion), rate_hz=rate_hz)
+    # Images of a mode look like other modes. Where they explain the lines better, none is claimed.
+    is_folded = min(folded, default=np.inf) < criterion[chosen] - BETTER
+    fit = _result(problem, used, solved[0 if is_folded else chosen], criterion)
+    return replace(fit, rate_hz=rate_hz, is_folded=is_folded)
 
 
 def _clear_lines(response: MeasuredResponse) -> MeasuredResponse:
@@ -166,5 +173,4 @@ def _result(
         used=used,
         criterion=criterion,
         rms=float(np.sqrt(2.0 * solution.cost / problem.residuals)),
-        rate_hz=None,
     )

@@ -16,12 +16,14 @@ DISTORTION: Final = 1e-3
 the curvature of small loops does not scatter."""
 SEGMENTS: Final = 9
 """Smallest number of segments of a record, without overlap; with overlap there are 17."""
-SEGMENT_S: Final = 1.0
+SEGMENT_S: Final = 4.0
 """Longest segment, in s: lines then are 1 Hz apart."""
 SEGMENT: Final = 256
 """A slow record has longer segments, of this many samples."""
 MOST_LINES: Final = 400
-"""Most lines of a record. Beyond, lines are left out, almost geometrically."""
+"""Numbers of the lines that are kept, in geometric progression."""
+_BAND: Final = 4
+"""Frequencies of a segment that are one line: neighbours correlate."""
 _HANN_OVERLAP: Final = 1.0 / 18.0
 """Loss of averages by the correlation of segments that overlap by half, under a Hann window."""
 
@@ -94,30 +96,24 @@ def from_record(drive: FloatArray, position: FloatArray, rate_hz: float) -> Meas
     both = {"fs": rate_hz, "nperseg": length, "detrend": "linear"}
     frequency_hz, cross = signal.csd(drive, position, **both)
     given, found = (signal.welch(each, **both)[1] for each in (drive, position))
-    lines = _spread_lines(length // 2)
-    cross, given, found = cross[lines], given[lines], found[lines]
-    given = np.maximum(given, 1e-300)
-    response = cross / given
-    coherence = np.clip(np.abs(cross) ** 2 / (given * np.maximum(found, 1e-300)), 1e-12, 1.0)
+    edges = np.arange(_BAND // 2, frequency_hz.size - _BAND, _BAND)
+    weighted = np.add.reduceat(given * frequency_hz, edges)
+    cross, given, found = (np.add.reduceat(each, edges) for each in (cross, given, found))
+    given, found = np.maximum(given, 1e-300), np.maximum(found, 1e-300)
+    response = np.asarray(cross / given, np.complex128)
+    coherence = np.clip(np.abs(cross) ** 2 / (given * found), 1e-12, 1.0)
     averages = max(2 * drive.size // length - 1, 1) / (1.0 + _HANN_OVERLAP)
     scatter = (1.0 - coherence) / (coherence * averages)
-    return MeasuredResponse(
-        frequency_hz[lines],
-        response,
-        np.abs(response) ** 2 * (scatter + DISTORTION**2),
-        coherence,
-    )
+    variance = np.abs(response) ** 2 * (scatter + DISTORTION**2)
+    # The lines of a periodic drive are not in the middle of their bands.
+    measured = MeasuredResponse(weighted / given, response, variance, coherence)
+    kept = np.geomspace(1.0, edges.size, MOST_LINES).astype(np.int64) - 1
+    return measured.where(np.unique(kept))
 
 
 def _segment(longest: int, rate_hz: float) -> int:
     """Return the samples of a segment."""
     return max(8, min(longest, max(SEGMENT, round(SEGMENT_S * rate_hz))))
-
-
-def _spread_lines(highest: int) -> IntArray:
-    """Return even numbers of lines below half the rate; neighbours under the window correlate."""
-    even = np.geomspace(1.0, max(highest // 2 - 1, 1), MOST_LINES).astype(np.int64)
-    return 2 * np.unique(even)
 
 
 def noise_density(values: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:

@@ -17,12 +17,13 @@ _TOLERANCES: Final = (0.3, 0.1, 0.03, 0.01, 0.001)
 _MOST_TERMS: Final = 12
 _MOST_POLES: Final = 6
 _LEAST_DAMPING, _MOST_DAMPING = 0.001, 1.0
+_FOLDED_DAMPING: Final = 0.5
 _BEYOND: Final = 3.0
 """Poles outside the lines by more than this factor are left out."""
 
 
 def combinations_of_modes(
-    frequency_hz: FloatArray, response: ComplexArray, count: int
+    frequency_hz: FloatArray, response: ComplexArray, count: int, rate_hz: float | None
 ) -> Iterator[FloatArray]:
     """Yield frequencies in Hz and damping ratios of possible resonances, each of shape (count, 2).
 
@@ -33,6 +34,8 @@ def combinations_of_modes(
         frequency_hz: (n,) frequencies, in Hz.
         response: (n,) response, without most of its delay.
         count: Number of resonances.
+        rate_hz: Rate at which the drive was held; a weakly damped pole may then be the image of one
+            above half of the rate. None if the drive was continuous.
     """
     line = 2j * np.pi * frequency_hz
     both, values = np.concatenate((line, -line)), np.concatenate((response, response.conj()))
@@ -46,5 +49,20 @@ def combinations_of_modes(
         low, high = frequency_hz[0] / _BEYOND, _BEYOND * frequency_hz[-1]
         inside = (modes[:, 0] > low) & (modes[:, 0] < high)
         stable = (modes[:, 1] > _LEAST_DAMPING) & (modes[:, 1] < _MOST_DAMPING)
-        for chosen in combinations(modes[inside & stable][:_MOST_POLES], count):
+        possible = modes[inside & stable][:_MOST_POLES]
+        for chosen in combinations(possible, count):
             yield np.array(chosen)
+            if rate_hz is not None:
+                yield from _unfolded(np.array(chosen), rate_hz)
+
+
+def _unfolded(modes: FloatArray, rate_hz: float) -> Iterator[FloatArray]:
+    """Yield resonances of which the least damped one is above half of the rate."""
+    least = int(np.argmin(modes[:, 1])) if modes.size else 0
+    if not modes.size or modes[least, 1] > _FOLDED_DAMPING:
+        return
+    for place_hz in (rate_hz - modes[least, 0], rate_hz + modes[least, 0]):
+        folded = modes.copy()
+        # The same decay in time.
+        folded[least] = place_hz, modes[least].prod() / place_hz
+        yield folded

@@ -10,9 +10,9 @@ from piezod.errors import DataError
 from piezod.records.response_record import AboutVoltage, ResponseRecord
 
 DESCRIBED_PCT: Final = 10.0
-"""Largest rms distance of model and lines, in % of each line, without a warning."""
-_LARGEST_CREEP, _LARGEST_PHASE_DEG = 0.02, 20.0
-"""Larger values are no small loops any more."""
+"""Largest rms distance of model and lines, in % of the gain, without a warning."""
+_LARGEST_PHASE_DEG: Final = 20.0
+"""Loops with a larger phase are not small."""
 
 
 def judged(
@@ -55,19 +55,24 @@ def judged(
 
 
 def described_pct(fit: ResponseFit) -> float:
-    """Return the rms distance of model and used lines, in % of each line."""
-    parts = []
-    for index, lines in enumerate(fit.used):
-        f = lines.frequency_hz
-        parts.append(np.abs(fit.fitted(index, f) / lines.response - 1.0))
+    """Return the rms distance of model and used lines, in % of the gain at low frequencies."""
+    parts = [
+        np.abs(fit.fitted(index, lines.frequency_hz) - lines.response) / abs(gain)
+        for index, (lines, (gain, _)) in enumerate(zip(fit.used, fit.gains, strict=True))
+    ]
     return float(100.0 * np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def _doubts(fit: ResponseFit) -> Iterator[str]:
-    if (off_pct := described_pct(fit)) > DESCRIBED_PCT:
+    if fit.is_folded:
         yield (
-            f"The model describes the lines to {off_pct:.2g} % rms only: the stage has more modes "
-            "than three, or a filter of the sensor close to a mode. Look at the figure."
+            "The lines show a mode above half of the rate, folded below it. It is not part of the "
+            "model: run the stage at a higher rate_hz, and measure again."
+        )
+    elif (off_pct := described_pct(fit)) > DESCRIBED_PCT:
+        yield (
+            f"The model describes the lines only to {off_pct:.2g} % rms of the gain: the stage has "
+            "more than three modes, or a filter of the sensor close to a mode. Look at the figure."
         )
     if abs(phase_deg := float(np.degrees(fit.phase_rad))) > _LARGEST_PHASE_DEG:
         yield (
