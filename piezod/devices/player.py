@@ -210,3 +210,18 @@ class Player(Protocol):
             DeviceError: If none has ended, or the record could not be read.
         """
         ...
+
+
+@runtime_checkable
+class KnowsTruePlay(Protocol):
+    """A simulated player that knows the true displacement during a play."""
+
+    def true_recording(self) -> FloatArray:
+        """Return the true displacements at the samples of `recording`, in µm, shape (k, inputs).
+
+        They are those of the mechanics from rest, before the sensor, as in `KnowsTruth`.
+
+        Raises:
+            DeviceError: If no play has ended.
+        """
+        ...
