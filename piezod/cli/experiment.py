@@ -9,6 +9,8 @@ from piezod.cli.experiment_options import (
     LiveOption,
     OutOption,
     SeedOption,
+    TablesOption,
+    check_play,
     check_usage,
 )
 from piezod.cli.interrupt import unwinding
@@ -31,13 +33,15 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     seed: SeedOption = None,
     live: LiveOption = False,
     largest_step_pct: LargestStepOption = None,
+    tables: TablesOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run an experiment in virtual time and write a report.
 
-    With --live the cases run in real time on a running stage, which is disarmed at the end.
+    With --live the cases run in real time on a running stage, which is disarmed at the end. An
+    experiment with `play` learns tables that the device plays with its own clock.
 
     Prints the errors of each case in each mode in % of the displacement range, the origin of the
     model, the warnings, and the path of the report.
@@ -53,11 +57,17 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
 
     check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
     config = load_experiment(file, registry)
+    check_play(plays=config.play is not None, live=live, tables=tables)
     if seed is not None:
         config = config.model_copy(update={"seed": seed})
     folder = out or Path(f"{file.stem}-results")
     folder.mkdir(parents=True, exist_ok=True)  # before the run, which may take minutes
     check_writable(folder)
+    if config.play is not None:
+        from piezod.cli.experiment_play import run_play
+
+        run_play(config, config.play, folder, tables, json=json)
+        return
     with progress_bar() as progress:
         text = file.read_text(encoding="utf-8-sig")
         what = config, text, config.title or file.stem

@@ -43,6 +43,17 @@ LargestStepOption: TypeAlias = Annotated[
         "the loop is at most this share of their range, in %.",
     ),
 ]
+TablesOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        exists=True,
+        file_okay=False,
+        readable=False,
+        help="With `play`: begin with the learned tables in this folder, where waveform, rate, "
+        "model and device are the same.",
+    ),
+]
 
 
 def check_usage(*, live: bool, seed: int | None, only_live: tuple[object, ...]) -> None:
@@ -61,3 +72,22 @@ def check_usage(*, live: bool, seed: int | None, only_live: tuple[object, ...]) 
         raise typer.BadParameter(message, param_hint="'--seed'")
     if not live and any(only_live):
         raise typer.BadParameter("--stage, --socket and --largest-step-pct need --live")
+
+
+def check_play(*, plays: bool, live: bool, tables: Path | None) -> None:
+    """Refuse options that do not fit the kind of the experiment.
+
+    Args:
+        plays: Whether it has `play`.
+        live: Whether `--live` is given.
+        tables: Value of `--tables`; None if not given.
+
+    Raises:
+        typer.BadParameter: If they do not fit.
+    """
+    if plays and live:
+        message = "an experiment with `play` runs in virtual time only"
+        raise typer.BadParameter(message, param_hint="'--live'")
+    if tables is not None and not plays:
+        message = "only with an experiment that has `play`"
+        raise typer.BadParameter(message, param_hint="'--tables'")

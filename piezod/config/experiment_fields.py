@@ -11,6 +11,7 @@ from piezod.config.commands import Command, CommandPerAxis
 from piezod.config.devices import DeviceConfig
 from piezod.config.fields import ConfigModel, raise_rules
 from piezod.config.modes import Mode
+from piezod.config.play import PlayConfig
 from piezod.config.quantities import (
     DurationS,
     Name,
@@ -118,4 +119,9 @@ class ExperimentFields(ConfigModel):
         max_length=40,
         description="Source of the errors in `reference_pct` of the cases.",
     )
-    cases: tuple[CaseConfig, ...] = Field(min_length=1, description="The cases.")
+    cases: tuple[CaseConfig, ...] = Field(
+        default=(), description="The cases; must be absent with `play`."
+    )
+    play: PlayConfig | None = Field(
+        default=None, description="Waveforms that a device plays from a table, in place of cases."
+    )

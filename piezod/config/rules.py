@@ -30,6 +30,7 @@ def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Itera
     return chain(
         broken_devices(experiment.devices, experiment.axes, drivers),
         _without_sensor(experiment),
+        _play(experiment),
         _identification(experiment),
         _duplicates(("modes",), experiment.modes),
         _duplicates(("metrics",), experiment.metrics),
@@ -43,6 +44,19 @@ def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Itera
             for index, case in enumerate(experiment.cases)
         ),
     )
+
+
+def _play(experiment: ExperimentFields) -> Iterator[BrokenRule]:
+    if bool(experiment.cases) == (experiment.play is not None):
+        yield ("cases",), "an experiment has at least one case, or `play` with waveforms, not both"
+    if experiment.play is None:
+        return
+    for name, axis in experiment.axes.items():
+        if axis.command_range_um is None:
+            continue
+        for index, wave in enumerate(experiment.play.waves):
+            path: KeyPath = ("play", "waves", index, "command_um")
+            yield from _outside(path, wave.command_um, name, axis.command_range_um, "µm")
 
 
 def _without_sensor(experiment: ExperimentFields) -> Iterator[BrokenRule]:

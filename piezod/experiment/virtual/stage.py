@@ -11,8 +11,11 @@ from piezod.control.guard import Guard
 from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import limits_of
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.table_guard import TableGuard
 from piezod.devices.channels import Channels
-from piezod.devices.interface import Device, KnowsTruth
+from piezod.devices.interface import Device, Identity, KnowsTruth
+from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
+from piezod.devices.player import PlayState
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
 from piezod.experiment.error_rows import NEED_TRUTH
@@ -90,6 +93,8 @@ class VirtualStage:
         # There is no state machine in virtual time: writes always reach the amplifiers.
         self._devices.open = True
         self._axes = tuple(config.axes.values())
+        self._names = tuple(config.axes)
+        self._pairs = pairs_of(config.axes)
         self.period_ns = round(NS_PER_S / config.rate_hz)
         self.now_ns = 0
         self.in_force_v = channels.read_back(self.now_ns)
@@ -146,14 +151,61 @@ class VirtualStage:
         Returns:
             Positions on the way, from the previous zero, in µm, shape (axes, cycles).
         """
+        trace = self.go_to_rest(duration_s)
+        last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
+        self._zero(trace[:, -last:])
+        return trace[:, :, POSITION_UM]
+
+    def go_to_rest(self, duration_s: float) -> FloatArray:
+        """Go to the rest voltage and hold it; return the trace as `run` does."""
         ramps = [
             _ramp(in_force_v, axis.limits.rest_v, RAMP_SHARE * duration_s)
             for axis, in_force_v in zip(self._axes, self.in_force_v, strict=True)
         ]
-        trace = self.open_loop(ramps, duration_s)
-        last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
-        self._zero(trace[:, -last:])
-        return trace[:, :, POSITION_UM]
+        return self.open_loop(ramps, duration_s)
+
+    def played(self, axis: str) -> PlayedAxis:
+        """Return an axis as one that plays.
+
+        Raises:
+            DeviceError: If its device does not play.
+        """
+        return PlayedAxis(axis, self._channels.devices, self._pairs)
+
+    def identity(self, axis: str) -> Identity:
+        """Return the identity of the amplifier of an axis."""
+        return self._channels.identities[self._pairs[axis].amplifier]
+
+    def read_back_v(self, axis: str) -> float:
+        """Return the read-back voltage of an axis, in V."""
+        return self._channels.read_back(self.now_ns)[self._names.index(axis)]
+
+    def play(self, axis: str, table: AxisTable, guard: TableGuard) -> AxisRecord:
+        """Play a table on one axis, while the others hold their voltages; return its record.
+
+        Raises:
+            DataError: If the guard refuses the table.
+            DeviceError: If the device does not play, refuses the table, or fails.
+        """
+        place, played = self._names.index(axis), self.played(axis)
+        guard.check(table, self.read_back_v(axis))
+        loaded = played.load(table, self.now_ns)
+        player = played.player
+        player.arm()
+        player.start(self.now_ns)
+        duration_ns = loaded.duration_ns + loaded.interval_ns  # a device may start a point later
+        self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
+        progress = player.progress(self.now_ns)
+        if progress.state is not PlayState.ENDED:
+            played.abort(self.now_ns)
+            why = progress.reason or f"it is {progress.state.value} after its duration"
+            raise DeviceError(f"the play of axis {axis} failed: {why}")
+        self.in_force_v[place] = float(loaded.period_v[-1])
+        record = played.recording()
+        return record._replace(
+            position_um=record.position_um - self._zero_um[place],
+            true_um=record.true_um - self._true_zero_um[place],
+        )
 
     def _zero(self, trace: FloatArray) -> None:
         """Zero the sensors to their means, and the truth to its means over the same samples."""

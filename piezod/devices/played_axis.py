@@ -1,0 +1,194 @@
+"""One axis of a device that plays: tables in V at the actuator, records in µm."""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import NamedTuple, Protocol, TypeAlias, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from piezod.devices.inputs import CalibratedInput
+from piezod.devices.interface import Amplifier, Device, Sample, Sensor
+from piezod.devices.outputs import SLACK_V, CalibratedOutput
+from piezod.devices.player import KnowsTruePlay, Player, PlayerCapabilities, Table
+from piezod.devices.wiring import ChannelPair, wiring_of
+from piezod.errors import DeviceError
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+class AxisTable(NamedTuple):
+    """Voltages to play on one axis.
+
+    Attributes:
+        interval_ns: Time between two points, in ns.
+        lead_in_v: (m,) voltages that are played once, before the period, in V.
+        period_v: (n,) voltages of one period, in V.
+        cycles: Number of periods.
+    """
+
+    interval_ns: int
+    lead_in_v: FloatArray
+    period_v: FloatArray
+    cycles: int
+
+    @property
+    def duration_ns(self) -> int:
+        """Duration of the whole play, in ns."""
+        return (self.lead_in_v.size + self.period_v.size * self.cycles) * self.interval_ns
+
+
+class AxisRecord(NamedTuple):
+    """Record of one axis during a play.
+
+    Attributes:
+        interval_ns: Time between two samples, in ns.
+        position_um: (k,) measured displacement as the sensor gives it, in µm; NaN if it is not
+            valid.
+        true_um: (k,) true displacement from rest, in µm; NaN if the device does not know it.
+        first_point: Index of the point of lead-in and period at the first sample.
+    """
+
+    interval_ns: int
+    position_um: FloatArray
+    true_um: FloatArray
+    first_point: int
+
+
+class PlayingDevice(Player, Sensor, Amplifier, Protocol):
+    """A device that plays, measures and drives."""
+
+
+class PlayedAxis:
+    """An axis whose amplifier and sensor are channels of one device that plays.
+
+    The other outputs of the device keep their voltages during a play.
+
+    Args:
+        axis: Name of the axis.
+        devices: Devices by name, open.
+        axes: Channels of each axis.
+
+    Raises:
+        DeviceError: If its device does not play, or its sensor belongs to another device.
+    """
+
+    def __init__(
+        self, axis: str, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]
+    ) -> None:
+        pair = axes[axis]
+        device = devices[pair.amplifier]
+        if not isinstance(device, Player):
+            raise DeviceError(
+                f"device {pair.amplifier}, the amplifier of axis {axis}, does not play tables: "
+                "follow the command in the loop, or use a device that plays"
+            )
+        if pair.sensor != pair.amplifier:
+            raise DeviceError(
+                f"axis {axis} is driven by device {pair.amplifier} and measured by "
+                f"{pair.sensor or 'nothing'}: a record beside a play needs a sensor on the device "
+                "that plays"
+            )
+        wiring = wiring_of(pair.amplifier, axes)
+        self._device = cast("PlayingDevice", device)
+        self._output = wiring.outputs.index(pair.output or axis)
+        self._place = wiring.inputs.index(pair.input or axis)
+        self._to_v = CalibratedOutput(pair.to_v)
+        self._to_um = CalibratedInput(wiring, pair.input or axis, pair.to_um, pair.light)
+        ranges = self._device.capabilities().ranges
+        if ranges:
+            self._to_v.set_range(*ranges[self._output])
+
+    @property
+    def player(self) -> Player:
+        """The device."""
+        return self._device
+
+    @property
+    def capabilities(self) -> PlayerCapabilities:
+        """Capabilities of the device."""
+        return self._device.player_capabilities()
+
+    @property
+    def step_v(self) -> float:
+        """Smallest step of the voltage, in V; 0 if the device does not round."""
+        step = self.capabilities.resolution[self._output]
+        return abs(self._to_v.voltage(step) - self._to_v.voltage(0.0))
+
+    def load(self, table: AxisTable, now_ns: int) -> AxisTable:
+        """Load a table; return it as the device will play it.
+
+        Raises:
+            DeviceError: If the device refuses it, or does not know the voltage of an output that
+                is to stay.
+        """
+        others = list(self._device.read_back(now_ns))
+        others[self._output] = 0.0  # replaced by the table
+        if not all(map(isfinite, others)):
+            raise DeviceError("the device does not know the voltage of another output: write one")
+        loaded = self._device.load(
+            Table(
+                table.interval_ns,
+                self._columns(table.lead_in_v, others),
+                self._columns(table.period_v, others),
+                table.cycles,
+            )
+        )
+        echoed = table._replace(
+            lead_in_v=self._voltages(loaded.lead_in), period_v=self._voltages(loaded.period)
+        )
+        self._compare(table, echoed)
+        return echoed
+
+    def _compare(self, table: AxisTable, loaded: AxisTable) -> None:
+        """Refuse a table that the device would play otherwise than requested."""
+        for part in ("lead_in_v", "period_v"):
+            asked_v, echoed_v = getattr(table, part), getattr(loaded, part)
+            if echoed_v.shape != asked_v.shape:
+                raise DeviceError(
+                    f"the device took {echoed_v.size} of {asked_v.size} points of {part}"
+                )
+            off_v = np.abs(echoed_v - asked_v)
+            if off_v.size and not np.max(off_v) <= self.step_v + SLACK_V:
+                k = int(np.argmax(off_v))
+                raise DeviceError(
+                    f"the device would play {echoed_v[k]:g} V in place of {asked_v[k]:g} V at "
+                    f"point {k} of {part}, allowed: its resolution, {self.step_v:g} V"
+                )
+
+    def abort(self, now_ns: int) -> float:
+        """Stop a play; return the voltage in force, in V, NaN if it is unknown. Never raises."""
+        return self._to_v.voltage(self._device.abort(now_ns)[self._output])
+
+    def recording(self) -> AxisRecord:
+        """Return the record of the play that has ended.
+
+        Raises:
+            DeviceError: If none has ended, or the record could not be read.
+        """
+        record = self._device.recording()
+        true_um = np.full(len(record.positions), np.nan)
+        if isinstance(self._device, KnowsTruePlay):
+            true_um = self._device.true_recording()[:, self._place]
+        position_um = self._displacements(record.positions)
+        return AxisRecord(record.interval_ns, position_um, true_um, record.first_point)
+
+    def _columns(self, drive_v: FloatArray, others: Sequence[float]) -> FloatArray:
+        columns = np.tile(np.array(others, dtype=np.float64), (drive_v.size, 1))
+        values = map(self._to_v.value, drive_v.tolist())
+        columns[:, self._output] = np.fromiter(values, np.float64, drive_v.size)
+        return columns
+
+    def _voltages(self, columns: FloatArray) -> FloatArray:
+        values = map(self._to_v.voltage, columns[:, self._output].tolist())
+        return np.fromiter(values, np.float64, len(columns))
+
+    def _displacements(self, positions: FloatArray) -> FloatArray:
+        if self._to_um.plain_place is not None:
+            return positions[:, self._to_um.plain_place].copy()
+        displacements = np.full(len(positions), np.nan)
+        for k, row in enumerate(positions.tolist()):
+            sample = self._to_um.sample([Sample(0, value, isfinite(value)) for value in row])
+            if sample.valid:
+                displacements[k] = sample.position_um
+        return displacements

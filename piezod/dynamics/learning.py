@@ -1,0 +1,245 @@
+"""Learning of a periodic command: from pass to pass the error of a record corrects the input.
+
+A stage turns a periodic input w into samples y. Its response G from w to y is known for the
+harmonics of the period, with a static gain of one, and S is the part of it that is the sensor's.
+The samples of a stage that is exactly on its command r are S R, so that the error is E = S R - Y:
+
+    W_0 = S R / G,    W_{i+1} = W_i + λ E_i / G,    mean: w_0 = r / static gain, w += λ e.
+
+An error at a harmonic shrinks by the factor |1 - λ G' / G| per pass, if the true response is G'. It
+is at most 1 - λ (1 - δ) if G is wrong by the share δ. So a harmonic is learned only if δ is small
+enough for `SLOWEST`, and only while its error exceeds the noise. Source of the idea: S. Arimoto,
+S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", J. Robotic Systems 1 (1984).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from piezod.dynamics.model import ComplexArray, FloatArray
+
+GAIN = 0.7
+"""λ: share of an error that a pass corrects."""
+SLOWEST = 0.75
+"""Largest factor by which the error of a learned harmonic may shrink per pass."""
+DOUBTED_SHIFT = 0.01
+"""The frequencies of the modes may be wrong by this share: they depend on load and temperature."""
+SIGNIFICANT = 3.0
+"""An error counts above this many standard deviations of the noise: one of 8000 by chance."""
+GREW = 1.2
+"""An error has grown if it exceeds the smallest one by this factor, and the noise."""
+ALLOWED_GROWTHS = 2
+"""At this number of growths learning stops."""
+FALLS = 0.9
+"""An error falls if it gets below this share of the smallest one within two passes."""
+
+Lines: TypeAlias = np.ndarray[tuple[int], np.dtype[np.bool_]]
+"""Mask of the mean and of the harmonics of a period."""
+ResponseAt: TypeAlias = Callable[[FloatArray], ComplexArray]
+"""Returns a response at frequencies in Hz."""
+
+
+class Stop(StrEnum):
+    """Why learning has stopped."""
+
+    AT_NOISE = "the error is at the noise of the record"
+    SETTLED = "the error no longer falls"
+    GREW = "the error grew twice"
+    PASSES = "all passes are done"
+
+
+class Average(NamedTuple):
+    """The average of the periods of a record.
+
+    Attributes:
+        period: (n,) mean of all periods.
+        spectrum: (n // 2 + 1,) its harmonics, in units of the amplitude times n / 2.
+        noise: (n // 2 + 1,) standard deviation of each harmonic, in the same unit.
+    """
+
+    period: FloatArray
+    spectrum: ComplexArray
+    noise: FloatArray
+
+
+def average_of(periods: FloatArray) -> Average:
+    """Return the average of periods, shape (periods, n), of which there are at least two.
+
+    The noise follows from differences of successive periods, so that a slow drift is not noise.
+    """
+    spectra = np.fft.rfft(periods, axis=1)
+    power = np.mean(np.abs(np.diff(spectra, axis=0)) ** 2, axis=0) / 2.0
+    return Average(
+        np.mean(periods, axis=0), np.mean(spectra, axis=0), np.sqrt(power / len(periods))
+    )
+
+
+def response_doubt(response: ResponseAt, frequency_hz: FloatArray) -> FloatArray:
+    """Return the largest relative error of a response if its modes are shifted, shape (n,).
+
+    Args:
+        response: The response.
+        frequency_hz: (n,) frequencies, in Hz.
+    """
+    known = response(frequency_hz)
+    shifted = [response(frequency_hz * (1.0 + shift)) for shift in (DOUBTED_SHIFT, -DOUBTED_SHIFT)]
+    return np.asarray(np.max([np.abs(other / known - 1.0) for other in shifted], axis=0))
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """What is known at each harmonic of a period, the mean first, shape (n // 2 + 1,) each.
+
+    Attributes:
+        response: From the input to the samples, with a static gain of one.
+        sensor: From the displacement to the samples; its mean is one.
+        learned: Whether a harmonic is learned; the mean always is.
+    """
+
+    response: ComplexArray
+    sensor: ComplexArray
+    learned: Lines
+
+    @classmethod
+    def known(
+        cls,
+        frequency_hz: FloatArray,
+        response: ResponseAt,
+        sensor: ResponseAt,
+        uncertainty: FloatArray,
+    ) -> "Harmonics":
+        """Return the harmonics, and which of them are known well enough to be learned.
+
+        Args:
+            frequency_hz: (n // 2 + 1,) frequencies, in Hz, from 0.
+            response: From the input to the samples.
+            sensor: From the displacement to the samples.
+            uncertainty: (n // 2 + 1,) relative error of the response; inf where it was not
+                measured.
+        """
+        doubt = uncertainty + response_doubt(response, frequency_hz)
+        learned = 1.0 - GAIN * (1.0 - doubt) <= SLOWEST
+        learned[0] = True
+        return cls(response(frequency_hz), sensor(frequency_hz), learned)
+
+
+class Assessment(NamedTuple):
+    """The error of a record; in the unit of the command.
+
+    Attributes:
+        error: (n,) samples of a stage that is exactly on its command, minus those of the record.
+        rms: Rms error without noise.
+        noise: Rms noise of the harmonics that are learned.
+        significant: Number of learned harmonics whose error exceeds the noise, with the mean.
+        correction: (n,) input that would remove the error of these harmonics.
+    """
+
+    error: FloatArray
+    rms: float
+    noise: float
+    significant: int
+    correction: FloatArray
+
+
+class Learner:
+    """Learns the input for one periodic command.
+
+    Args:
+        command: (n,) one period of the command.
+        harmonics: What is known at its harmonics.
+        passes: Largest number of corrections.
+        static_gain: Mean displacement per mean input; it differs from one by the creep.
+        first: (n,) first input; None for the command through the inverse response.
+
+    Attributes:
+        wanted: (n,) present input.
+        best: (n,) input of the smallest error so far.
+        best_pass: Number of corrections of that input.
+    """
+
+    def __init__(
+        self,
+        command: FloatArray,
+        harmonics: Harmonics,
+        passes: int,
+        static_gain: float = 1.0,
+        first: FloatArray | None = None,
+    ) -> None:
+        self._size, self._harmonics, self._passes = command.size, harmonics, passes
+        spectrum = np.fft.rfft(command)
+        self._target = spectrum * harmonics.sensor
+        # What is not known is not driven: a harmonic at a mode would be amplified.
+        inverted = np.where(harmonics.learned, self._target / harmonics.response, 0.0)
+        inverted[0] = spectrum[0] / static_gain
+        self.wanted = self.best = self._period(inverted) if first is None else first
+        self.best_pass = 0
+        self._rms: list[float] = []  # of each pass so far
+        self._gain, self._growths = GAIN, 0
+        # The next input is this one plus a share of this correction.
+        self._base, self._correction = self.wanted, np.zeros(self._size)
+        self._best_correction = self._correction
+
+    @property
+    def target(self) -> FloatArray:
+        """Samples of a stage that is exactly on its command, shape (n,)."""
+        return self._period(self._target)
+
+    def expected(self, wanted: FloatArray) -> FloatArray:
+        """Return the samples that the response expects for an input, shape (n,)."""
+        return self._period(np.fft.rfft(wanted) * self._harmonics.response)
+
+    def assess(self, average: Average) -> Assessment:
+        """Return the error of a record, and its correction."""
+        error = self._target - average.spectrum
+        learned = self._harmonics.learned
+        significant = learned & (np.abs(error) > SIGNIFICANT * average.noise)
+        return Assessment(
+            self._period(error),
+            self._rms_of(np.maximum(np.abs(error) ** 2 - average.noise**2, 0.0)),
+            self._rms_of(np.where(learned, average.noise**2, 0.0)),
+            int(np.count_nonzero(significant)),
+            self._period(np.where(significant, error / self._harmonics.response, 0.0)),
+        )
+
+    def take(self, found: Assessment) -> Stop | None:
+        """Take the error of the present input; return why learning stops, None if it goes on."""
+        smallest = min(self._rms, default=np.inf)
+        self._base, self._correction = self.wanted, found.correction
+        if found.rms < smallest:
+            self.best, self.best_pass = self.wanted, len(self._rms)
+            self._best_correction = found.correction
+        elif found.rms > GREW * smallest + found.noise:
+            self._growths += 1
+            self._gain /= 2.0
+            self._base, self._correction = self.best, self._best_correction
+        self._rms.append(found.rms)
+        return self._stop(found.significant)
+
+    def correct(self) -> FloatArray:
+        """Return the input of the next pass, shape (n,)."""
+        self.wanted = self._base + self._gain * self._correction
+        return self.wanted
+
+    def _stop(self, significant: int) -> Stop | None:
+        if not significant:
+            return Stop.AT_NOISE
+        if self._growths == ALLOWED_GROWTHS:
+            return Stop.GREW
+        before, last = self._rms[:-2], self._rms[-2:]
+        if before and min(last) > FALLS * min(before):
+            return Stop.SETTLED
+        return Stop.PASSES if len(self._rms) > self._passes else None
+
+    def _period(self, spectrum: ComplexArray) -> FloatArray:
+        return np.fft.irfft(spectrum, self._size)
+
+    def _rms_of(self, power: FloatArray) -> float:
+        """Return the rms value of a period whose harmonics have these squared magnitudes."""
+        shares = np.full(power.size, 2.0)
+        shares[0] = 1.0
+        if self._size % 2 == 0:
+            shares[-1] = 1.0
+        return float(np.sqrt(shares @ power)) / self._size

@@ -1,0 +1,29 @@
+"""The stage that tables are played on, as the procedures see it."""
+
+from typing import Protocol
+
+from piezod.devices.played_axis import AxisRecord, AxisTable
+
+
+class PlayedStage(Protocol):
+    """An axis that plays tables; a virtual or a running one."""
+
+    def rest(self) -> float:
+        """Bring the axis to rest; return the voltage in force, read back, in V.
+
+        Raises:
+            PiezodError: If that failed.
+        """
+        ...
+
+    def play(self, table: AxisTable) -> AxisRecord:
+        """Play a table and return its record, relative to the zero of the sensor.
+
+        The guard of tables checks the table before it is loaded. Afterwards the last value of the
+        table is in force, or the value at which the play was stopped.
+
+        Raises:
+            DataError: If the guard refuses the table.
+            DeviceError: If the device refuses it, fails, or its record could not be read.
+        """
+        ...

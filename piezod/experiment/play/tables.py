@@ -1,0 +1,107 @@
+"""From a wanted displacement to a table of voltages, by the inverse model.
+
+Hysteresis depends on the past. So the lead-in of each table goes through the whole range of the
+model, up and down, which leaves the same memory after any past. Then the waveform fades in without
+exciting a mode.
+"""
+
+import numpy as np
+
+from piezod.control.law.model import StageModel
+from piezod.devices.played_axis import AxisTable
+from piezod.errors import DataError
+from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S
+
+SWING_S = 0.1
+"""Duration of each half of the conditioning swing, in s."""
+FADE_S = 0.1
+"""Shortest time in which a waveform fades in, in s."""
+SLEW_SHARE = 0.5
+"""Share of the slew limit that the conditioning swing may use."""
+_PERIODIC = 1e-6  # of the range of the drive
+_MOST_PERIODS = 8
+
+
+class TableMaker:
+    """Makes tables for one axis.
+
+    Args:
+        model: Model of the axis.
+        interval_ns: Time between two points, in ns.
+        limits_v: Lowest and highest voltage, in V.
+        slew_v_per_s: Limit of the slew rate, in V/s.
+    """
+
+    def __init__(
+        self,
+        model: StageModel,
+        interval_ns: int,
+        limits_v: tuple[float, float],
+        slew_v_per_s: float,
+    ) -> None:
+        self._model, self._interval_ns = model, interval_ns
+        self._form = model.form.sampled(interval_ns / NS_PER_S)
+        # The range of a model may exceed the limits by some rounding of the record.
+        self._limits_v = limits_v
+        self._low_v, self._high_v = np.clip(model.drive_v, *limits_v).tolist()
+        width_v = self._high_v - self._low_v
+        # The largest slope of a raised cosine is π/2 times its mean slope.
+        slowest_s = 0.5 * np.pi * width_v / (SLEW_SHARE * slew_v_per_s)
+        self._swing = self._points(max(SWING_S, slowest_s))
+        self._fade_s = max(FADE_S, slowest_s)
+
+    def table(self, wanted_um: FloatArray, in_force_v: float, cycles: int) -> AxisTable:
+        """Return the table for one period of displacement.
+
+        Args:
+            wanted_um: (n,) displacement without creep and dynamics, in µm.
+            in_force_v: Voltage in force, at which the lead-in begins, in V.
+            cycles: Number of periods.
+
+        Raises:
+            DataError: If the displacement leaves the range of the model.
+        """
+        wanted = self._checked(wanted_um)
+        fade_in, period_v = self._inverse(wanted)
+        # Noise of the read-back may be beyond a limit; the guard refuses a true difference.
+        begin_v = min(max(in_force_v, self._limits_v[0]), self._limits_v[1])
+        up = _raised_cosine(begin_v, self._high_v, self._swing)
+        down = _raised_cosine(self._high_v, self._low_v, self._swing)
+        return AxisTable(self._interval_ns, np.concatenate((up, down, fade_in)), period_v, cycles)
+
+    def _inverse(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the voltages that fade in, and those of one period, for periodic displacement."""
+        n = wanted.size
+        periods = max(1, -(-self._points(self._fade_s) // n))
+        faded = np.tile(wanted, periods) * _raised_cosine(0.0, 1.0, periods * n)
+        before = np.empty(0)
+        for count in range(2, _MOST_PERIODS + 1):
+            positions = np.concatenate((faded, np.tile(wanted, count)))
+            drives = self._form.drives_at(self._model.weights, positions)
+            before, last = drives[-2 * n : -n], drives[-n:]
+            if np.max(np.abs(last - before)) < _PERIODIC:
+                break
+        voltages = self._model.drive_v.from_unit(drives)
+        voltages = np.clip(voltages, self._low_v, self._high_v)
+        return voltages[: faded.size], voltages[-n:]
+
+    def _checked(self, wanted_um: FloatArray) -> FloatArray:
+        low_um, high_um = self._model.position_um
+        outside = np.flatnonzero(~((wanted_um >= low_um) & (wanted_um <= high_um)))
+        if outside.size:
+            k = int(outside[np.argmax(np.abs(wanted_um[outside] - (low_um + high_um) / 2.0))])
+            raise DataError(
+                f"the corrected command is {wanted_um[k]:.4g} µm at point {k} of the period, but "
+                f"the model holds from {low_um:.4g} to {high_um:.4g} µm; reduce the command"
+            )
+        return self._model.position_um.to_unit(wanted_um)
+
+    def _points(self, duration_s: float) -> int:
+        return max(1, round(duration_s * NS_PER_S / self._interval_ns))
+
+
+def _raised_cosine(begin: float, end: float, points: int) -> FloatArray:
+    """Return values from one level to another that begin and end without a slope."""
+    turns = np.arange(points) / points
+    return begin + (end - begin) * (0.5 - 0.5 * np.cos(np.pi * turns))

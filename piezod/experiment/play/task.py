@@ -1,0 +1,119 @@
+"""What is learned: a command on an axis whose model and response are known."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from piezod.control.law.creep import CreepLaw
+from piezod.dynamics.learning import Harmonics
+from piezod.dynamics.model import ResponseModel
+from piezod.errors import DataError
+from piezod.experiment.play.command import PeriodicCommand
+from piezod.experiment.play.response import KnownResponse
+from piezod.experiment.play.tables import TableMaker
+from piezod.hysteresis.memory import FloatArray
+
+MOST_LEFT_OUT = 0.25
+"""Largest share of its swing by which a command may differ from what can be learned of it."""
+
+
+class PlaySettings(NamedTuple):
+    """Settings of the plays.
+
+    Attributes:
+        passes: Largest number of corrections.
+        settle_s: Time of the waveform before the periods that count, in s.
+        record_s: Time of the periods that count, in s.
+    """
+
+    passes: int
+    settle_s: float
+    record_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class LearningTask:
+    """What is learned, and how.
+
+    Attributes:
+        given: The command as given.
+        command: The command with learned harmonics only.
+        maker: Makes tables for the axis.
+        harmonics: Response and sensor at the harmonics of the command.
+        static_gain: Mean displacement per mean input, with creep.
+        settings: Settings of the plays.
+        first_um: (n,) input that was learned before, in µm; None to begin with the response.
+    """
+
+    given: PeriodicCommand
+    command: PeriodicCommand
+    maker: TableMaker
+    harmonics: Harmonics
+    static_gain: float
+    settings: PlaySettings
+    first_um: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class KnownAxis:
+    """What is known of an axis.
+
+    Attributes:
+        maker: Makes tables for it, by its inverse model.
+        creep: Its creep.
+        response: From the input of the inverse model to the samples.
+        sensor_delay_s: Part of the delay that is the sensor's, in s.
+    """
+
+    maker: TableMaker
+    creep: CreepLaw
+    response: KnownResponse
+    sensor_delay_s: float
+
+    def task(
+        self,
+        given: PeriodicCommand,
+        settings: PlaySettings,
+        first_um: FloatArray | None = None,
+    ) -> LearningTask:
+        """Return the task to learn a command.
+
+        Harmonics whose response is not known well enough are left out of the command: they are
+        neither driven nor learned.
+
+        Args:
+            given: The command.
+            settings: Settings of the plays.
+            first_um: (n,) input that was learned before, in µm; None to begin with the response.
+
+        Raises:
+            DataError: If hardly anything of the command remains.
+        """
+        harmonics = Harmonics.known(
+            given.harmonics_hz,
+            self.response.at,
+            ResponseModel(self.sensor_delay_s).at,
+            self.response.uncertainty(given.harmonics_hz),
+        )
+        command = given.only(harmonics.learned)
+        left_out = left_out_share(given, command)
+        if left_out > MOST_LEFT_OUT:
+            raise DataError(
+                f"{given.name}: {100 * left_out:.3g} % of the swing are at frequencies at which "
+                f"the response is not known well enough, allowed: {100 * MOST_LEFT_OUT:g} %; it is "
+                f"known up to {self.response.highest_hz:.4g} Hz, without the surroundings of modes "
+                "with little damping"
+            )
+        gain = static_gain(self.creep, settings.settle_s + 0.5 * settings.record_s)
+        return LearningTask(given, command, self.maker, harmonics, gain, settings, first_um)
+
+
+def left_out_share(given: PeriodicCommand, command: PeriodicCommand) -> float:
+    """Return the largest difference of a command to the given one, as a share of the swing."""
+    return float(np.max(np.abs(command.values_um - given.values_um))) / given.swing_um
+
+
+def static_gain(creep: CreepLaw, after_s: float) -> float:
+    """Return displacement with creep over displacement without, some time after a step, in s."""
+    return 1.0 + float(creep.weights @ -np.expm1(-after_s / creep.time_constants_s))
