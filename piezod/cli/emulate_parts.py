@@ -17,6 +17,7 @@ from piezod.config.daemon import load_daemon
 from piezod.devices import emulators, registry
 from piezod.devices.emulation.bench import Rig, SharedRig
 from piezod.devices.emulation.faults import WireFault, WireFaults, parse
+from piezod.devices.emulation.rig_clock import RigClock
 from piezod.devices.emulation.trace import Trace
 from piezod.devices.emulators import EmulationRequest
 from piezod.devices.interface import Wiring
@@ -94,7 +95,7 @@ def bench(plan: RigPlan, trace: Path | None) -> Iterator[SharedRig]:
     with closing(rig), writing as written:
         identity = rig.open()
         rig.activate(time.monotonic_ns())
-        yield SharedRig(rig, time.monotonic_ns, written, identity)
+        yield SharedRig(rig, RigClock(time.monotonic_ns), written, identity)
 
 
 def posts_of(

@@ -20,7 +20,7 @@ if typing.TYPE_CHECKING:
 AnswerT = TypeVar("AnswerT")
 Given = TypeVarTuple("Given")
 
-OVERDUE_NS: Final = 2 * NS_PER_S
+OVERDUE_NS: Final = 10 * NS_PER_S
 """A play that has not ended this long after its duration, and 1 % of it, has failed."""
 
 

@@ -5,11 +5,14 @@ from math import nan
 from threading import RLock
 from typing import Final, Protocol
 
+from piezod.devices.emulation.rig_clock import RigClock
 from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Amplifier, Identity, Sensor
 
 UM_PER_V: Final = 5.0
 """Scale of a conditioned sensor output: 30 µm correspond to 6 V."""
+PLAYED_AT_ONCE_NS: Final = 20_000_000
+"""Time of a play that is computed between two requests, at most."""
 _UNNAMED: Final = Identity("piezod", "bench", "0", "0")
 
 
@@ -21,8 +24,7 @@ class SharedRig:
     """The connectors of a rig, shared by emulators; thread-safe.
 
     A device that plays a table moves the rig at the instants of its own clock, which may be a
-    little in the past, however late this process runs. An instant before the latest one is taken
-    as the latest one.
+    little in the past. An instant before the latest one is taken as the latest one.
 
     Args:
         rig: The rig, open and active; its inputs are a displacement and a sensor voltage per
@@ -30,9 +32,6 @@ class SharedRig:
         now_ns: The clock.
         trace: Records every accepted voltage; None for no record.
         identity: Identity of the rig, as returned by its `open`.
-
-    Attributes:
-        plays: Whether a device plays a table now: then `tick` leaves the time to its clock.
     """
 
     def __init__(
@@ -47,7 +46,7 @@ class SharedRig:
         self.axes, self.max_rate_hz = able.outputs, able.max_rate_hz
         self.n_axes = len(self.axes)
         self._drive_v: Sequence[float] = (0.0,) * self.n_axes
-        self.plays = False
+        self._plays = False
         self._latest_ns = 0
         self._lock = RLock()
 
@@ -123,8 +122,18 @@ class SharedRig:
 
     def tick(self) -> None:
         """Advance the physics to now, so that a later request need not catch up."""
-        if not self.plays:
+        if not self._plays:
             self.drives_v()
+
+    def plays_from(self, next_ns: int | None) -> None:
+        """Leave the time to a device that plays: `tick` does nothing, and its clock waits for it.
+
+        Args:
+            next_ns: Instant of its next point; None if it plays no more.
+        """
+        self._plays = next_ns is not None
+        if isinstance(self.now_ns, RigClock):
+            self.now_ns.wait_at(None if next_ns is None else next_ns + PLAYED_AT_ONCE_NS)
 
     def _instant_ns(self, at_ns: int | None = None) -> int:
         """Return an instant of the rig, which never goes back; None is now."""

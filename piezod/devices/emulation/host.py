@@ -70,6 +70,7 @@ class Host(ABC, Generic[EndT, DeviceT]):
             self._befall(hit)
         if self._is_unplugged:
             threading.Event().wait(within_ns * 1e-9)  # never set: a plain wait
+            self._go_on_alone()
         else:
             self._answer(within_ns)
         now_ns = self._bench.now_ns()
@@ -83,6 +84,9 @@ class Host(ABC, Generic[EndT, DeviceT]):
     @abstractmethod
     def _forget(self) -> None:
         """Drop all unsent messages."""
+
+    def _go_on_alone(self) -> None:
+        """Let the device do what it does without a client, if it does anything."""
 
     def _leave(self, away: bool) -> None:
         """Go bus-off, or return to the bus, if there is one."""
@@ -109,6 +113,7 @@ class Host(ABC, Generic[EndT, DeviceT]):
         self._away[hit.kind] = self._bench.now_ns() + round((hit.value or 0.0) * 1e9)
         if hit.kind == WireFaultKind.RESTART:
             # Without power its outputs fall to 0 V at once; its state is made anew on return.
+            self._bench.plays_from(None)
             self._bench.drive_all([0.0] * self._bench.n_axes)
         elif hit.kind == WireFaultKind.BUS_OFF:
             self._leave(True)

@@ -51,6 +51,10 @@ class WireHost(Host[FarEnd, Emulator]):
         if sent := self._outbox.take(now_ns):
             self._end.send(sent)
 
+    def _go_on_alone(self) -> None:
+        if not self._is_off:
+            self._device.due()
+
     def _forget(self) -> None:
         self._outbox.clear()
 

@@ -1,7 +1,4 @@
-"""The emulated wave generators and data recorder against public facts and the maker's library."""
-
-import json
-from pathlib import Path
+"""The emulated wave generators and data recorder against public facts."""
 
 import pytest
 
@@ -12,7 +9,6 @@ from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import MS, TestTime
 
-CAPTURE = Path(__file__).with_name("pi_wave_requests.json")
 SERVO_NS = 50_000
 
 
@@ -63,46 +59,49 @@ class Controller:
 @pytest.mark.confirms(
     "pi_gcs2",
     "pi-gcs2",
-    part="wave table and its read-back, generator, recorder and its read-out",
-    by="PIPython 2.11, the library of the maker",
-    kind="client",
+    part="commands of wave generator and recorder, forms of their replies",
+    by="marc2332/bliss, pi_e753.py and pi_gcs.py",
+    kind="manual",
 )
-def test_library_of_the_maker_plays_a_wave() -> None:
-    """PIPython's requests get the replies that it accepted."""
+def test_commands_of_a_beamline() -> None:
+    """The commands that bliss sends to an E-753 play a sine; its ways to read replies fit."""
     controller = Controller()
-    requests = json.loads(CAPTURE.read_text(encoding="utf-8"))["requests"]
-    replies = []
-    for request in requests:
-        if request.startswith(("WGN?", "DRR?")):
-            controller.wait(150 * MS)
-        replies.append(controller.ask(request))
-    errors = {
-        requests[i - 1].split()[0]: int(reply)
-        for i, reply in enumerate(replies)
-        if requests[i] == "ERR?\n" and int(reply)
-    }
-    assert errors == {"SVA": 73}
-    found = dict(zip(requests, replies, strict=True))
-    assert found["TWG?\n"] == "2\n"
-    assert found["TNR?\n"] == "8\n"
-    assert found["WGN?\n"].splitlines()[0].strip() == "1=20"
-    record = found["DRR? 1 2000 1 2\n"].encode() + b"0\n"
-    voltages = [row[1] for row in array_rows(record, 2000, 2)]
-    # The wave of the client: 30 V ± 20 V in 100 points.
-    assert (min(voltages), max(voltages)) == pytest.approx((10.0, 50.0), abs=1e-3)
+    assert float(controller.ask("SPA? 1 0xe000200\n").partition("=")[2]) == 50e-6
+    assert int(controller.ask("SPA? 1 0x13000004\n").partition("=")[2]) == 262_144
+    assert int(controller.ask("TNR?\n")) == 8
+    assert controller.error("DRC 1 1 2 2 1 7") == 0
+    wave = "WSL 1 1\nWAV 1 X SIN_P 2000 20.0 10.0 2000 0 1000\n"
+    assert controller.ask(f"{wave}WTR 0 1 1\nWGC 1 2\nWGO 1 1\nERR?\n") == "0\n"
+    assert controller.ask("\x09") == "1\n"
+    controller.wait(300 * MS)
+    assert controller.ask("\x09") == "0\n"
+    assert (min(controller.played_v()), max(controller.played_v())) == pytest.approx((10, 30))
+    assert controller.ask("DRL? 1\n").startswith("1=")
+    header, _, values = controller.ask("DRR? 1 3 1 2\n").partition("END_HEADER \n")
+    # Each line of the header but its end is a key and a value.
+    fields = dict(line[1:].split("=") for line in header.splitlines()[:-1])
+    found = {key.strip(): value.strip() for key, value in fields.items()}
+    assert (found["NDATA"], found["SEPARATOR"], found["DIM"]) == ("3", "32", "2")
+    assert float(found["SAMPLE_TIME"]) == 50e-6
+    names = [found["NAME0"], found["NAME1"]]
+    assert [
+        int(name[name.find(word) + 4 :]) for name, word in zip(names, ("axis", "chan"), strict=True)
+    ] == [1, 1]
+    assert len(values.splitlines()) == 3
+    assert controller.ask("WGO 1 0\nERR?\n") == "0\n"
 
 
 @pytest.mark.confirms(
     "pi_gcs2",
     "pi-gcs2",
     part="servo time, memory, errors of wave generators",
-    by="E-727 manual E727T0005, pages 67 and 108; PIPython's list of errors",
+    by="E-727 manual E727T0005, pages 67 and 108; QMI's list of errors",
     kind="manual",
 )
 def test_numbers_of_the_manual() -> None:
     """An E-727 has 50 µs, 262144 points for 8 tables, and these errors."""
     controller = Controller()
-    assert controller.ask("SPA? 1 0x0E000200\n") == "1 0x0E000200=5e-05\n"
+    assert controller.ask("SPA? 1 0x0E000200\n") == "1 0xE000200=5e-05\n"
     assert controller.ask("SPA? 1 0x16000200\n") == "1 0x16000200=262144\n"
     assert controller.ask("TNR?\n") == "8\n"
     assert {67, 73, 75, 400, 402, 403, 404, 405, 406} <= ERRORS.keys()
@@ -114,7 +113,7 @@ def test_numbers_of_the_manual() -> None:
         ("WAV 1 X PNT 1 28 " + " ".join("1" * 28), 24),  # 33 arguments
         ("WAV 1 X PNT 1 2 1", 404),
         ("WAV 9 X PNT 1 1 1", 400),
-        ("WAV 1 X SIN_P 1 1 1", 402),
+        ("WAV 1 X LIN 1 1 1 1 0 0", 402),
         ("WAV 1 & PNT 5 1 1", 405),
         ("WGO 1 1", 75),
         ("WGO 1 2", 406),

@@ -57,7 +57,8 @@ class Stream:
         self._buffer, self._waiting = _NOTHING, b""
         self._settings: dict[int, Callable[[], float]] = {}
         self._channels: list[int] = []
-        self.active = bench.plays = False
+        self.active = False
+        bench.plays_from(None)
 
     def add_to(self, unit: EmulatedUnit) -> None:
         """Add the registers."""
@@ -85,6 +86,8 @@ class Stream:
         while self.active and self._next_ns <= now_ns:
             self._scan(self._next_ns)
             self._next_ns += self._interval_ns
+        if self.active:
+            self._bench.plays_from(self._next_ns)
 
     def waiting(self) -> bytes:
         """Return the rest of the packet that is being sent."""
@@ -141,7 +144,8 @@ class Stream:
         self._buffer, self._waiting = StreamBuffer(n_bytes // 2, per_packet), b""
         self._scans_left = self._setting(registers.N_SCANS) or -1
         self._next_ns = self._bench.now_ns() + self._interval_ns
-        self.active = self._bench.plays = True
+        self.active = True
+        self._bench.plays_from(self._next_ns)
 
     def _checked_channels(self) -> list[int]:
         n_channels = self._setting(registers.N_ADDRESSES)
@@ -156,7 +160,8 @@ class Stream:
         return found
 
     def _stop(self, status: int = 0) -> None:
-        self.active = self._bench.plays = False
+        self.active = False
+        self._bench.plays_from(None)
         if status:
             self._buffer.end(status)
 

@@ -18,7 +18,7 @@ _MODEL: Final = GcsModel(
     servo_error=79,
     lowest_v=-20.0,
     highest_v=150.0,
-    longest=1024,  # PIPython sends 32 arguments of up to 14 bytes in a line
+    longest=1024,  # 32 arguments, each of 12 digits
 )
 _TRAVEL_UM: Final = 30.0
 _IS_PLAYING: Final = 0x09

@@ -15,20 +15,16 @@ def array_reply(
     """
     n_values = min(len(values) for _, values in columns)
     header = [
-        "REM E-727.3CDA",
-        "",
         "VERSION = 1",
         "TYPE = 1",
         "SEPARATOR = 32",
         f"DIM = {len(columns)}",
         f"SAMPLE_TIME = {sample_time_s:.6f}",
         f"NDATA = {n_values}",
-        "",
         *(f"NAME{i} = {name}" for i, (name, _) in enumerate(columns)),
-        "",
         "END_HEADER",
     ]
-    lines = [f"# {text}".rstrip() for text in header]
+    lines = [f"# {text}" for text in header]
     rows = zip(*(values for _, values in columns), strict=False)
     lines += [" ".join(number.format(value) for value in row) for row in rows]
     return (" \n".join(lines) + "\n").encode()

@@ -1,6 +1,7 @@
 """The commands of the emulated wave generators and of the data recorder."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from math import cos, pi
 from typing import Final
 
 from piezod_drivers.serial_line.gcs.emulator import GcsRefusal, number_in
@@ -80,19 +81,16 @@ class WaveCommands:
         table, append, kind = self._table(words[0]), words[1].upper(), words[2].upper()
         if append not in {"X", "&"}:
             raise GcsRefusal(_WRONG)
-        if kind != "PNT":
-            raise GcsRefusal(_TYPE)
-        first, n_points = whole(words[3]), whole(words[4])
-        values = [number_in(word) for word in words[5:]]
-        if n_points != len(values):
-            raise GcsRefusal(_COUNT)
-        self._require_idle(table)
         before = [] if append == "X" else self._waves.tables.get(table, [])
-        # The index counts from 1 in the whole table, also for an appended segment.
-        if first != len(before) + 1:
-            raise GcsRefusal(_RANGE)
+        if kind == "PNT":
+            values = _points(words[3:], len(before) + 1)
+        elif kind == "SIN_P":
+            values = _sine(words[3:])
+        else:
+            raise GcsRefusal(_TYPE)
+        self._require_idle(table)
         others = sum(len(each) for i, each in self._waves.tables.items() if i != table)
-        if others + len(before) + n_points > MOST_POINTS:
+        if others + len(before) + len(values) > MOST_POINTS:
             raise GcsRefusal(_NO_MEMORY)
         self._waves.tables[table] = before + values
         return b""
@@ -177,7 +175,7 @@ class WaveCommands:
             raise GcsRefusal(_WRONG) from None
         if item != "1" or number not in _PARAMETERS:
             raise GcsRefusal(_UNKNOWN_PARAMETER)
-        return f"{item} 0x{number:08X}={_PARAMETERS[number]}\n".encode()
+        return f"{item} 0x{number:X}={_PARAMETERS[number]}\n".encode()
 
     def _set(self, name: str, allowed: range, *, idle: bool = False) -> Callable[[str], bytes]:
         def handle(text: str) -> bytes:
@@ -221,3 +219,29 @@ class WaveCommands:
     def _require_idle(self, table: int) -> None:
         if any(each.running and each.table == table for each in self._generators):
             raise GcsRefusal(_MOVES)
+
+
+def _points(words: Sequence[str], next_point: int) -> list[float]:
+    """Return the values of a curve that is given point by point."""
+    first, n_points = whole(words[0]), whole(words[1])
+    values = [number_in(word) for word in words[2:]]
+    if n_points != len(values):
+        raise GcsRefusal(_COUNT)
+    # The index counts from 1 in the whole table, also for an appended segment.
+    if first != next_point:
+        raise GcsRefusal(_RANGE)
+    return values
+
+
+def _sine(words: Sequence[str]) -> list[float]:
+    """Return a period of a cosine that begins and ends at its offset."""
+    if len(words) != 6:
+        raise GcsRefusal(_COUNT)
+    n_points, amplitude, offset, length, start, center = (number_in(word) for word in words)
+    if not 0 < center < length == n_points <= MOST_POINTS or start:
+        raise GcsRefusal(_RANGE)
+    values = []
+    for k in range(int(n_points)):
+        part = k / center / 2 if k < center else 0.5 + (k - center) / (length - center) / 2
+        values.append(offset + amplitude * (1 - cos(2 * pi * part)) / 2)
+    return values

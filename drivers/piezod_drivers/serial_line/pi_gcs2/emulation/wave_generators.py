@@ -73,15 +73,16 @@ class WaveGenerators:
         self._next_ns = self._cycle = 0
         self._positions_um: Sequence[float] = ()
         self._drive_v = [0.0] * len(axes)
-        bench.plays = False
+        bench.plays_from(None)
 
     def advance(self) -> None:
         """Run all servo cycles that are due; between plays nothing happens in them."""
-        now_ns = self._bench.now_ns()
+        now_ns, was_busy = self._bench.now_ns(), self._is_busy()
         while self._is_busy() and self._next_ns <= now_ns:
             self._servo_cycle(self._next_ns)
             self._next_ns += SERVO_NS
-        self._bench.plays = self._is_busy()
+        if was_busy:
+            self._bench.plays_from(self._next_ns if self._is_busy() else None)
 
     def running(self) -> int:
         """Return the mask of the running generators."""
@@ -105,7 +106,7 @@ class WaveGenerators:
             if idle:
                 self._cycle, self._next_ns = 0, self._bench.now_ns() + SERVO_NS
                 self._drive_v = [axis.setpoint_v for axis in self._axes]
-        self._bench.plays = self._is_busy()
+        self._bench.plays_from(self._next_ns if self._is_busy() else None)
 
     def stop_all(self) -> None:
         """Stop every generator."""
