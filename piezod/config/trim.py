@@ -17,6 +17,13 @@ class TrimConfig(ConfigModel):
         default=50.0,
         description="Gain of the integral, 1/s: errors decay with time constant 1/gain.",
     )
+    proportional: Annotated[float, Quantity(0, 2)] = Field(
+        default=0.0, description="Share of the error that is added to the integral."
+    )
+    notch: Literal["auto", "none"] = Field(
+        default="auto",
+        description="Notches of the trim: at the modes of the response, if it is known, or none.",
+    )
     authority_pct: Annotated[float, Quantity(0.1, 20, "%")] = Field(
         default=5.0, description="Largest magnitude of the trim, % of the range."
     )

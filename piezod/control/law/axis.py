@@ -10,9 +10,10 @@ from typing import NamedTuple
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator, DriveHistory
+from piezod.control.law.dynamics import ModalMotion
 from piezod.control.law.identifier import Identifier, ModelProof
 from piezod.control.law.trim import Trim
-from piezod.control.reference.motion import CornerFilter
+from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample
 from piezod.hysteresis import LearnedModel
 from piezod.hysteresis.normalisation import AffineRange
@@ -47,9 +48,8 @@ class CompensatedAxis:
     All methods are real-time safe.
 
     A voltage that is written in a cycle shows in the next one, after the delay. So the axis reads
-    the reference that much ahead. It does not count the sensor's part of the delay, because the
-    stage itself is there earlier. If the first mode is known, the reference that is read ahead is
-    shaped, so that corners do not ring the mode. The record and the trim use the reference as it
+    the reference that much ahead, shaped for the modes, if they are known. The sensor's part of the
+    delay does not count: the stage itself is there earlier. Record and trim use the reference as it
     is.
 
     Args:
@@ -63,12 +63,13 @@ class CompensatedAxis:
         in_force_v: Voltage in force at the start, in V.
         start_ns: Instant at which the reference starts, in ns.
         period_ns: Period of the loop, in ns.
-        delay_ns: Delay of the measured displacement behind the voltage, in ns.
+        delay_ns: Delay of a sample behind the voltage, in ns, without that of known modes.
         sensor_delay_ns: Part of that delay that lies in the sensor: the age of the displacement
             that a sample shows, in ns.
         trim: Integral of the measured error, for mode `trimmed`.
         proof: Keeps the last learned model that has proved itself.
-        first_mode_hz: Frequency of the first mode, in Hz; None if it is unknown.
+        shaper: Shapes references for the modes.
+        modal: Part of the displacement that the modes add; None if they are unknown.
     """
 
     def __init__(
@@ -88,7 +89,8 @@ class CompensatedAxis:
         sensor_delay_ns: int,
         trim: Trim,
         proof: ModelProof,
-        first_mode_hz: float | None = None,
+        shaper: ReferenceShaper,
+        modal: ModalMotion | None = None,
     ) -> None:
         self._reference_um = reference_um
         self._drive_v, self._position_um = drive_v, position_um
@@ -97,8 +99,8 @@ class CompensatedAxis:
         self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
         self._write_pending = False
-        self._first_mode_hz = first_mode_hz
-        self._shaped_reference = CornerFilter(reference_um, first_mode_hz, self._period_s)
+        self._shaper, self._modal = shaper, modal
+        self._shaped_reference = shaper.shape(reference_um, moving=False)
         # A voltage that is written in this cycle shows one period and one delay later.
         self._lookahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
@@ -165,7 +167,8 @@ class CompensatedAxis:
             start_ns: Instant at which it starts, in ns.
         """
         self._reference_um, self._start_ns = reference_um, start_ns
-        self._shaped_reference = CornerFilter(reference_um, self._first_mode_hz, self._period_s)
+        forced = self._forced_v == self._forced_v
+        self._shaped_reference = self._shaper.shape(reference_um, moving=not forced)
         self._forced_v = nan
 
     def force(self, drive_v: float) -> None:
@@ -194,7 +197,8 @@ class CompensatedAxis:
         # force now.
         self._history.append(t_ns, self._in_force_v)
         limited, expected = self.compensator.limited, self.compensator.position
-        self.identifier.learn(t_ns, sample, limited=limited, expected=expected)
+        added = self._modal.advance(t_ns, expected, sample.t_ns) if self._modal else 0.0
+        self.identifier.learn(t_ns, sample, limited=limited, expected=expected, added=added)
         # Paper, section 3, switch turned off: copy the parameters once they have converged.
         if self.identifier.converged and self.compensator.adopt_first(self.identifier.weights):
             self.proof.restart(LearnedModel(self.identifier.weights))

@@ -11,13 +11,21 @@ from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis, TimeFunction
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.creep import CreepState
+from piezod.control.law.dynamics import (
+    SPARE_ENTRIES,
+    ModalMotion,
+    StageDynamics,
+    known_dynamics,
+)
 from piezod.control.law.identifier import Identifier, LearningGate, ModelProof
 from piezod.control.law.model import StageModel
 from piezod.control.law.pace import FOLLOWED_SHARE, RLS_SHARE, learning_pace
-from piezod.control.law.trim import Trim
-from piezod.dynamics import Resonance, ResponseModel
-from piezod.dynamics.loop import TrimLaw
-from piezod.dynamics.margins import refuse_unstable
+from piezod.control.law.trim import NotchedTrim, Trim
+from piezod.control.law.trim_gains import check_trim, trim_law
+from piezod.control.reference.preview import ReferenceShaper
+from piezod.dynamics import ResponseModel
+from piezod.dynamics.notch import notch
+from piezod.dynamics.preview import preview_filter
 from piezod.errors import ModelError
 from piezod.hysteresis import (
     AdaptiveIdentifier,
@@ -52,9 +60,6 @@ PROOF_WINDOW_S = 1.0
 LAG_CYCLES = 3
 """Delay beyond that of the stage that explains a tracking error, in cycles: hold, mode, rounding of
 corners."""
-SPARE_ENTRIES = 4
-"""Entries that the drive history keeps beyond the delay: for both ends, and for late samples. No
-sample is paired with the oldest entry."""
 
 
 def limits_of(config: AxisConfig) -> Limits:
@@ -87,24 +92,6 @@ def check_identifier(config: AxisConfig, form: ModelForm) -> None:
     _adaptation(config, form, form.straight_line(), 1.0)
 
 
-def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
-    """Refuse a gain of the trim that leaves too little margin.
-
-    Args:
-        config: Configuration of the axis, with trim and first mode.
-        period_s: Period of the loop, in s.
-        delay_s: Delay from drive to sensor, in s.
-
-    Raises:
-        ModelError: If a margin is too small.
-    """
-    mode = config.first_mode
-    modes = (Resonance(mode.frequency_hz, mode.damping),) if mode else ()
-    # Counted from the middle of the cycle in which a voltage holds.
-    stage = ResponseModel(max(delay_s, 0.0) + 0.5 * period_s, modes)
-    refuse_unstable(TrimLaw(config.trim.gain_per_s), period_s, stage)
-
-
 def compensated_axis(
     config: AxisConfig,
     model: StageModel,
@@ -123,8 +110,13 @@ def compensated_axis(
         reference_um: Position over time since the start, in µm.
         start: Conditions at the start.
     """
-    period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
-    model = replace(model, form=model.form.sampled(period_ns / NS_PER_S))
+    period_ns, period_s = start.period_ns, start.period_ns / NS_PER_S
+    dynamics = known_dynamics(config, period_s)
+    if dynamics is not None:
+        # More accurate than the delay of an identification, which is a property of slow motion.
+        model = replace(model, delay_s=dynamics.delay_s)
+    delay_ns = s_to_ns(model.delay_s)
+    model = replace(model, form=model.form.sampled(period_s))
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
@@ -163,8 +155,23 @@ def compensated_axis(
         sensor_delay_ns=sensor_delay_ns,
         trim=_trim(config, model, period_ns),
         proof=_proof(model, period_ns),
-        first_mode_hz=config.first_mode.frequency_hz if config.first_mode else None,
+        shaper=_shaper(config, dynamics, period_s),
+        modal=_modal(dynamics, period_ns, creep.quick),
     )
+
+
+def _shaper(config: AxisConfig, dynamics: StageDynamics | None, period_s: float) -> ReferenceShaper:
+    first_mode_hz = config.first_mode.frequency_hz if config.first_mode else None
+    preview = None
+    if dynamics is not None and dynamics.modes:
+        preview = preview_filter(ResponseModel(0.0, dynamics.modes), period_s)
+    return ReferenceShaper(period_s, first_mode_hz, preview)
+
+
+def _modal(dynamics: StageDynamics | None, period_ns: int, position: float) -> ModalMotion | None:
+    if dynamics is None or not dynamics.modes:
+        return None
+    return ModalMotion(dynamics.modes, period_ns, s_to_ns(dynamics.delay_s), position)
 
 
 def _convergence(model: StageModel, period_ns: int) -> Convergence | None:
@@ -269,8 +276,12 @@ def _trim(config: AxisConfig, model: StageModel, period_ns: int) -> Trim:
         check_trim(config, period_s, model.delay_s)
     except ModelError as error:
         refusal = str(error)
-    fade_cycles = _cycles(FADE_S, period_ns)
-    return Trim(trim.gain_per_s, period_s, trim.authority_pct / 100.0, fade_cycles, refusal)
+    law, fade_cycles = trim_law(config, period_s), _cycles(FADE_S, period_ns)
+    settings = trim.gain_per_s, period_s, trim.authority_pct / 100.0, fade_cycles, refusal
+    if law.proportional or law.notches:
+        notches = [notch(mode, period_s) for mode in law.notches]
+        return NotchedTrim(*settings, proportional=law.proportional, notches=notches)
+    return Trim(*settings)
 
 
 def _cycles(duration_s: float, period_ns: int) -> int:

@@ -5,9 +5,10 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
-from piezod.control.law.compensated import check_identifier, check_trim
+from piezod.control.law.compensated import check_identifier
 from piezod.control.law.model import unidentified_form
 from piezod.control.law.model_files import read_model
+from piezod.control.law.trim_gains import check_trim
 from piezod.errors import DataError, ModelError
 from piezod.hysteresis import ModelForm
 

@@ -24,12 +24,10 @@ SPIKE_CYCLES: Final = 20
 """The gate stays closed for this many cycles after a spike: growing noise first looks like them."""
 STUCK_SWING: Final = 0.01
 """A sensor is stuck if its samples are equal while the drive moves by more than this share."""
-
 LEAST_ERROR: Final = 0.01
 """A learned model with an rms error up to this share of the range is never worse."""
 TOLERANCE: Final = 2.0
 """Ratio of the mean squared errors above which the learned model is worse."""
-
 _COMPARABLE: Final = frozenset({GateReason.OPEN, GateReason.QUIET, GateReason.REPEATED})
 
 
@@ -186,7 +184,9 @@ class Identifier:
         """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
         self._zeroed = float(self._creep.weights @ self._lags)
 
-    def learn(self, t_ns: int, sample: Sample, *, limited: bool, expected: float) -> None:
+    def learn(
+        self, t_ns: int, sample: Sample, *, limited: bool, expected: float, added: float = 0.0
+    ) -> None:
         """Take the sample of this cycle and learn from it if the gate is open. Call once per cycle.
 
         If the sample is not accurate, the memory advances with the displacement that the
@@ -197,13 +197,13 @@ class Identifier:
             sample: The sample.
             limited: Whether range or slew rate limited the drive in force.
             expected: Displacement in the compensator's memory, normalised.
+            added: Part of the displacement that is due to modes, normalised.
         """
         lags, gains, weights = self._lags, self._creep.gains, self._creep.weights
-        crept = advance_creep(lags, gains, weights, self._quick)
+        crept = advance_creep(lags, gains, weights, self._quick) + added
         position = self._position_um.to_unit(sample.position_um)
         # The sample answers the voltage that was in force one delay before it.
-        drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
-        self._drive = drive
+        self._drive = drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
         learns = self.gate.admits(
             valid=sample.valid,
             age_ns=t_ns - sample.t_ns,
@@ -215,7 +215,7 @@ class Identifier:
             # Half of the samples halve the gain of any algorithm.
             self._skipped_last = not self._skipped_last
             learns = not self._skipped_last
-        # `crept` is in the unit of the operators, the position in that of the sensor.
+        # Creep and modes are in the unit of the operators, the position in that of the sensor.
         without_creep = position + self._zeroed - crept / (1.0 + self.scale)
         if not self.gate.accurate:
             without_creep = (expected + self.offset) / (1.0 + self.scale)

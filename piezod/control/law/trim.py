@@ -2,9 +2,16 @@
 
 The trim is added to the normalised command before the inverse model. The stage does what the
 inverse model requests, so that the gain between them is one, whatever the hysteresis. The gain of
-the integral is therefore a rate: an error decays with the time constant 1/gain. `stability` in this
-folder decides which gains are safe. The paper has no trim.
+the integral is therefore a rate: an error decays with the time constant 1/gain. `trim_gains` in
+this folder decides which gains are safe. The paper has no trim.
+
+With a proportional gain, a share of the error is added at once. Notches keep the modes of the stage
+out of the error. Together they allow a larger gain of the integral.
 """
+
+from collections.abc import Sequence
+
+from piezod.dynamics.notch import Notch
 
 
 class Trim:
@@ -67,3 +74,72 @@ class Trim:
             requested = self.value + gain * error
             self.value = min(max(requested, -self._authority), self._authority)
         return self.value
+
+
+class NotchedTrim(Trim):
+    """A trim with a proportional gain and notches. Real-time safe.
+
+    The change of the filtered error is added in each cycle, which sums up to the error itself. So
+    neither a change of mode nor one of the gains makes a jump. After an invalid sample the error
+    starts anew.
+
+    Args:
+        gain_per_s, period_s, authority, fade_cycles, refusal: As for `Trim`.
+        proportional: Share of the error that is added.
+        notches: Filters of the error.
+    """
+
+    def __init__(
+        self,
+        gain_per_s: float,
+        period_s: float,
+        authority: float,
+        fade_cycles: int,
+        refusal: str = "",
+        *,
+        proportional: float,
+        notches: Sequence[Notch],
+    ) -> None:
+        super().__init__(gain_per_s, period_s, authority, fade_cycles, refusal)
+        self._proportional, self._notches = proportional, tuple(notches)
+        self._states = [(0.0, 0.0)] * len(self._notches)
+        self._before = 0.0
+        self._known = False  # whether the error before this one is known
+
+    def enable(self) -> None:
+        """Integrate from the present trim on; an error of the past does not count."""
+        if not self._enabled:
+            self._known = False
+        super().enable()
+
+    def step(self, error: float, valid: bool, limited: int) -> float:
+        """Return the trim for the next command, as `Trim` does."""
+        if not (self._enabled and valid and error - error == 0.0):
+            self._known = False
+            return super().step(error, False, limited)
+        if not self._known:
+            self._settle(error)
+        filtered = self._filtered(error)
+        change, self._before = filtered - self._before, filtered
+        halved = 0.5 if self.gain_halved else 1.0
+        requested = self.value + halved * self._proportional * change
+        if filtered * limited <= 0.0:
+            requested += halved * self._gain_per_cycle * filtered
+        self.value = min(max(requested, -self._authority), self._authority)
+        return self.value
+
+    def _settle(self, error: float) -> None:
+        """Start with an error that has been the same for long."""
+        for i, each in enumerate(self._notches):
+            second = (each.b2 - each.a2) * error  # the static gain is one
+            self._states[i] = (each.b1 - each.a1) * error + second, second
+        self._before, self._known = error, True
+
+    def _filtered(self, error: float) -> float:
+        """Return the error behind all notches (direct form II, transposed)."""
+        for i, (b0, b1, b2, a1, a2) in enumerate(self._notches):
+            first, second = self._states[i]
+            output = b0 * error + first
+            self._states[i] = b1 * error - a1 * output + second, b2 * error - a2 * output
+            error = output
+        return error

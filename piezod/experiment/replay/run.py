@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import CompensatedAxis, TimeFunction
-from piezod.control.law.compensated import Start, check_identifier, check_trim, compensated_axis
+from piezod.control.law.compensated import Start, check_identifier, compensated_axis
 from piezod.control.law.creep import CreepState
 from piezod.control.law.model import StageModel
+from piezod.control.law.trim_gains import check_trim
 from piezod.devices.interface import Sample
 from piezod.experiment.replay.recorded_axis import RecordedAxis
 from piezod.experiment.replay.stand_in import StandIn

@@ -12,6 +12,7 @@ from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.identifier import Identifier, ModelProof
 from piezod.control.law.trim import Trim
+from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, LearnedModel, StopForm
 from tests.control.fakes import MS, FakeGate, FakeTrim, RecordingIdentifier
@@ -64,7 +65,7 @@ def compensated(
         sensor_delay_ns=sensor_delay_ns,
         trim=trim or FakeTrim(),
         proof=ModelProof(LearnedModel(np.array(weights)), window_cycles=1000, lag_cycles=3),
-        first_mode_hz=first_mode_hz,
+        shaper=ReferenceShaper(1e-3, first_mode_hz),
     )
 
 

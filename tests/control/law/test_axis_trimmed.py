@@ -11,6 +11,7 @@ from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.identifier import Identifier, LearningGate, ModelProof
 from piezod.control.law.trim import Trim
+from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, LearnedModel, NLMSIdentifier
 from tests.control.fakes import MS
@@ -46,6 +47,7 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
         sensor_delay_ns=0,
         proof=ModelProof(LearnedModel(WEIGHTS.copy()), window_cycles=1000, lag_cycles=3),
         trim=Trim(50.0, 1e-3, AUTHORITY, FADE),
+        shaper=ReferenceShaper(1e-3),
     )
 
 
