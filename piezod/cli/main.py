@@ -27,6 +27,7 @@ from piezod.cli.identify import identify
 from piezod.cli.init import init
 from piezod.cli.install_service import install_service
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
+from piezod.cli.play import play
 from piezod.cli.plot import plot
 from piezod.cli.probe import probe
 from piezod.cli.replay import replay
@@ -47,7 +48,7 @@ app = typer.Typer(
     "stderr; so does progress, on a terminal.",
 )
 OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
-    "Experiments and models": (experiment, identify, response, check),
+    "Experiments and models": (experiment, identify, response, play, check),
     "Recordings": (plot, export, replay),
     "Devices": (drivers, emulate, probe, commission),
     "Daemon of a stage": (init, run_daemon, safe, install_service),

@@ -112,11 +112,10 @@ def compensated_axis(
     """
     period_ns, period_s = start.period_ns, start.period_ns / NS_PER_S
     dynamics = known_dynamics(config, period_s)
-    if dynamics is not None:
-        # More accurate than the delay of an identification, which is a property of slow motion.
-        model = replace(model, delay_s=dynamics.delay_s)
-    delay_ns = s_to_ns(model.delay_s)
-    model = replace(model, form=model.form.sampled(period_s))
+    # More accurate than the delay of an identification, which is a property of slow motion.
+    delay_s = model.delay_s if dynamics is None else dynamics.delay_s
+    model = replace(model, delay_s=delay_s, form=model.form.sampled(period_s))
+    delay_ns = s_to_ns(delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)

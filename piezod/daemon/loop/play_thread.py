@@ -165,6 +165,7 @@ class _PlayThread(threading.Thread):
             "interval_s": taken.interval_ns / NS_PER_S,
             "cycles": taken.cycles,
             "position_um": [each if isfinite(each) else None for each in position_um],
+            "record_interval_s": 0.0 if record is None else record.interval_ns / NS_PER_S,
             "first_point": 0 if record is None else record.first_point,
             "lag_s": self._axis.capabilities.lag_ns / NS_PER_S,
         }

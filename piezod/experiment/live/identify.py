@@ -13,7 +13,7 @@ from piezod.config.states import State
 from piezod.errors import DataError
 from piezod.experiment.fit.recorded import Placing, check_missing, on_deadlines, told_missing
 from piezod.experiment.live.drive import LiveDrive, designed_drive, from_rest
-from piezod.experiment.live.setup import LiveSetup, read_setup
+from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.virtual.run import Progress
 from piezod.hysteresis.memory import FloatArray
@@ -64,7 +64,7 @@ def record_live(
         OSError: If the file cannot be written.
     """
     setup = read_setup(client)
-    name = checked_axis(setup, axis)
+    name = setup.measured_axis(axis)
     live = setup.axes[name]
     drive = from_rest(settings or designed_drive(live), live)
     total_s, passed_s = drive.settle_s + ZERO_S + drive.duration_s, 0.0
@@ -132,23 +132,3 @@ def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> Record
     stage.start_recording(f"identify-{axis}")
     stage.drive({axis: drive.drive_v}, drive.duration_s)
     return stage.end_recording(file)
-
-
-def checked_axis(setup: LiveSetup, axis: str | None) -> str:
-    """Return the name of an axis with a sensor: the given one, or the only one.
-
-    Raises:
-        DataError: If there is no such axis, or it has no sensor.
-    """
-    names = ", ".join(setup.axes)
-    if axis is None and len(setup.axes) > 1:
-        raise DataError(f"stage {setup.stage} has several axes, {names}: name one with --axis")
-    if axis is not None and axis not in setup.axes:
-        raise DataError(f"stage {setup.stage} has no axis {axis}; its axes are {names}")
-    name = axis or names
-    if setup.axes[name].config.sensor is None:
-        raise DataError(
-            f"axis {name} has no sensor, and an identification needs one: configure one, borrowed "
-            "if need be; the model remains when it is gone"
-        )
-    return name

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from piezod.client import StageClient
 from piezod.errors import DataError
 from piezod.experiment.fit.recorded import on_cycles
-from piezod.experiment.live.identify import checked_axis, columns_of
+from piezod.experiment.live.identify import columns_of
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.response.judgement import judged
@@ -36,7 +36,7 @@ def response_live(
             used.
     """
     setup = read_setup(client)
-    name = checked_axis(setup, axis)
+    name = setup.measured_axis(axis)
     config = setup.axes[name].config
     try:
         plans = plan_response(wanted, config.limits, config.safety.ramp_v_per_s, setup.rate_hz)

@@ -16,6 +16,7 @@ from piezod.control.law.model_files import from_model_file
 from piezod.control.reference.motion import Motion, MotionLimits, waveform_motion
 from piezod.control.reference.waveforms import Waveform
 from piezod.control.stage.axis import SHORTEST_MOTION_CYCLES, SHORTEST_MOTION_PERIODS
+from piezod.errors import DataError
 
 AT_REST_V = 1e-3
 """Largest difference of a safe voltage and the rest voltage that counts as equal, in V."""
@@ -81,6 +82,28 @@ class LiveSetup:
     def safe_at_rest(self) -> bool:
         """Whether all axes rest at their safe voltage."""
         return all(axis.safe_at_rest for axis in self.axes.values())
+
+    def measured_axis(self, name: str | None) -> str:
+        """Return the name of an axis with a sensor.
+
+        Args:
+            name: Its name; None for the only axis.
+
+        Raises:
+            DataError: If there is no such axis, or several, or it has no sensor.
+        """
+        names = ", ".join(self.axes)
+        if name is None and len(self.axes) > 1:
+            raise DataError(f"stage {self.stage} has several axes, {names}: name one with --axis")
+        if name is not None and name not in self.axes:
+            raise DataError(f"stage {self.stage} has no axis {name}; its axes are {names}")
+        chosen = name or names
+        if self.axes[chosen].config.sensor is None:
+            raise DataError(
+                f"axis {chosen} has no sensor, and this needs one: configure one, borrowed if need "
+                "be; the result remains when it is gone"
+            )
+        return chosen
 
 
 def read_setup(client: StageClient) -> LiveSetup:

@@ -1,7 +1,7 @@
 """A running stage, step by step: at rest, armed, along a waveform, recorded; and left safe."""
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
 from math import inf
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Final, Self
 
 from piezod.client import StageClient
 from piezod.client.calls import Waveforms
+from piezod.client.results import Document
 from piezod.client.telemetry import Telemetry as Interval
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
@@ -128,6 +129,39 @@ class LiveStage:
         """
         self._client.identify(drive_v, duration_s)
         self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
+
+    def pause(self, duration_s: float) -> None:
+        """Hold the voltage of an armed stage, in s."""
+        self._wait_in(duration_s, State.READY)
+
+    def play(
+        self,
+        axis: str,
+        period_v: Sequence[float],
+        lead_in_v: Sequence[float],
+        interval_s: float,
+        cycles: int,
+    ) -> Document:
+        """Play a table on an armed stage; return its record.
+
+        Args:
+            axis: Name of the axis.
+            period_v: Voltages of one period, in V.
+            lead_in_v: Voltages before the first period, in V.
+            interval_s: Time between two voltages, in s.
+            cycles: Number of periods.
+
+        Raises:
+            DataError: If the play failed; the text has the reason of the device.
+        """
+        self._client.play(
+            period_v, lead_in_v=lead_in_v, interval_s=interval_s, cycles=cycles, axis=axis
+        )
+        self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
+        played = self._client.played()
+        if played["failed"]:
+            raise DataError(f"axis {axis}: the play failed: {played['failed']}")
+        return played
 
     def select(self, mode: Mode, axes: Collection[str]) -> None:
         """Select the mode of axes, disarmed or armed; in an armed stage this starts RUN."""

@@ -27,3 +27,6 @@ class PlayedStage(Protocol):
             DeviceError: If the device refuses it, fails, or its record could not be read.
         """
         ...
+
+
+__all__ = ["AxisRecord", "AxisTable", "PlayedStage"]

@@ -1,0 +1,123 @@
+"""`piezod play`: a periodic command by the clock of the device, learned pass by pass."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from piezod.cli.interrupt import unwinding
+from piezod.cli.options import JsonOption
+from piezod.cli.paths import existing_file
+from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
+
+if TYPE_CHECKING:
+    from piezod.client import StageClient
+    from piezod.config.play import WaveConfig
+    from piezod.experiment.live.play import LivePlay
+    from piezod.experiment.play.learn import LearnedPlay, PassReport
+
+
+def play(  # noqa: PLR0913, PLR0917 - each argument is an option
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="WAVE",
+            readable=False,
+            callback=existing_file,
+            help="YAML with `command_um`: one period of the position, in µm.",
+        ),
+    ],
+    passes: Annotated[
+        int,
+        typer.Option("--learn", metavar="PASSES", min=0, max=50, help="Largest number of passes."),
+    ] = 6,
+    interval_us: Annotated[
+        float, typer.Option(metavar="US", min=0.1, help="Time between two points of the table, µs.")
+    ] = 50.0,
+    settle_s: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Time before the periods that count, s.")
+    ] = 1.0,
+    record_s: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Time of the periods that count, s.")
+    ] = 1.0,
+    axis: AxisOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Play a periodic waveform on a running stage, from a table that the device plays by its clock.
+
+    The table is made by the inverse model and the response of the axis. Then it is corrected from
+    pass to pass by the error that the sensor shows, until that is at the noise or no longer falls.
+    Prints the error of each pass in % of the swing. The stage is disarmed at the end.
+    """
+    from piezod.cli.output import print_json
+    from piezod.experiment.live.play import LivePlay
+    from piezod.experiment.play.task import PlaySettings
+
+    wave = _wave(file)
+    settings = PlaySettings(passes, settle_s, record_s)
+    with unwinding(), connect(stage, socket) as client:
+        what = LivePlay(axis or "", wave, round(1000.0 * interval_us), settings)
+        learned = _learned(client, what, quiet=json)
+    if json:
+        print_json(_document(learned))
+    else:
+        typer.echo(f"Stopped: {learned.stopped}. Best: {learned.best.label}.")
+
+
+def _wave(file: Path) -> "WaveConfig":
+    from piezod.config.fields import Context
+    from piezod.config.play import WaveConfig
+    from piezod.config.validate import validate
+    from piezod.config.yaml_loader import load_yaml
+
+    document = load_yaml(file)
+    document.data.setdefault("name", file.stem[:40])
+    return validate(document, WaveConfig, Context(file.parent))
+
+
+def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "LearnedPlay":
+    from piezod.cli.progress import progress_bar
+    from piezod.experiment.live.play import play_live
+    from piezod.experiment.live.setup import read_setup
+    from piezod.experiment.live.stage import LiveStage
+
+    setup = read_setup(client)
+    name = setup.measured_axis(play.axis or None)
+
+    def report(done: "PassReport") -> None:
+        if not quiet:
+            typer.echo(_line(done))
+
+    with progress_bar() as progress, LiveStage(client, setup, lambda _s: None) as stage:
+        progress(f"playing on axis {name}", 0.0)
+        learned = play_live(stage, setup.axes[name], play._replace(axis=name), report)
+        stage.disarm()
+    return learned
+
+
+def _line(done: "PassReport") -> str:
+    worst, rms, mean = done.measured
+    return (
+        f"{done.label:28} max {worst:7.3f}  rms {rms:7.3f}  mean {mean:7.3f}  "
+        f"noise {done.noise_pct:.3f}  % of the swing"
+    )
+
+
+def _document(learned: "LearnedPlay") -> dict[str, object]:
+    passes = [
+        {"label": each.label, **each.measured._asdict(), "noise_pct": each.noise_pct}
+        for each in learned.reports
+    ]
+    best = learned.best.table
+    return {
+        "passes": passes,
+        "best": learned.best.label,
+        "stopped": learned.stopped,
+        "table": {
+            "interval_ns": best.interval_ns,
+            "lead_in_v": best.lead_in_v.tolist(),
+            "period_v": best.period_v.tolist(),
+        },
+    }

@@ -1,0 +1,139 @@
+"""Plays a periodic command on a running stage by the clock of its device, learned pass by pass."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from piezod.config.play import WaveConfig
+from piezod.control.law.compensated import limits_of
+from piezod.control.law.response_files import response_model
+from piezod.errors import DataError, RefusedError
+from piezod.experiment.live.setup import LiveAxis
+from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.play.command import command_of
+from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
+from piezod.experiment.play.response import KnownResponse, MultisineSettings, measure_response
+from piezod.experiment.play.stage import AxisRecord, AxisTable
+from piezod.experiment.play.tables import TableMaker
+from piezod.experiment.play.task import KnownAxis, PlaySettings
+from piezod.units import NS_PER_S, s_to_ns
+
+REST_S = 1.0
+"""Rest at the rest voltage before each play, in s."""
+LOWEST_HZ, HIGHEST_HZ = 10.0, 3000.0
+"""The multisine that measures the response of an axis which has no response file."""
+AMPLITUDES = (0.03, 0.015, 0.007, 0.003)
+"""Its amplitudes, as shares of the range: the first one that is not too fast for the axis."""
+HIGHEST_SHARE = 0.15
+"""Highest frequency of the multisine, as a share of the rate of the table, if that is lower."""
+
+
+class LivePlay(NamedTuple):
+    """What is played on a running stage.
+
+    Attributes:
+        axis: Name of the axis.
+        wave: The periodic command.
+        interval_ns: Time between two points of the table, in ns.
+        settings: Settings of the plays.
+    """
+
+    axis: str
+    wave: WaveConfig
+    interval_ns: int
+    settings: PlaySettings
+
+
+class RunningAxis:
+    """Implements `PlayedStage` for one axis of a running stage, which is armed and at rest.
+
+    Args:
+        stage: The stage.
+        name: Name of the axis.
+        rest_v: Its rest voltage, in V.
+    """
+
+    def __init__(self, stage: LiveStage, name: str, rest_v: float) -> None:
+        self._stage, self._name, self._rest_v = stage, name, rest_v
+
+    def rest(self) -> float:
+        """Rest; return the rest voltage, in V."""
+        self._stage.pause(REST_S)
+        return self._rest_v
+
+    def play(self, table: AxisTable) -> AxisRecord:
+        """Play a table, which the daemon checks; return its record."""
+        played = self._stage.play(
+            self._name,
+            table.period_v.tolist(),
+            table.lead_in_v.tolist(),
+            table.interval_ns / NS_PER_S,
+            table.cycles,
+        )
+        position_um = np.array(played["position_um"], dtype=np.float64)  # null becomes NaN
+        interval_ns = s_to_ns(played["record_interval_s"])
+        unknown = np.full(position_um.size, np.nan)
+        return AxisRecord(interval_ns, position_um, unknown, int(played["first_point"]))
+
+
+def play_live(
+    stage: LiveStage, axis: LiveAxis, play: LivePlay, report: Callable[[PassReport], None]
+) -> LearnedPlay:
+    """Learn the table of a command on a running stage; the stage is disarmed and at rest.
+
+    Args:
+        stage: The stage.
+        axis: The axis.
+        play: What is played.
+        report: Called after each play.
+
+    Raises:
+        ClientError: If a request is refused, or the stage leaves the expected states.
+        DataError: If the axis has no model, the command leaves its range, or nothing was learned.
+    """
+    model, config = axis.model, axis.config
+    if model is None:
+        raise DataError(
+            f"axis {play.axis} has no model, and a table is made by its inverse: "
+            "`piezod identify --live --adopt` makes one"
+        )
+    stage.rest(REST_S)
+    stage.arm()
+    limits = limits_of(config)
+    range_v = limits.drive_min_v, limits.drive_max_v
+    maker = TableMaker(model, play.interval_ns, range_v, limits.slew_v_per_s)
+    running = RunningAxis(stage, play.axis, config.limits.rest_v)
+    if config.response is not None:
+        period_s = play.interval_ns / NS_PER_S
+        known = KnownResponse(
+            response_model(config.response, period_s),
+            config.response.high_hz,
+            np.empty(0),
+            np.empty(0),
+        )
+    else:
+        highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * NS_PER_S / play.interval_ns)
+        settings = MultisineSettings(play.interval_ns, LOWEST_HZ, highest_hz, AMPLITUDES[0])
+        known = _measured(running, maker, model.position_um, settings)
+    of = KnownAxis(maker, model.creep, known, config.compensator.sensor_delay_s)
+    task = of.task(command_of(play.wave, play.interval_ns), play.settings)
+    return learn(running, task, report)
+
+
+def _measured(
+    running: RunningAxis,
+    maker: TableMaker,
+    range_um: tuple[float, float],
+    settings: MultisineSettings,
+) -> KnownResponse:
+    """Measure the response with the largest amplitude that the daemon accepts."""
+    refusal = None
+    for amplitude in AMPLITUDES:
+        try:
+            return measure_response(
+                running, maker, range_um, settings._replace(amplitude=amplitude)
+            )
+        except RefusedError as error:
+            refusal = error
+    raise DataError(f"no multisine is slow enough for the axis: {refusal}")
