@@ -134,7 +134,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
     _watch_write(stage, admitted, written)
-    written |= stage.state not in DRIVEN or stage.play().runs  # without a write nothing has failed
+    written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
 

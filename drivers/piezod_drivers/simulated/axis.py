@@ -1,13 +1,11 @@
 """One axis of a simulated rig: a plant with the calibration of its sensor."""
 
-from math import isfinite
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from piezod.devices.calibration import TableCurve
-from piezod.devices.interface import Sample
 from piezod.plant.plant import Plant
 from piezod_drivers.simulated.calibration import commissioned_curve, straight_line_curve
 from piezod_drivers.simulated.options import Commissioned, SensorLine, SensorTable, SimulatedOptions
@@ -38,25 +36,6 @@ class SimulatedAxis(NamedTuple):
     highest_v: float
     saturated_v: float
     step_v: float
-
-    def sample(self, t_ns: int, now_ns: int, quantity: str) -> Sample:
-        """Take a sample at `t_ns` in the plant's time, `now_ns` in the caller's."""
-        self.plant.advance_to(t_ns)
-        return self.present_sample(now_ns, quantity)
-
-    def present_sample(self, now_ns: int, quantity: str) -> Sample:
-        """Take a sample at the present instant of the plant, `now_ns` in the caller's time."""
-        if quantity == LIGHT:
-            return Sample(now_ns, self.plant.parameters.sensor.light_level, True)
-        sensor_v = self.plant.sample()
-        valid = abs(sensor_v) < self.saturated_v
-        # `beyond` also extrapolates the calibration, because the stage may move beyond the
-        # calibrated range.
-        return Sample(now_ns, sensor_v if quantity else self.calibration.beyond(sensor_v), valid)
-
-    def takes(self, drive_v: float) -> bool:
-        """Return whether the amplifier can output this voltage."""
-        return isfinite(drive_v) and self.lowest_v <= drive_v <= self.highest_v
 
 
 def axis_and_quantity(name: str, outputs: tuple[str, ...]) -> tuple[str, str]:

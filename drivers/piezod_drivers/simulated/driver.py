@@ -1,6 +1,7 @@
 """The driver `simulated`: sensor and amplifier of one or several simulated axes in one."""
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,7 @@ from piezod.devices.player import (
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.axis import (
+    LIGHT,
     FloatArray,
     SimulatedAxis,
     axis_and_quantity,
@@ -56,7 +58,8 @@ class SimulatedRig:
         self._axes = tuple(dict.fromkeys((*wiring.outputs, *(axis for axis, _ in inputs))))
         self._inputs = [(self._axes.index(axis), quantity) for axis, quantity in inputs]
         self._channels: list[SimulatedAxis] = []
-        self._player = TablePlayer([], [], options.sub_step_ns)
+        self._player = TablePlayer([], [], _sample, options.sub_step_ns)
+        self._playing = False
         self._origin_ns: int | None = None
         self._active = False
 
@@ -73,7 +76,7 @@ class SimulatedRig:
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
         self._channels = [make_axis(self._options, seed) for seed in seeds]
         measured = [(self._channels[i], quantity) for i, quantity in self._inputs]
-        self._player = TablePlayer(self._driven_axes, measured, self._options.sub_step_ns)
+        self._player = TablePlayer(self._driven_axes, measured, _sample, self._options.sub_step_ns)
         self._origin_ns = None
         return Identity(
             maker="piezod",
@@ -126,7 +129,9 @@ class SimulatedRig:
         """
         self._require_active()
         t_ns = self._played_to(now_ns)
-        return [self._channels[i].sample(t_ns, now_ns, quantity) for i, quantity in self._inputs]
+        for axis_model in self._channels:
+            axis_model.plant.advance_to(t_ns)
+        return [_sample(self._channels[i], quantity, now_ns) for i, quantity in self._inputs]
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
         """Return the true displacement of each stage from rest at 0 V, in µm. Real-time safe.
@@ -157,10 +162,10 @@ class SimulatedRig:
         if not self._active or len(drive_v) != len(driven):
             return False
         # All voltages are checked before one is commanded.
-        if not all(map(SimulatedAxis.takes, driven, drive_v)):
+        if not all(map(_takes, driven, drive_v)):
             return False
         t_ns = self._played_to(now_ns)
-        if self._player.plays:
+        if self._playing:
             return False
         for axis_model, command_v in zip(driven, drive_v, strict=True):
             axis_model.plant.advance_to(t_ns)
@@ -198,6 +203,7 @@ class SimulatedRig:
         """Start the play and the record, at the first sub-step at or after now."""
         self._require_active()
         self._player.start(self._played_to(now_ns))
+        self._playing = True
 
     def replace(self, period: FloatArray) -> FloatArray:
         """Replace the period from the next cycle on; return it as the converters will output it."""
@@ -215,6 +221,7 @@ class SimulatedRig:
         if self._active:
             self._played_to(now_ns)
         self._player.abort()
+        self._playing = False
         return tuple(axis_model.plant.command_v for axis_model in self._driven_axes)
 
     def recording(self) -> PlayedRecord:
@@ -247,14 +254,32 @@ class SimulatedRig:
     def _played_to(self, now_ns: int) -> int:
         """Play up to now; return now in the rig's time, in ns."""
         t_ns = self._elapsed_ns(now_ns)
-        self._player.play_to(t_ns)
+        if self._playing:
+            self._player.play_to(t_ns)
+            self._playing = self._player.plays
         return t_ns
 
     def _rest(self) -> None:
-        self._active = False
+        self._active = self._playing = False
         self._player.abort()
         for axis_model in self._channels:
             axis_model.plant.command(_REST_V)
+
+
+def _sample(axis_model: SimulatedAxis, quantity: str, now_ns: int = 0) -> Sample:
+    """Take a sample at the present instant of the plant, `now_ns` in the caller's time."""
+    if quantity == LIGHT:
+        return Sample(now_ns, axis_model.plant.parameters.sensor.light_level, True)
+    sensor_v = axis_model.plant.sample()
+    valid = abs(sensor_v) < axis_model.saturated_v
+    # `beyond` also extrapolates the calibration: the stage may move beyond the calibrated range.
+    value = sensor_v if quantity else axis_model.calibration.beyond(sensor_v)
+    return Sample(now_ns, value, valid)
+
+
+def _takes(axis_model: SimulatedAxis, drive_v: float) -> bool:
+    """Return whether the amplifier can output this voltage."""
+    return isfinite(drive_v) and axis_model.lowest_v <= drive_v <= axis_model.highest_v
 
 
 PLUGIN: Final = DriverPlugin(

@@ -1,10 +1,11 @@
 """The player of a simulated rig: it plays tables by the clock of the physics."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
+from piezod.devices.interface import Sample
 from piezod.devices.player import (
     AtEnd,
     PlayedRecord,
@@ -31,6 +32,7 @@ class TablePlayer:
     Args:
         driven: Axes that are played, in the order of a table's columns.
         measured: Axis and quantity of each input.
+        sample: Takes a sample of an axis and a quantity at the present instant of its physics.
         sub_step_ns: Sub-step of the physics, in ns.
     """
 
@@ -38,9 +40,11 @@ class TablePlayer:
         self,
         driven: Sequence[SimulatedAxis],
         measured: Sequence[tuple[SimulatedAxis, str]],
+        sample: Callable[[SimulatedAxis, str], Sample],
         sub_step_ns: int,
     ) -> None:
         self._driven, self._measured, self._sub_step_ns = driven, measured, sub_step_ns
+        self._sample = sample
         self._axes = list(
             {id(one.plant): one for one in (*driven, *(a for a, _ in measured))}.values()
         )
@@ -164,7 +168,7 @@ class TablePlayer:
         if self._point >= len(self._positions):
             return
         for i, (axis, quantity) in enumerate(self._measured):
-            _, value, valid = axis.present_sample(0, quantity)
+            _, value, valid = self._sample(axis, quantity)
             if valid:
                 self._positions[self._point, i] = value
             self._truths[self._point, i] = axis.plant.true_displacement_um

@@ -120,16 +120,7 @@ def compensated_axis(
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     pace = _pace(config, model.form, period_ns)
-    identifier = Identifier(
-        _shadowed(config, model, pace, period_ns),
-        model.drive_v,
-        model.position_um,
-        history,
-        delay_ns,
-        _convergence(model, period_ns),
-        LearningGate(period_ns, latency_ns=sensor_delay_ns),
-        creep,
-    )
+    identifier = _identifier(config, model, creep, history, period_ns)
     compensator = Compensator(
         model.form,
         model.weights,
@@ -156,6 +147,26 @@ def compensated_axis(
         proof=_proof(model, period_ns),
         shaper=_shaper(config, dynamics, period_s),
         modal=_modal(dynamics, period_ns, creep.quick),
+    )
+
+
+def _identifier(
+    config: AxisConfig,
+    model: StageModel,
+    creep: CreepState,
+    history: DriveHistory,
+    period_ns: int,
+) -> Identifier:
+    pace = _pace(config, model.form, period_ns)
+    return Identifier(
+        _shadowed(config, model, pace, period_ns),
+        model.drive_v,
+        model.position_um,
+        history,
+        s_to_ns(model.delay_s),
+        _convergence(model, period_ns),
+        LearningGate(period_ns, latency_ns=s_to_ns(config.compensator.sensor_delay_s)),
+        creep,
     )
 
 

@@ -94,6 +94,11 @@ class DeviceBoundary:
         """Last exception of a driver in this cycle; the reader clears it."""
 
     @property
+    def played(self) -> bool:
+        """Whether a play has the devices, or has left a voltage that is not yet known."""
+        return self.lent or self.returned
+
+    @property
     def writes(self) -> bool:
         """Whether it may write: no other program, thread or doubt has the outputs."""
         return not (self.withheld or self.lent or self.returned)

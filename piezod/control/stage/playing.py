@@ -73,11 +73,6 @@ class StagePlay:
         self.aborted = False
         """Whether the last play was aborted."""
 
-    @property
-    def runs(self) -> bool:
-        """Whether the devices are lent, or their voltage is not yet known again."""
-        return self._boundary.lent or self._outcome is not None
-
     def refusal(self, axis: int, of: StageAxis, table: AxisTable) -> str:
         """Return why a table cannot be played now; empty if it can.
 
@@ -118,7 +113,9 @@ class StagePlay:
     def advance(
         self, axes: Sequence[StageAxis], read_back_v: Sequence[float]
     ) -> PlayOutcome | Detection | None:
-        """Take the devices back when the play has ended; call once per cycle while it `runs`.
+        """Take the devices back when the play has ended.
+
+        Call once per cycle while `DeviceBoundary.played`. Real-time safe.
 
         Args:
             axes: The axes of the stage.

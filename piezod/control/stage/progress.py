@@ -105,7 +105,7 @@ def advance(
         samples: The samples that may be used.
         read_back_v: Voltage of each axis, in V; NaN if the amplifier does not report it.
     """
-    if stage.play().runs and _play_goes_on(stage, t_ns, read_back_v):
+    if stage.boundary.played and _play_goes_on(stage, t_ns, read_back_v):
         return
     match stage.state:
         case State.BOOT:
