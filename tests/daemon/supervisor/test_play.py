@@ -1,9 +1,12 @@
 """A table that the simulated rig plays while a daemon runs it."""
 
+import json
 from math import pi, sin
 from pathlib import Path
 
 from tests.daemon.conftest import StartDaemon
+
+WAVE = "command_um: {kind: sine, low: 8, high: 16, frequency_hz: 50}\n"
 
 POINTS, CYCLES, INTERVAL_S = 100, 4, 1e-4
 TABLE_V = [40.0 + 30.0 * sin(2.0 * pi * k / POINTS) for k in range(POINTS)]
@@ -24,3 +27,21 @@ def test_table_is_played_and_its_record_is_served(rig_file: Path, start: StartDa
     assert played["failed"] == ""
     assert len(played["position_um"]) == POINTS * CYCLES
     assert max(position_um) - min(position_um) > 3.0
+
+
+def test_error_falls_from_pass_to_pass(rig_file: Path, start: StartDaemon) -> None:
+    """`piezod play` learns on a running stage, prints the best table, and disarms the stage."""
+    wave = rig_file.parent / "wave.yaml"
+    wave.write_text(WAVE, encoding="utf-8")
+    daemon = start(rig_file)
+    daemon.until("SAFE")
+    brief = ("--settle-s", "0.2", "--record-s", "0.2")
+    done = daemon.command("play", str(wave), "--learn", "2", *brief, "--json")
+    assert done.returncode == 0, done.stderr
+    learned = json.loads(done.stdout)
+    errors_pct = [each["max_pct"] for each in learned["passes"]]
+
+    assert errors_pct[2] < errors_pct[1] < errors_pct[0]
+    assert learned["best"] == "pass 2"
+    assert len(learned["table"]["period_v"]) == 400
+    assert daemon.status()["state"] == "SAFE"
