@@ -7,12 +7,14 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from datetime import datetime
-from typing import Any, Final, Protocol, TextIO, cast
+from typing import Any, Final, Protocol, TextIO, TypeAlias, cast
 
-import structlog
-from structlog.typing import EventDict, Processor, WrappedLogger
-
+from piezod.daemon.lean_structlog import structlog
 from piezod.units import NS_PER_S
+
+EventDict: TypeAlias = structlog.typing.EventDict
+Processor: TypeAlias = structlog.typing.Processor
+WrappedLogger: TypeAlias = structlog.typing.WrappedLogger
 
 MAX_LINES, WINDOW_S = 10, 10.0
 # The priorities of the journal, see syslog(3); "critical" and "exception" do not occur.

@@ -75,11 +75,14 @@ def _answer(
     return JsonAnswer({"error": error}, status)
 
 
-def _stage_error(_request: Request, error: Exception) -> JsonAnswer:
+# The handlers are coroutines, because Starlette would call a function in a thread.
+
+
+async def _stage_error(_request: Request, error: Exception) -> JsonAnswer:
     return error_answer(cast("StageError", error))
 
 
-def _not_valid(_request: Request, error: Exception) -> JsonAnswer:
+async def _not_valid(_request: Request, error: Exception) -> JsonAnswer:
     problems = []
     for found in cast("RequestValidationError", error).errors():
         where = ".".join(str(part) for part in found["loc"][1:])
@@ -90,7 +93,7 @@ def _not_valid(_request: Request, error: Exception) -> JsonAnswer:
     )
 
 
-def _http_error(request: Request, error: Exception) -> JsonAnswer:
+async def _http_error(request: Request, error: Exception) -> JsonAnswer:
     status = cast("HTTPException", error).status_code
     codes = {404: "not_found", _NOT_ALLOWED: "method_not_allowed"}
     what = f"{request.method} {request.url.path}: {cast('HTTPException', error).detail}"

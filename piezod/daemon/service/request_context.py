@@ -139,7 +139,8 @@ def describe(request: Request) -> str:
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
 
 
-def _context(request: HttpRequest) -> Any:
+# A coroutine, because FastAPI would call a function in a thread, for each request.
+async def _context(request: HttpRequest) -> Any:
     return request.state.context
 
 

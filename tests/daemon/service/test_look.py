@@ -31,6 +31,20 @@ def test_documents_of_the_stage_are_passed_on(client: httpx.Client) -> None:
     assert client.get("config").json() == {"rate_hz": 1000.0}
 
 
+def test_answers_need_no_thread(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither answers nor errors are made in a worker thread, which costs time and memory."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a worker thread was requested")
+
+    monkeypatch.setattr("anyio.to_thread.run_sync", refuse)
+    requests = (("GET", "status"), ("POST", "stop"), ("POST", "goto"), ("GET", "unknown"))
+
+    codes = [client.request(*each, json={} if each[0] == "POST" else None) for each in requests]
+
+    assert [each.status_code for each in codes] == [200, 200, 422, 404]
+
+
 def test_health_is_a_status_code(served: Served, client: httpx.Client) -> None:
     """The HTTP status shows the health without the document."""
     good = client.get("health")

@@ -28,15 +28,15 @@ bench.link.status(), bench.link.faults(), bench.link.report_faults()
 asyncio.run(bench.link.params())
 asyncio.run(bench.link.stage_recordings.write_flight(bench.loop))
 bench.loop.ended_at_safe_voltage()
-heavy = {"h5py", "httpx", "jinja2", "llvmlite", "matplotlib", "numba", "numpy", "scipy", "serial"}
+heavy = {"h5py", "httpx", "jinja2", "matplotlib", "numba", "numpy", "pygments", "rich", "scipy"}
 print(sorted(heavy & set(sys.modules)))
 bench.link.open_reader().read(1)
 print(sorted(heavy & set(sys.modules)))
 """
 
 
-def test_supervisor_at_rest_loads_no_numerical_library(tmp_path: Path) -> None:
-    """Status, parameters and the flight recorder need no numpy; telemetry and recordings do."""
+def test_supervisor_at_rest_loads_little(tmp_path: Path) -> None:
+    """Status, parameters and the log need neither numpy nor rich; telemetry needs numpy."""
     config: DaemonConfig = load_daemon(SIMULATED, registry)
 
     done = subprocess.run(
@@ -49,3 +49,12 @@ def test_supervisor_at_rest_loads_no_numerical_library(tmp_path: Path) -> None:
     )
 
     assert done.stdout.splitlines() == ["[]", "['numpy']"]
+
+
+def test_rich_can_be_imported_after_the_log() -> None:
+    """The log leaves rich out of structlog alone."""
+    code = "import piezod.daemon.logging, rich.console; print(rich.console.Console)"
+
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+
+    assert done.stdout == b"<class 'rich.console.Console'>\n"
