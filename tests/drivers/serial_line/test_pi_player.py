@@ -136,8 +136,17 @@ def test_capabilities_are_asked() -> None:
     """Servo time and sizes come from the controller."""
     able = play_bench().device.player_capabilities()
     assert (able.shortest_interval_ns, able.interval_step_ns) == (50_000, 50_000)
-    assert (able.points, able.points_shared, able.record_points) == (262_144, True, 32_768)
+    # The recorder has as many tables as there are channels: a position and a voltage.
+    assert (able.points, able.points_shared, able.record_points) == (262_144, True, 131_072)
     assert (able.at_end, able.replaces) == (AtEnd.UNKNOWN, False)
+    assert play_bench(wave_end="holds").device.player_capabilities().at_end is AtEnd.HOLDS
+
+
+def test_a_recorder_with_fixed_tables_is_taken_as_it_is() -> None:
+    """A controller that refuses another number of tables has shorter ones."""
+    bench = play_bench()
+    del bench.emulator._handlers["SPA"]  # noqa: SLF001 - another controller
+    assert bench.device.player_capabilities().record_points == 32_768
 
 
 def test_slower_points_are_recorded_at_their_own_rate() -> None:

@@ -6,6 +6,7 @@ from typing import Final
 
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Identity, Wiring
+from piezod.devices.player import AtEnd
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
@@ -43,7 +44,8 @@ class Gcs2Dialogue(GcsDialogue):
         self._by_channel = options.read_back == MEASURED
         self.numbers: Sequence[str] = ()
         byte_ns = 0 if options.host is not None else _BITS * NS_PER_S // options.baud
-        self.player = Gcs2Player(self, measures=self._by_channel, byte_ns=byte_ns)
+        at_end = AtEnd(options.wave_end)
+        self.player = Gcs2Player(self, at_end, measures=self._by_channel, byte_ns=byte_ns)
 
     def open(self) -> Identity:
         """Connect, identify the controller, read its axes and ranges; nothing moves.

@@ -27,6 +27,12 @@ class Gcs2Options(LineOptions):
         description="Query of the value in force: the measured voltage, or the value that was set.",
     )
 
+    wave_end: Literal["unknown", "holds"] = Field(
+        default="unknown",
+        description="The output after the last cycle of a wave: `holds` if you have seen that it "
+        "keeps the last value. If it is unknown, tables must end at rest.",
+    )
+
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from super()._broken_rules()
         if self.range_v is not None:

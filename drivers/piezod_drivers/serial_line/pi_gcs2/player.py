@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Final
 from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
-from piezod.devices.player import PlayedRecord, PlayerCapabilities, PlayState, Progress, Table
+from piezod.devices.player import (
+    AtEnd,
+    PlayedRecord,
+    PlayerCapabilities,
+    PlayState,
+    Progress,
+    Table,
+)
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.gcs.reply import GcsReply
@@ -43,12 +50,13 @@ class Gcs2Player:
 
     Args:
         host: The dialogue.
+        at_end: What an output does after its last cycle.
         measures: Whether the voltages in force are measured; otherwise a stop leaves them unknown.
         byte_ns: Time of a byte on the line, in ns.
     """
 
-    def __init__(self, host: PlayHost, *, measures: bool, byte_ns: int) -> None:
-        self._host, self._measures = host, measures
+    def __init__(self, host: PlayHost, at_end: AtEnd, *, measures: bool, byte_ns: int) -> None:
+        self._host, self._at_end, self._measures = host, at_end, measures
         self._requests = WaveRequests(host, byte_ns)
         self._memory: Memory | None = None
         self._table: Table | None = None
@@ -83,9 +91,9 @@ class Gcs2Player:
             raise DeviceError("playing needs read_back: VOL?, because SVA? reports no generator")
         if not self._requests.has_generators():
             raise DeviceError("the controller has no wave generator")
-        self._memory = memory = self._memory or self._requests.memory()
         inputs, outputs = self._host.wiring
         n_recorded = len(inputs) + len(outputs)
+        self._memory = memory = self._memory or self._requests.memory(n_recorded)
         if n_recorded > memory.n_record_tables:
             raise DeviceError(
                 f"the data recorder has {memory.n_record_tables} tables, {n_recorded} are needed"
@@ -101,6 +109,7 @@ class Gcs2Player:
             replaces=False,
             record_points=memory.record_points // memory.n_record_tables,
             records_with_play=True,
+            at_end=self._at_end,
         )
 
     def load(self, table: Table) -> Table:

@@ -1,6 +1,7 @@
 """The exchanges with wave generators and data recorder, outside of the loop."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Final, NamedTuple, Protocol
 
 from piezod.devices.bus.conversation import Conversation
@@ -24,6 +25,7 @@ MASK: Final = r"((?:0[xX])?[0-9A-Fa-f]{1,8})\n"
 _NEAR: Final = 2e-4
 """Largest difference between a value and its read-back: one digit, and a little."""
 _SERVO_TIME, _WAVE_POINTS, _RECORD_POINTS = "E000200", "13000004", "16000200"
+_RECORD_TABLES: Final = "16000300"
 _WHOLE: Final = r"([0-9]{1,9})\n"
 
 
@@ -87,8 +89,15 @@ class WaveRequests:
     def __init__(self, host: PlayHost, byte_ns: int) -> None:
         self._host, self._byte_ns = host, byte_ns
 
-    def memory(self) -> Memory:
-        """Ask for the sizes."""
+    def memory(self, n_record_tables: int) -> Memory:
+        """Ask for the sizes.
+
+        Args:
+            n_record_tables: Number of needed tables; fewer tables have more points each. A
+                controller that refuses it keeps its own number.
+        """
+        with suppress(LineFault):
+            self.do(f"SPA 1 0x{_RECORD_TABLES} {n_record_tables}\n".encode())
         tables = self._host.ask_slowly(b"TNR?\n", GcsReply(_WHOLE, whole=True))
         return Memory(
             round(self._parameter(_SERVO_TIME) * 1e9),

@@ -6,9 +6,9 @@ from typing import Final
 TARGET, POSITION, VOLTAGE, OPEN_LOOP_INPUT = 1, 2, 7, 14
 """Record options."""
 N_TABLES: Final = 8
+"""Number of tables, at first and at most."""
 MOST_POINTS: Final = 262_144
 """Points of all tables together; each one has an equal share."""
-TABLE_POINTS: Final = MOST_POINTS // N_TABLES
 _NAMES: Final = {
     TARGET: "Target Position of axis{}",
     POSITION: "Current Position of axis{}",
@@ -28,7 +28,7 @@ class DataRecorder:
         self._value_of = value_of
         # By default the positions of the axes.
         self.sources = [(i + 1, POSITION) for i in range(N_TABLES)]
-        self.rate = 1
+        self.rate, self.n_tables = 1, N_TABLES
         self._rows: list[list[float]] = []
         self._cycle = 0
         self.running = False
@@ -36,6 +36,10 @@ class DataRecorder:
     def start(self) -> None:
         """Forget the last record and start with the next servo cycle."""
         self._rows, self._cycle, self.running = [], 0, True
+
+    def set_tables(self, n_tables: int) -> None:
+        """Set the number of tables, and forget the record."""
+        self.n_tables, self.running, self._rows = n_tables, False, []
 
     def record(self, n_axes: int) -> None:
         """Record the values of a servo cycle, if they are due."""
@@ -46,7 +50,7 @@ class DataRecorder:
                     for source, option in self.sources
                 ]
             )
-            self.running = len(self._rows) < TABLE_POINTS
+            self.running = len(self._rows) < MOST_POINTS // self.n_tables
         self._cycle += 1
 
     def length(self) -> int:

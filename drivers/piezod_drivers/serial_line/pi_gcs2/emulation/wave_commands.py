@@ -19,6 +19,7 @@ _MOST_WORDS: Final = 32
 _NUMBER: Final = "{:.6f}"
 _NO_MEMORY, _MOVES, _INDEX, _TYPE, _COUNT, _RANGE = 67, 73, 400, 402, 404, 405
 _UNKNOWN_PARAMETER, _WORDS, _MISSING, _WRONG = 54, 24, 26, 17
+_RECORD_TABLES: Final = 0x16000300
 _PARAMETERS: Final = {
     0x0E000200: f"{SERVO_NS * 1e-9:.8g}",  # time of a servo cycle, in s
     0x13000004: str(MOST_POINTS),
@@ -54,13 +55,14 @@ class WaveCommands:
             "WTR?": lambda _: f"0={waves.rate} 0\n".encode(),
             "TWG?": lambda _: f"{len(self._generators)}\n".encode(),
             "WMS?": lambda _: lines((i + 1, MOST_POINTS) for i in range(N_TABLES)),
-            "TNR?": lambda _: f"{data_recorder.N_TABLES}\n".encode(),
+            "TNR?": lambda _: f"{waves.recorder.n_tables}\n".encode(),
             "DRC": self._set_record,
             "RTR": self._set_record_rate,
             "RTR?": lambda _: f"{waves.recorder.rate}\n".encode(),
             "DRL?": self._record_lengths,
             "DRR?": self._recorded,
             "SPA?": self._parameter,
+            "SPA": self._set_parameter,
         }
 
     def running(self) -> bytes:
@@ -141,7 +143,7 @@ class WaveCommands:
         numbers = [whole(word) for word in words]
         recorder = self._waves.recorder
         for table, _, option in zip(numbers[::3], numbers[1::3], numbers[2::3], strict=True):
-            if not 1 <= table <= data_recorder.N_TABLES or option not in recorder.options():
+            if not 1 <= table <= recorder.n_tables or option not in recorder.options():
                 raise GcsRefusal(_WRONG)
         for table, source, option in zip(numbers[::3], numbers[1::3], numbers[2::3], strict=True):
             recorder.sources[table - 1] = source, option
@@ -155,8 +157,9 @@ class WaveCommands:
         return b""
 
     def _record_lengths(self, text: str) -> bytes:
-        tables = text.split() or [str(i + 1) for i in range(data_recorder.N_TABLES)]
-        return lines((table, self._waves.recorder.length()) for table in tables)
+        recorder = self._waves.recorder
+        tables = text.split() or [str(i + 1) for i in range(recorder.n_tables)]
+        return lines((table, recorder.length()) for table in tables)
 
     def _recorded(self, text: str) -> bytes:
         first, n_points, words = span(text)
@@ -176,6 +179,17 @@ class WaveCommands:
         if item != "1" or number not in _PARAMETERS:
             raise GcsRefusal(_UNKNOWN_PARAMETER)
         return f"{item} 0x{number:X}={_PARAMETERS[number]}\n".encode()
+
+    def _set_parameter(self, text: str) -> bytes:
+        words = text.split()
+        if len(words) != 3:
+            raise GcsRefusal(_WORDS)
+        if words[0] != "1" or whole(words[1]) != _RECORD_TABLES:
+            raise GcsRefusal(_UNKNOWN_PARAMETER)
+        if not 1 <= whole(words[2]) <= data_recorder.N_TABLES:
+            raise GcsRefusal(_WRONG)
+        self._waves.recorder.set_tables(whole(words[2]))
+        return b""
 
     def _set(self, name: str, allowed: range, *, idle: bool = False) -> Callable[[str], bytes]:
         def handle(text: str) -> bytes:
@@ -212,7 +226,7 @@ class WaveCommands:
 
     def _record_table(self, text: str) -> int:
         number = whole(text)
-        if not 1 <= number <= data_recorder.N_TABLES:
+        if not 1 <= number <= self._waves.recorder.n_tables:
             raise GcsRefusal(_WRONG)
         return number
 
