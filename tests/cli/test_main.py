@@ -76,6 +76,24 @@ def test_pydantic_searches_no_plugins(
     assert os.environ["PYDANTIC_DISABLE_PLUGINS"] == used
 
 
+ENDING = """
+import atexit, gc, sys
+from piezod.cli.main import run
+
+# The first that is registered is called last.
+atexit.register(lambda: print(gc.get_freeze_count() > 0))
+sys.argv = ["piezod", "drivers", "--help"]
+run()
+"""
+
+
+def test_end_is_quick() -> None:
+    """At its end a command leaves its objects to the system: Python does not visit them again."""
+    ended = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, check=True)
+
+    assert ended.stdout.endswith(b"True\n")
+
+
 def test_installed_command_is_this_one() -> None:
     """The entry point `piezod` is the function tested here."""
     (script,) = entry_points(group="console_scripts", name="piezod")
