@@ -95,8 +95,11 @@ def shared_data() -> Path:
 
 @pytest.fixture
 def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have reports with blank figures: to draw them takes longer than the rest."""
-    monkeypatch.setattr("piezod.records.report_figures.png_bytes", lambda _: BLANK_PNG)
+    """Have reports with blank figures: to make and draw them takes longer than the rest."""
+    module = "piezod.records.report_figures"
+    for kind in ("case", "identification", "mode", "overview"):
+        monkeypatch.setattr(f"{module}.{kind}_figure", lambda *_: None)
+    monkeypatch.setattr(f"{module}.png_bytes", lambda _: BLANK_PNG)
 
 
 Figure = Callable[[str], None]

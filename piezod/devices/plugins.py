@@ -69,31 +69,35 @@ def load(group: str, kind: str, plugin_type: type[PluginT], name: str) -> Plugin
             not a plug-in of that name.
     """
     point = _only(group, kind, name)
-    origin = f"{kind} {name!r} ({point.value} of {_distribution(point)})"
     try:
         plugin = point.load()
     except Exception as error:
         # A plug-in is foreign code and may fail in any way while it is imported.
-        text = f"{origin} cannot be imported: {type(error).__name__}: {error}"
-        raise RegistryError(text) from error
+        text = f"cannot be imported: {type(error).__name__}: {error}"
+        raise _bad(kind, point, text) from error
     if not isinstance(plugin, plugin_type):
         found, wanted = type(plugin).__name__, plugin_type.__name__
-        raise RegistryError(f"{origin} is of type {found}, not {wanted}")
+        raise _bad(kind, point, f"is of type {found}, not {wanted}")
     if plugin.name != name:
-        raise RegistryError(f"{origin} calls itself {plugin.name!r}: the two names must agree")
+        raise _bad(kind, point, f"calls itself {plugin.name!r}: the two names must agree")
     return plugin
+
+
+def _bad(kind: str, point: EntryPoint, what: str) -> RegistryError:
+    # The distribution is read from a file, which a good plug-in needs not.
+    return RegistryError(f"{kind} {point.name!r} ({point.value} of {_distribution(point)}) {what}")
 
 
 def _only(group: str, kind: str, name: str) -> EntryPoint:
     # Two distributions may use the same name; a silent choice would depend on the search path.
     points = points_of(group).select(name=name)
+    if len(points) == 1:
+        return next(iter(points))
     known = f"known {kind}s: {', '.join(names(group)) or 'none is installed'}"
     if not points:
         raise RegistryError(f"unknown {kind} {name!r}, {known}")
-    if len(points) > 1:
-        makers = " and ".join(sorted(map(_distribution, points)))
-        raise RegistryError(f"{kind} {name!r} is provided by {makers}: uninstall one, {known}")
-    return next(iter(points))
+    makers = " and ".join(sorted(map(_distribution, points)))
+    raise RegistryError(f"{kind} {name!r} is provided by {makers}: uninstall one, {known}")
 
 
 def _distribution(point: EntryPoint) -> str:

@@ -83,6 +83,7 @@ def margins_of(law: TrimLaw, period_s: float, stage: ResponseModel) -> TrimMargi
     return _margins(law, period_s, _stages(period_s, stage, detuned=bool(law.notches)))
 
 
+@lru_cache(maxsize=8)  # for other gains, as of a search for one
 def _stages(period_s: float, stage: ResponseModel, *, detuned: bool) -> _Stages:
     late_s = np.linspace(0.0, period_s, _LATE_STEPS + 1).tolist()
     return _Stages(

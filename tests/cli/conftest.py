@@ -3,10 +3,12 @@
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import typer
 
 from piezod.cli import main
 from tests.client.fake_daemon import STATUS, FakeDaemon
@@ -22,6 +24,8 @@ class Outcome(NamedTuple):
 
 
 Command = Callable[..., Outcome]
+PARSER_OF = cache(typer.main.get_command)
+"""To make the parser of all verbs takes longer than most verbs."""
 
 
 @pytest.fixture
@@ -42,6 +46,7 @@ def piezod(
         assert Path.cwd() == folder
         monkeypatch.setattr(sys, "argv", ["piezod", *map(str, arguments)])
         monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer puts its own there
+        monkeypatch.setattr("typer.main.get_command", PARSER_OF)
         with pytest.raises(SystemExit) as ended:
             main.run()
         return Outcome(int(ended.value.code or 0), *capsys.readouterr())

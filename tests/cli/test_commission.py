@@ -46,6 +46,12 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have sheets without figures: to draw them takes longer than the rest."""
+    monkeypatch.setattr("piezod.commission.sheet.draw", lambda _: iter(()))
+
+
 def test_probe_reports_identities_and_moves_nothing(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -155,6 +161,7 @@ def test_commission_of_an_axis_that_is_not_there(piezod: Command, config: Path) 
     assert "known: x" in outcome.err
 
 
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_commission_ramps_back_after_a_signal(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
@@ -226,6 +233,7 @@ def test_only_the_first_signal_raises() -> None:
     assert [signal.getsignal(number) for number in TWO] == before
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_commission_ramps_back_after_two_signals_at_once(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -240,6 +248,7 @@ def test_commission_ramps_back_after_two_signals_at_once(
     assert [signal.getsignal(number) for number in TWO] == before
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_commission_ramps_back_after_a_signal_before_it_ignores_them(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -259,6 +268,7 @@ def test_commission_ramps_back_after_a_signal_before_it_ignores_them(
     assert written[-1] == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("error", [DeviceError("it broke"), RuntimeError("it broke")])
 def test_commission_reports_its_first_error_if_the_ramp_back_fails_too(
     piezod: Command,

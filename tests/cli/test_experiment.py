@@ -32,9 +32,12 @@ def run_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", known)
 
 
-@pytest.mark.usefixtures("blank_figures", "run_once")
+@pytest.mark.usefixtures("run_once")
 def test_document(piezod: Command, experiment_file: Path, folder: Path) -> None:
-    """With --json, stdout is one document with a row for each run; no progress is shown."""
+    """With --json, stdout is one document with a row for each run; no progress is shown.
+
+    The figures are drawn, as those of no other experiment in short tests.
+    """
     code, out, err = piezod("experiment", experiment_file, "--json")
 
     assert (code, err) == (0, "")
