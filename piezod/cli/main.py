@@ -30,6 +30,7 @@ from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
 from piezod.cli.plot import plot
 from piezod.cli.probe import probe
 from piezod.cli.replay import replay
+from piezod.cli.response import response
 from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
 from piezod.errors import PiezodError
@@ -46,7 +47,7 @@ app = typer.Typer(
     "stderr; so does progress, on a terminal.",
 )
 OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
-    "Experiments and models": (experiment, identify, check),
+    "Experiments and models": (experiment, identify, response, check),
     "Recordings": (plot, export, replay),
     "Devices": (drivers, emulate, probe, commission),
     "Daemon of a stage": (init, run_daemon, safe, install_service),

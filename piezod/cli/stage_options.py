@@ -38,8 +38,8 @@ def completion(
     return complete
 
 
-_axes = completion(lambda client: client.status().axes)
-
+axis_names = completion(lambda client: client.status().axes)
+"""Completes the name of an axis."""
 
 StageOption: TypeAlias = Annotated[
     str | None,
@@ -62,12 +62,14 @@ SocketOption: TypeAlias = Annotated[
 AxisOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
-        "--axis", metavar="NAME", autocompletion=_axes, help="Axis; default: the only one."
+        "--axis", metavar="NAME", autocompletion=axis_names, help="Axis; default: the only one."
     ),
 ]
 AxesOption: TypeAlias = Annotated[
     str | None,
-    typer.Option("--axis", metavar="NAME", autocompletion=_axes, help="Axis; default: all axes."),
+    typer.Option(
+        "--axis", metavar="NAME", autocompletion=axis_names, help="Axis; default: all axes."
+    ),
 ]
 
 

@@ -30,7 +30,7 @@ def test_help_lists_verbs_under_headings(piezod: Command) -> None:
     del found["Options"]
 
     assert list(found) == [*OWN_VERBS, *Group]
-    assert found["Experiments and models"] == ["experiment", "identify", "check"]
+    assert found["Experiments and models"] == ["experiment", "identify", "response", "check"]
     assert found["Recordings"] == ["plot", "export", "replay"]
     for group in Group:
         words = dict.fromkeys(row.verb.split()[0] for row in ROWS if row.group is group)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import pytest
 from pydantic import BaseModel
 
@@ -19,6 +20,7 @@ from piezod.config.response_file import (
 from piezod.control.law.response_files import response_model
 from piezod.dynamics import Resonance
 from piezod.errors import ConfigError
+from piezod_drivers.simulated.options import SimulatedOptions
 
 FILTER: Final = ResonanceConfig(frequency_hz=450.0, damping=0.7, share=1.3)
 MODE: Final = ResonanceConfig(
@@ -49,6 +51,17 @@ def test_round_trip(tmp_path: Path) -> None:
     path.write_text(TEXT, encoding="utf-8")
 
     assert load_response(path) == RESPONSE
+
+
+def test_shipped_response_is_that_of_the_simulated_stage() -> None:
+    """It was measured on a running stage, and has the mode of its specimen within 1 %."""
+    shipped = load_response(Path(__file__).parents[2] / "config/responses/simulated-stack.yaml")
+    seed = np.random.SeedSequence(1).spawn(1)[0].spawn(3)[0]
+    true = SimulatedOptions.model_validate({"variant": "stack"}).plant(seed).stage
+
+    assert shipped.first_mode is not None
+    assert shipped.first_mode.frequency_hz == pytest.approx(true.mode_hz, rel=0.01)
+    assert shipped.first_mode.damping == pytest.approx(true.mode_damping, rel=0.1)
 
 
 @pytest.mark.parametrize("model", [ResponseFile, ResonanceConfig, GainConfig])

@@ -4,6 +4,7 @@ The deadlines of the loop are evenly spaced, so the record is put on them. Skipp
 invalid samples are filled in by straight lines if there are few in a row.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -27,9 +28,13 @@ _DRIVEN: Final = (State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP)
 """States in which the voltage in force is known."""
 
 Columns = dict[str, FloatArray]
+Placing = Callable[[RecordedTelemetry, str, Rows], tuple[Columns, int]]
+"""Makes a record even in time; also returns how many samples were filled in."""
 
 
-def columns_of_recording(path: Path, axis: str | None) -> tuple[Columns, tuple[str, ...]]:
+def columns_of_recording(
+    path: Path, axis: str | None, placed: Placing | None = None
+) -> tuple[Columns, tuple[str, ...]]:
     """Return the record in a recording, evenly in time, and what to know about it.
 
     It is the longest part in which the stage is armed and no gap is too long to be filled in.
@@ -37,6 +42,7 @@ def columns_of_recording(path: Path, axis: str | None) -> tuple[Columns, tuple[s
     Args:
         path: The recording.
         axis: Name of the axis; None for the only one.
+        placed: Function that makes the record even in time; None for `on_deadlines`.
 
     Raises:
         DataError: If the file is no recording, or has no usable part of this axis.
@@ -50,7 +56,7 @@ def columns_of_recording(path: Path, axis: str | None) -> tuple[Columns, tuple[s
     if not driven.any():
         raise DataError(f"{path}: the stage is never armed in this recording; record a movement")
     part, notes = _longest_part(telemetry, name, driven)
-    columns, missing = on_deadlines(telemetry, name, part)
+    columns, missing = (placed or on_deadlines)(telemetry, name, part)
     check_missing(f"{path}: axis {name}", missing, columns["t_s"].size)
     if np.ptp(columns["drive_v"]) == 0.0:
         raise DataError(f"{path}: the voltage of axis {name} is constant; record a movement")
@@ -86,6 +92,33 @@ def on_deadlines(
         "position_um": np.interp(even_s, since_s[valid], position_um[valid]),
     }
     return columns, int(even_s.size - np.count_nonzero(valid))
+
+
+def on_cycles(
+    telemetry: RecordedTelemetry, axis: str, rows: Rows
+) -> tuple[dict[str, FloatArray], int]:
+    """Return the record by the numbers of its cycles, and how many samples were filled in.
+
+    No sample is moved to its deadline by a straight line, which would smooth fast changes. The
+    instants are wrong by the lateness of the loop instead.
+
+    Args:
+        telemetry: The recording.
+        axis: Name of the axis.
+        rows: (n_records,) records to use, at least two.
+    """
+    _, places = _deadlines(telemetry, rows)
+    even = np.arange(places[-1] + 1)
+    position_um = telemetry.axes[axis]["position_um"][rows]
+    valid = np.isfinite(position_um)
+    # In a skipped cycle nothing was written: the voltage of the next record was in force already.
+    following = np.searchsorted(places, even)
+    columns = {
+        "t_s": even / telemetry.header.rate_hz,
+        "drive_v": telemetry.axes[axis]["in_force_v"][rows][following],
+        "position_um": np.interp(even, places[valid], position_um[valid]),
+    }
+    return columns, int(even.size - np.count_nonzero(valid))
 
 
 def check_missing(what: str, missing: int, samples: int) -> None:

@@ -60,7 +60,7 @@ def read_source(path: Path, skip_s: float, axis: str | None = None) -> Source:
         OSError: If the file cannot be read.
     """
     recorded = is_hdf5(path)
-    columns, notes = columns_of_recording(path, axis) if recorded else _columns_of_csv(path)
+    columns, notes = columns_of_recording(path, axis) if recorded else columns_of_csv(path)
     with prefix_errors(path):
         record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
         record = mark_unknown_past(record).after(skip_s)
@@ -83,7 +83,13 @@ def prefix_errors(path: Path) -> Iterator[None]:
         raise DataError(f"{path}: {error}") from error
 
 
-def _columns_of_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
+def columns_of_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
+    """Return the record in a CSV file, evenly in time, and what to know about it.
+
+    Raises:
+        DataError: If the file cannot be used; the text starts with its name.
+        OSError: If the file cannot be read.
+    """
     columns = read_csv(path, max_step_periods=MAX_FILLED + MAX_STEP_PERIODS)
     t_s = columns["t_s"]
     steps_s = np.diff(t_s)

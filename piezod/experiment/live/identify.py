@@ -11,7 +11,7 @@ from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.states import State
 from piezod.errors import DataError
-from piezod.experiment.fit.recorded import check_missing, on_deadlines, told_missing
+from piezod.experiment.fit.recorded import Placing, check_missing, on_deadlines, told_missing
 from piezod.experiment.live.drive import LiveDrive, designed_drive, from_rest
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.stage import ZERO_S, LiveStage
@@ -64,7 +64,7 @@ def record_live(
         OSError: If the file cannot be written.
     """
     setup = read_setup(client)
-    name = _checked_axis(setup, axis)
+    name = checked_axis(setup, axis)
     live = setup.axes[name]
     drive = from_rest(settings or designed_drive(live), live)
     total_s, passed_s = drive.settle_s + ZERO_S + drive.duration_s, 0.0
@@ -102,7 +102,7 @@ def adopt_live(client: StageClient, axis: str, model: ModelFile) -> None:
 
 
 def columns_of(
-    telemetry: RecordedTelemetry, axis: str
+    telemetry: RecordedTelemetry, axis: str, placed: Placing = on_deadlines
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return the record of the drive, evenly in time, and its warnings.
 
@@ -111,6 +111,7 @@ def columns_of(
     Args:
         telemetry: The recording.
         axis: Name of the axis.
+        placed: Function that makes the record even in time.
 
     Raises:
         DataError: If too many samples are missing.
@@ -118,7 +119,7 @@ def columns_of(
     driven = telemetry.cycles["state"] == telemetry.header.names["state"].index(State.IDENT)
     if np.count_nonzero(driven) < 2:
         raise DataError(f"axis {axis}: the recording does not contain the drive")
-    columns, missing = on_deadlines(telemetry, axis, driven)
+    columns, missing = placed(telemetry, axis, driven)
     check_missing(f"axis {axis}", missing, columns["t_s"].size)
     return columns, told_missing(missing, columns["t_s"].size)
 
@@ -133,7 +134,12 @@ def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> Record
     return stage.end_recording(file)
 
 
-def _checked_axis(setup: LiveSetup, axis: str | None) -> str:
+def checked_axis(setup: LiveSetup, axis: str | None) -> str:
+    """Return the name of an axis with a sensor: the given one, or the only one.
+
+    Raises:
+        DataError: If there is no such axis, or it has no sensor.
+    """
     names = ", ".join(setup.axes)
     if axis is None and len(setup.axes) > 1:
         raise DataError(f"stage {setup.stage} has several axes, {names}: name one with --axis")

@@ -10,6 +10,7 @@ from piezod.config.model_file import load_model
 from piezod.config.states import State
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ConfigError, DataError, NotReachedError
+from piezod.experiment.fit.recorded import on_cycles
 from piezod.experiment.live.drive import designed_drive, from_rest, read_drive
 from piezod.experiment.live.identify import adopt_live, columns_of, record_live
 from piezod.experiment.live.setup import LiveAxis, read_setup
@@ -197,3 +198,22 @@ def test_model_is_adopted_disarmed() -> None:
     body = stage.bodies[stage.asked.index("model")]
     assert body is not None
     assert body["axis"] == "x"
+
+
+def test_fast_changes_are_placed_by_cycles() -> None:
+    """No sample is interpolated to its deadline; skipped cycles take the voltage in force."""
+    recorded = telemetry()
+    recorded.cycles["late_ns"][:] = 4_000_000
+    recorded.cycles["t_s"] += 0.004
+    for columns in (recorded.cycles, recorded.axes["x"]):
+        for name, column in columns.items():
+            columns[name] = np.delete(column, slice(700, 702))
+
+    placed, _ = columns_of(recorded, "x", on_cycles)
+
+    kept = np.r_[0:600, 602:1000]
+    assert (
+        placed["position_um"][kept].tolist() == recorded.axes["x"]["position_um"][100:1098].tolist()
+    )
+    assert placed["drive_v"][600:602].tolist() == [placed["drive_v"][602]] * 2
+    assert placed["t_s"] == pytest.approx(0.01 * np.arange(1000))

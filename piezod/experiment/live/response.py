@@ -1,0 +1,85 @@
+"""Measures the frequency response of an axis of a running stage."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from piezod.client import StageClient
+from piezod.errors import DataError
+from piezod.experiment.fit.recorded import on_cycles
+from piezod.experiment.live.identify import checked_axis, columns_of
+from piezod.experiment.live.setup import read_setup
+from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.response.judgement import judged
+from piezod.experiment.response.measurement import measured
+from piezod.experiment.response.plan import ResponsePlan, Wanted, plan_response
+from piezod.experiment.virtual.run import Progress
+from piezod.records.response_record import AboutVoltage, ResponseRecord
+
+
+def response_live(
+    client: StageClient, axis: str | None, wanted: Wanted, progress: Progress
+) -> ResponseRecord:
+    """Drive an axis of a running stage about one or several voltages, and fit its response.
+
+    The stage is disarmed at the end in any case.
+
+    Args:
+        client: A connection to the daemon of the stage.
+        axis: Name of the axis; None for the only one.
+        wanted: Voltages, amplitude and frequencies.
+        progress: Called as the drive advances.
+
+    Raises:
+        ClientError: If a request is refused, or the stage leaves the expected states.
+        DataError: If there is no such axis, if the drive is not allowed, or if the record cannot be
+            used.
+    """
+    setup = read_setup(client)
+    name = checked_axis(setup, axis)
+    config = setup.axes[name].config
+    try:
+        plans = plan_response(wanted, config.limits, config.safety.ramp_v_per_s, setup.rate_hz)
+    except DataError as error:
+        raise DataError(f"axis {name}: {error}") from error
+    total_s, passed_s = sum(plan.duration_s for plan in plans), 0.0
+
+    def advance(further_s: float) -> None:
+        nonlocal passed_s
+        passed_s += further_s
+        progress(f"driving axis {name}", min(1.0, passed_s / total_s))
+
+    with LiveStage(client, setup, advance) as stage:
+        about, notes = _driven(stage, name, plans)
+        stage.disarm()
+    if stage.faults:
+        faults = ", ".join(sorted(stage.faults))
+        notes = (*notes, f"Faults were present: {faults}. See `piezod faults`.")
+    title = f"stage {setup.stage} at {setup.rate_hz:g} Hz"
+    return judged(name, title, "multisine", setup.rate_hz, about, _remedy(plans), notes)
+
+
+def _driven(
+    stage: LiveStage, axis: str, plans: Sequence[ResponsePlan]
+) -> tuple[list[AboutVoltage], tuple[str, ...]]:
+    about, notes = [], dict[str, None]()
+    stage.disarm()
+    stage.arm()
+    stage.faults.clear()
+    for plan in plans:
+        with TemporaryDirectory(prefix="piezod-") as folder:
+            stage.start_recording(f"response-{axis}")
+            stage.drive({axis: plan.drive_v}, plan.duration_s)
+            telemetry = stage.end_recording(Path(folder) / "recording.h5")
+        columns, warnings = columns_of(telemetry, axis, on_cycles)
+        about.append(measured(plan, columns))
+        notes.update(dict.fromkeys(warnings))
+    return about, tuple(notes)
+
+
+def _remedy(plans: Sequence[ResponsePlan]) -> str:
+    least = min(plans, key=lambda plan: plan.largest_v)
+    return (
+        f"raise --amplitude-v, which was {plans[0].amplitude_v:.3g} V and may be up to "
+        f"{least.largest_v:.3g} V, or --periods, which was {least.periods}"
+    )

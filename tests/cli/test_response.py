@@ -1,0 +1,86 @@
+"""`piezod response`: on a daemon in real time, and on a recording."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezod.config.response_file import load_response
+from piezod.records.csv_file import read_csv, write_csv
+from tests.cli.conftest import Command
+from tests.cli.test_live import punctual
+from tests.daemon.daemons import Daemon, configuration
+from tests.dynamics.made_up import answer, model_of
+
+RATE_HZ = 200.0
+
+
+@pytest.fixture
+def rig(folder: Path) -> Iterator[Daemon]:
+    """Return a daemon of a simulated stage."""
+    safety = "{safe_v: 0, ramp_v_per_s: 500}"
+    with Daemon(configuration(folder, rate_hz=f"{RATE_HZ:g}", safety=safety)) as daemon:
+        yield daemon.up()
+
+
+@pytest.fixture
+def recorded(folder: Path) -> Path:
+    """Return a recorded random drive of a stage with a mode at 80 Hz."""
+    rng = np.random.default_rng(1)
+    drive_v = 75.0 + rng.standard_normal(20_000)
+    position_um = 0.1 * answer(model_of(0.0, (80.0, 0.05, 1.0)), drive_v, 1000.0, 1)
+    columns = {"t_s": np.arange(20_000) / 1000.0, "drive_v": drive_v}
+    write_csv(folder / "r.csv", {**columns, "position_um": position_um})
+    return folder / "r.csv"
+
+
+def test_running_stage_is_measured(piezod: Command, rig: Daemon, folder: Path) -> None:
+    """The stage is driven and left disarmed; the files can be used by its configuration."""
+    what = ("response", "x", "--low-hz", "2", "--periods", "4", "--out", "r.yaml", "--json")
+
+    code, out, _ = punctual(rig, lambda: piezod(*what, "--socket", rig.paths.api_socket))
+
+    assert code == 0
+    document = json.loads(out)
+    assert (document["axis"], document["rate_hz"]) == ("x", RATE_HZ)
+    (gain,) = document["gains"]
+    assert gain["offset_v"] == 75.0
+    assert 0.08 < gain["um_per_v"] < 0.2
+    assert document["delay_s"] < 1.5 / RATE_HZ
+    assert len(document["lines"]["frequency_hz"]) > 12
+    file = load_response(folder / "r.yaml")
+    assert (file.method, file.rate_hz, file.delay_s) == ("multisine", 200.0, document["delay_s"])
+    assert read_csv(folder / "r.csv", ("frequency_hz",), min_samples=12)["frequency_hz"][0] == 2.0
+    assert (folder / "r.png").is_file()
+    rig.until("SAFE")
+
+
+def test_too_large_an_amplitude_moves_nothing(piezod: Command, rig: Daemon) -> None:
+    """The refusal has the largest allowed amplitude."""
+    code, out, err = piezod("response", "--amplitude-v", "80", "--socket", rig.paths.api_socket)
+
+    assert (code, out) == (1, "")
+    assert "axis x: an amplitude of 80 V about 75 V exceeds range" in err
+    assert rig.status()["state"] == "SAFE"
+
+
+def test_recording_is_evaluated(piezod: Command, recorded: Path) -> None:
+    """Without a daemon a recording gives mode and gain, in words."""
+    code, out, err = piezod("response", "--from", recorded)
+
+    assert (code, err) == (0, "")
+    text = " ".join(out.split())
+    assert "mode" in text
+    assert " Hz" in text
+    assert "Modes above 500 Hz, half of the rate, are out of reach." in text
+    assert "Nothing was written" in text
+
+
+def test_options_of_the_drive_do_not_go_with_a_recording(piezod: Command, recorded: Path) -> None:
+    """Nothing is driven, so that an amplitude is a mistake."""
+    code, _, err = piezod("response", "--from", recorded, "--amplitude-v", "2")
+
+    assert code == 2
+    assert "nothing is driven" in err
