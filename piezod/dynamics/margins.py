@@ -35,6 +35,7 @@ mode, and beside it a notch does not act."""
 
 _LATE_STEPS = 8  # number of extra delays in that period
 _DETUNED: Final = (0.95, 1.05)
+_SPARE: Final = 0.98
 _RATIOS: Final = (0.0, *np.geomspace(0.1, 2.0, 9).tolist())
 """Ratios of both gains that are tried for a proposal, over the delay of the loop."""
 
@@ -207,7 +208,11 @@ def _stage_text(period_s: float, stage: ResponseModel) -> str:
 
 def rounded_down(law: TrimLaw) -> TrimLaw:
     """Return a trim with its gain rounded down to two significant digits."""
-    return _at_gain(law, _rounded_down(law.gain_per_s))
+    if not law.proportional:
+        return law._replace(gain_per_s=_rounded_down(law.gain_per_s))
+    # The rounded ratio of the gains is a little different, so that some margin must be left.
+    lower = _at_gain(law, _rounded_down(_SPARE * law.gain_per_s))
+    return lower._replace(proportional=float(f"{lower.proportional:.3g}"))
 
 
 def _rounded_down(gain: float) -> float:

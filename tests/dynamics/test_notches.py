@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piezod.dynamics import Resonance, ResponseModel
@@ -90,6 +90,7 @@ def loops(draw: st.DrawFn) -> tuple[TrimLaw, ResponseModel]:
     return TrimLaw(1.0, proportional, notched(modes, PERIOD_S)), stage
 
 
+@settings(max_examples=10)
 @given(loop=loops())
 def test_largest_stable_gains_are_those_of_the_closed_loop(
     loop: tuple[TrimLaw, ResponseModel],
@@ -107,6 +108,7 @@ def test_largest_stable_gains_are_those_of_the_closed_loop(
     assert growth(at(1.002), stage) > 1.0
 
 
+@settings(max_examples=10)
 @given(loop=loops())
 def test_largest_gains_are_allowed_and_larger_ones_are_not(
     loop: tuple[TrimLaw, ResponseModel],

@@ -1,8 +1,10 @@
 """The linear dynamics behind the hysteresis of an axis, as the control law uses them."""
 
 from collections.abc import Sequence
-from math import pi
+from math import copysign, pi
 from typing import NamedTuple
+
+import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.response_file import RINGS_BELOW
@@ -15,15 +17,13 @@ from piezod.units import NS_PER_S
 SPARE_ENTRIES = 4
 """Entries that a history keeps beyond the delay: for both ends, and for late samples. No sample is
 paired with the oldest entry."""
-LEAST_SHARE = 0.05
-"""If all modes together make less of the displacement than this, they are a detail of the fit."""
 
 
 class StageDynamics(NamedTuple):
     """Dynamics of a stage with a known response.
 
-    A resonance that does not ring is a filter of the sensor or of the amplifier: it counts as the
-    delay that it is for slow motion.
+    A resonance that does not ring is a filter of the sensor or of the amplifier, in series with the
+    modes. It counts as the delay that it is for slow motion.
 
     Attributes:
         modes: The mechanical modes, with a static gain of one; none if none is known.
@@ -50,16 +50,31 @@ def known_dynamics(config: AxisConfig, period_s: float) -> StageDynamics | None:
     if config.response is None:
         return None
     resonances = response_model(config.response, 0.0).resonances
-    ringing = [each for each in resonances if each.damping < RINGS_BELOW]
-    share = sum(mode.share for mode in ringing)
-    modes: tuple[Resonance, ...] = ()
-    if share > LEAST_SHARE:
-        modes = tuple(
-            Resonance(mode.frequency_hz, mode.damping, mode.share / share) for mode in ringing
-        )
+    modes = _behind_filters(resonances)
     filters_s = _slow_delay_s(resonances) - _slow_delay_s(modes)
     # A straight line up to the next voltage is half a period later than the held voltage.
     return StageDynamics(modes, config.response.delay_s + filters_s - 0.5 * period_s)
+
+
+def _behind_filters(resonances: Sequence[Resonance]) -> tuple[Resonance, ...]:
+    """Return the modes without the filters; their shares add up to one.
+
+    Side by side with its filter, a mode has the share that the filter passes at its frequency; the
+    sign is part of the phase.
+    """
+    filters = [each for each in resonances if each.damping >= RINGS_BELOW]
+    ringing = [each for each in resonances if each.damping < RINGS_BELOW]
+    shares = []
+    for mode in ringing:
+        frequency_hz = np.array([mode.frequency_hz])
+        passed = complex(np.prod([each.at(frequency_hz) for each in filters]))
+        shares.append(mode.share / copysign(abs(passed), passed.real))
+    total = sum(shares)
+    return tuple(
+        Resonance(mode.frequency_hz, mode.damping, share / total)
+        for mode, share in zip(ringing, shares, strict=True)
+        if total
+    )
 
 
 def _slow_delay_s(resonances: Sequence[Resonance]) -> float:

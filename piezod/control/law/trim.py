@@ -117,6 +117,7 @@ class NotchedTrim(Trim):
         if not (self._enabled and valid and error - error == 0.0):
             self._known = False
             return super().step(error, False, limited)
+        error = min(max(error, -1.0), 1.0)  # a larger one would stay in the filters for long
         if not self._known:
             self._settle(error)
         filtered = self._filtered(error)

@@ -11,6 +11,7 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import TimeFunction
+from piezod.control.law.dynamics import known_dynamics
 from piezod.control.law.gains import LoopProperties, check_axis_gains, check_gains, prefix_errors
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import read_model
@@ -126,7 +127,7 @@ def _from_record(
                 creep=compensator.creep,
                 lms_gain=compensator.lms_gain if compensator.identifier == "lms" else None,
                 deadband=compensator.deadband_pct / 100.0,
-                delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
+                delay_s=_known_delay_s(axis, record.period_s),
             ),
         )
         model = fit.model.zeroed_at(axis.limits.rest_v)
@@ -142,6 +143,15 @@ def _from_record(
         account,
         _for_axis(name, (*fit_warnings(fit, record.period_s), *doubts)),
     )
+
+
+def _known_delay_s(axis: AxisConfig, period_s: float) -> float | None:
+    """Return the delay of the configuration or of the response, in s; None if neither is known."""
+    if axis.compensator.delay_s != "auto":
+        return axis.compensator.delay_s
+    dynamics = known_dynamics(axis, period_s)
+    # A held voltage may act before its sample; the fits of stops know no such delay.
+    return None if dynamics is None else max(dynamics.slow_delay_s, 0.0)
 
 
 def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
