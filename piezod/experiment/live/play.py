@@ -7,13 +7,17 @@ import numpy as np
 
 from piezod.config.play import WaveConfig
 from piezod.control.law.compensated import limits_of
-from piezod.control.law.response_files import response_model
 from piezod.errors import DataError, RefusedError
 from piezod.experiment.live.setup import LiveAxis
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.command import command_of
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
-from piezod.experiment.play.response import KnownResponse, MultisineSettings, measure_response
+from piezod.experiment.play.response import (
+    KnownResponse,
+    MultisineSettings,
+    measure_response,
+    stored_response,
+)
 from piezod.experiment.play.stage import AxisRecord, AxisTable
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, PlaySettings
@@ -105,13 +109,7 @@ def play_live(
     maker = TableMaker(model, play.interval_ns, range_v, limits.slew_v_per_s)
     running = RunningAxis(stage, play.axis, config.limits.rest_v)
     if config.response is not None:
-        period_s = play.interval_ns / NS_PER_S
-        known = KnownResponse(
-            response_model(config.response, period_s),
-            config.response.high_hz,
-            np.empty(0),
-            np.empty(0),
-        )
+        known = stored_response(config.response, play.interval_ns)
     else:
         highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * NS_PER_S / play.interval_ns)
         settings = MultisineSettings(play.interval_ns, LOWEST_HZ, highest_hz, AMPLITUDES[0])
