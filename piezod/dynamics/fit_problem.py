@@ -6,13 +6,13 @@ shares of all resonances but the last.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from piezod.dynamics.fit_solution import Parts, Solution
 from piezod.dynamics.hold import images
 from piezod.dynamics.measured import MeasuredResponse
 from piezod.dynamics.poles import combinations_of_modes
@@ -22,12 +22,18 @@ FloatArray = npt.NDArray[np.float64]
 
 RINGS_BELOW: Final = 0.5
 """Damping ratio below which a resonance is a mode of the mechanics, and no filter."""
+BETTER: Final = 10.0
+"""Another explanation of the lines must lower the criterion by this: strong evidence."""
+PER_RESONANCE: Final = 3
+"""Parameters of a resonance."""
 KNOWN: Final = 0.1
 """Largest relative uncertainty of the frequency of a mode."""
 SIGNIFICANT: Final = 3.0
 """Smallest share of a mode, in standard uncertainties."""
 BEYOND: Final = 3.0
 """A filter may lie above the highest line by this factor, a mode not at all."""
+SHARP: Final = 0.01
+"""Damping ratio below which a mode above half of the rate is not assumed."""
 FASTEST_FILTER: Final = 0.35
 """Highest frequency of a filter alone, as a share of the rate: samples do not show a faster one."""
 LONGEST_DELAY_S: Final = 1.0
@@ -38,39 +44,6 @@ _GAINS: Final = (0.1, 10.0)
 _DELAYS, _REFINED, _STEPS = 5, 6, 300
 _FILTERS, _FILTER_DAMPING, _WEAK = 6, 0.8, 0.05
 """Filters that are tried in addition to the resonances of a solution."""
-
-
-class Parts(NamedTuple):
-    """The parameters by their meaning.
-
-    Attributes:
-        fixed: Gains, phase, creep, delay.
-        frequencies_hz: (n,) frequencies, in Hz.
-        dampings: (n,) damping ratios.
-        shares: (n,) shares, which add up to one.
-    """
-
-    fixed: FloatArray
-    frequencies_hz: FloatArray
-    dampings: FloatArray
-    shares: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """A minimum.
-
-    Attributes:
-        parameters: The parameters.
-        cost: Half of the sum of squares.
-        jacobian: (residuals, parameters) derivatives.
-        count: Number of resonances.
-    """
-
-    parameters: FloatArray
-    cost: float
-    jacobian: FloatArray
-    count: int
 
 
 class FitProblem:
@@ -113,9 +86,27 @@ class FitProblem:
             before: A solution with one resonance fewer, to start from too.
         """
         found = [*self._starts(count), *(self._starts_after(before) if before else ())]
-        starts = sorted(found, key=lambda each: self._start_cost(each, count))
-        solved = [self._solve(start, count) for start in starts[:_REFINED]]
+        plain = self._refined([each for each in found if not self._above(each, count)], count)
+        folded = self._refined([each for each in found if self._above(each, count)], count)
+        if plain is None or folded is None:
+            return plain or folded
+        # A sharp mode whose image is at that of the lines explains them about as well as theirs.
+        parts = self.parts(folded)
+        sharp = parts.dampings[parts.frequencies_hz > 0.5 * (self._rate_hz or np.inf)] < SHARP
+        better = self.criterion(plain) - self.criterion(folded) > BETTER
+        return folded if better and not np.any(sharp) else plain
+
+    def _refined(self, starts: Sequence[FloatArray], count: int) -> Solution | None:
+        """Return the best solution from the starts that are closest to the lines."""
+        closest = sorted(starts, key=lambda each: self._start_cost(each, count))[:_REFINED]
+        solved = [self._solve(start, count) for start in closest]
         return min(solved, key=lambda each: each.cost, default=None)
+
+    def _above(self, start: FloatArray, count: int) -> bool:
+        """Return whether a start has a mode above half of the rate."""
+        parts = self._split(start, count)
+        above = parts.frequencies_hz > 0.5 * (self._rate_hz or np.inf)
+        return bool(np.any(above & (parts.dampings < RINGS_BELOW)))
 
     def _starts(self, count: int) -> Iterator[FloatArray]:
         """Yield parameters to start from; the delay is unknown, so several are tried."""
@@ -157,8 +148,16 @@ class FitProblem:
         is_mode = parts.dampings < RINGS_BELOW
         highest_hz = np.where(is_mode, self._high_hz, self._fastest_filter_hz)
         resolved = known & (parts.frequencies_hz < highest_hz)
+        within = (parts.shares >= _SHARES[0]) & (parts.shares <= _SHARES[1])
         # A fast filter beside others makes up for what they lack. Alone it is none.
-        return bool(np.all(resolved | ~is_mode) and (np.any(resolved) or not solution.count))
+        return bool(
+            np.all(within & (resolved | ~is_mode)) and (np.any(resolved) or not solution.count)
+        )
+
+    def is_exhausted(self, solution: Solution) -> bool:
+        """Return whether no resonance more could be evident: what remains is scatter."""
+        n, excess = self.residuals, max(2.0 * solution.cost / self.residuals, 1.0)
+        return float(n * np.log(excess)) < BETTER + PER_RESONANCE * float(np.log(n))
 
     def is_folded(self, solution: Solution) -> bool:
         """Return whether the lines determine a mode above half of the rate only, by its images."""

@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from piezod.dynamics.fit_problem import FitProblem, Solution
+from piezod.dynamics.fit_problem import BETTER, FitProblem
+from piezod.dynamics.fit_solution import Solution
 from piezod.dynamics.hold import held
 from piezod.dynamics.measured import MeasuredResponse
 from piezod.dynamics.model import Resonance, ResponseModel
@@ -29,8 +30,6 @@ FEWEST_LINES: Final = 12
 """Smallest number of lines of a fit."""
 SMALLEST_SPAN: Final = 4.0
 """Smallest ratio of the highest to the lowest frequency of a fit."""
-BETTER: Final = 10.0
-"""A resonance more must lower the criterion by this: strong evidence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +120,8 @@ def fit_response(
         found = problem.best(count, found)
         if found is not None and problem.admits(found):
             solved[count] = found
+            if problem.is_exhausted(found):
+                break
         elif found is not None and problem.is_folded(found):
             folded.append(problem.criterion(found))
     criterion = {count: problem.criterion(each) for count, each in solved.items()}
