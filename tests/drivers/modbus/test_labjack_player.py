@@ -18,6 +18,7 @@ from piezod_drivers.modbus.profiles.labjack_stream import (
     SCAN_RATE_HZ,
 )
 from tests.drivers.modbus.play_bench import ONE, PlayBench, play_bench, played, sine
+from tests.drivers.serial_line.linear_rig import STEP_NS
 from tests.drivers.serial_line.scripted_line import MS
 
 TWO = Wiring(("AIN1", "AIN0"), ("DAC1", "DAC0"))
@@ -54,6 +55,17 @@ def test_plays_and_records(plugin: EmulatorPlugin, highest_v: float, most_v: flo
     expected = np.concatenate(([0.0], points[:-1, 0])) * SENSOR_PER_OUTPUT * 5 / highest_v
     assert record.positions[:, 0] == pytest.approx(expected, abs=most_v)
     assert (record.interval_ns, record.first_point, record.outputs.shape) == (50_000, 0, (320, 0))
+
+
+@pytest.mark.parametrize("late_ns", [0, 300, 999])
+def test_points_are_at_the_steps_of_the_rig(late_ns: int) -> None:
+    """Each play has the same delay between its points and their effect."""
+    bench = play_bench()
+    bench.time.t_ns += late_ns
+    bench.start(sine())
+    bench.rig.driven_ns.clear()
+    bench.progress_to_end()
+    assert {t_ns % STEP_NS for t_ns in bench.rig.driven_ns} == {0}
 
 
 def test_two_outputs_are_played_in_step() -> None:

@@ -13,7 +13,7 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.pi_gcs2.driver import make_device
 from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
 from piezod_drivers.serial_line.pi_gcs2.wave_arrays import FloatArray, first_points, n_points_of
-from tests.drivers.serial_line.linear_rig import LinearRig, bench
+from tests.drivers.serial_line.linear_rig import STEP_NS, LinearRig, bench
 from tests.drivers.serial_line.pi_gcs2_bench import OPTIONS
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 
@@ -93,6 +93,17 @@ def test_plays_and_records(n_lead_in: int) -> None:
     assert record.positions[1:] == pytest.approx(points[:-1] * 0.2, abs=1e-5)
     assert record.outputs == pytest.approx(points, abs=1e-5)
     assert (record.interval_ns, record.first_point) == (50_000, 0)
+
+
+@pytest.mark.parametrize("late_ns", [0, 300, 999])
+def test_points_are_at_the_steps_of_the_rig(late_ns: int) -> None:
+    """Each play has the same delay between its points and their effect."""
+    bench = play_bench()
+    bench.time.t_ns += late_ns
+    bench.start(sine())
+    bench.rig.driven_ns.clear()
+    bench.progress_to_end()
+    assert {t_ns % STEP_NS for t_ns in bench.rig.driven_ns} == {0}
 
 
 def test_lead_in_is_written_out() -> None:
