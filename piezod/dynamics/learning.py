@@ -25,8 +25,9 @@ GAIN = 0.7
 """λ: share of an error that a pass corrects."""
 SLOWEST = 0.75
 """Largest factor by which the error of a learned harmonic may shrink per pass."""
-DOUBTED_SHIFT = 0.01
-"""The frequencies of the modes may be wrong by this share: they depend on load and temperature."""
+MEASURED_SHIFT, STORED_SHIFT = 0.003, 0.01
+"""The frequencies of the modes may be wrong by this share, if they were measured just before, and
+if they were measured on another day: they depend on load and temperature."""
 SIGNIFICANT = 3.0
 """An error counts above this many standard deviations of the noise: one of 8000 by chance."""
 GREW = 1.2
@@ -77,15 +78,16 @@ def average_of(periods: FloatArray) -> Average:
     )
 
 
-def response_doubt(response: ResponseAt, frequency_hz: FloatArray) -> FloatArray:
+def response_doubt(response: ResponseAt, frequency_hz: FloatArray, shift: float) -> FloatArray:
     """Return the largest relative error of a response if its modes are shifted, shape (n,).
 
     Args:
         response: The response.
         frequency_hz: (n,) frequencies, in Hz.
+        shift: Share by which the frequencies of the modes may be wrong.
     """
     known = response(frequency_hz)
-    shifted = [response(frequency_hz * (1.0 + shift)) for shift in (DOUBTED_SHIFT, -DOUBTED_SHIFT)]
+    shifted = [response(frequency_hz * factor) for factor in (1.0 + shift, 1.0 - shift)]
     return np.asarray(np.max([np.abs(other / known - 1.0) for other in shifted], axis=0))
 
 
@@ -110,6 +112,7 @@ class Harmonics:
         response: ResponseAt,
         sensor: ResponseAt,
         uncertainty: FloatArray,
+        shift: float,
     ) -> "Harmonics":
         """Return the harmonics, and which of them are known well enough to be learned.
 
@@ -119,8 +122,9 @@ class Harmonics:
             sensor: From the displacement to the samples.
             uncertainty: (n // 2 + 1,) relative error of the response; inf where it was not
                 measured.
+            shift: Share by which the frequencies of the modes may be wrong.
         """
-        doubt = uncertainty + response_doubt(response, frequency_hz)
+        doubt = uncertainty + response_doubt(response, frequency_hz, shift)
         learned = 1.0 - GAIN * (1.0 - doubt) <= SLOWEST
         learned[0] = True
         return cls(response(frequency_hz), sensor(frequency_hz), learned)

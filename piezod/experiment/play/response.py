@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from piezod.config.response_file import ResponseFile
 from piezod.dynamics.fitting import fit_response
+from piezod.dynamics.learning import MEASURED_SHIFT, STORED_SHIFT
 from piezod.dynamics.measured import from_periods
-from piezod.dynamics.model import ComplexArray, ResponseModel
+from piezod.dynamics.model import ComplexArray, Resonance, ResponseModel
 from piezod.dynamics.multisine import low_peak_multisine, odd_harmonics
 from piezod.errors import DataError
 from piezod.experiment.play.command import points_of
@@ -48,6 +50,7 @@ class KnownResponse(NamedTuple):
         highest_hz: Highest frequency at which it is known, in Hz.
         frequency_hz: (n,) frequencies of the measurement, in Hz; empty for a response from a file.
         misfit: (n,) relative error of the model there, beyond the noise.
+        shift: Share by which the frequencies of its modes may be wrong.
         hold_s: Time for which a point is held, in s, if the model does not contain it, else 0.
     """
 
@@ -55,6 +58,7 @@ class KnownResponse(NamedTuple):
     highest_hz: float
     frequency_hz: FloatArray
     misfit: FloatArray
+    shift: float
     hold_s: float = 0.0
 
     def at(self, frequency_hz: FloatArray) -> ComplexArray:
@@ -69,6 +73,19 @@ class KnownResponse(NamedTuple):
         if self.frequency_hz.size:
             error = np.interp(frequency_hz, self.frequency_hz, self.misfit)
         return np.where(frequency_hz <= self.highest_hz, error, np.inf)
+
+
+def stored_response(response: ResponseFile, interval_ns: int) -> KnownResponse:
+    """Return the response of a file, for tables of an interval in ns.
+
+    The delay of a file does not contain the hold of the voltage; a point is held for an interval.
+    """
+    model = ResponseModel(
+        response.delay_s,
+        tuple(Resonance(one.frequency_hz, one.damping, one.share) for one in response.resonances),
+    )
+    nothing, hold_s = np.empty(0), interval_ns / NS_PER_S
+    return KnownResponse(model, response.high_hz, nothing, nothing, STORED_SHIFT, hold_s)
 
 
 def measure_response(
@@ -108,4 +125,5 @@ def measure_response(
     used = fit.used[0]
     fitted = fit.model.at(used.frequency_hz) * fit.slow_part(0, used.frequency_hz)
     missed = np.abs(used.response / fitted - 1.0) - SIGMAS * used.relative_uncertainty
-    return KnownResponse(fit.model, fit.high_hz, used.frequency_hz, np.maximum(missed, 0.0))
+    misfit = np.maximum(missed, 0.0)
+    return KnownResponse(fit.model, fit.high_hz, used.frequency_hz, misfit, MEASURED_SHIFT)

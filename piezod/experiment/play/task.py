@@ -95,6 +95,7 @@ class KnownAxis:
             self.response.at,
             ResponseModel(self.sensor_delay_s).at,
             self.response.uncertainty(given.harmonics_hz),
+            self.response.shift,
         )
         command = given.only(harmonics.learned)
         left_out = left_out_share(given, command)

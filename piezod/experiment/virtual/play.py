@@ -11,7 +11,12 @@ from piezod.control.table_guard import TableGuard
 from piezod.devices.played_axis import AxisRecord, AxisTable
 from piezod.experiment.play.command import command_of, legal_interval_ns
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
-from piezod.experiment.play.response import KnownResponse, MultisineSettings, measure_response
+from piezod.experiment.play.response import (
+    KnownResponse,
+    MultisineSettings,
+    measure_response,
+    stored_response,
+)
 from piezod.experiment.play.stored import Conditions, find_table, model_sha256
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, LearningTask, PlaySettings
@@ -127,6 +132,7 @@ class _AxisPlays:
         self._play, self._identified, self._name = play, identified, name
         self._interval_ns = legal_interval_ns(able, play.interval_us)
         self._stage = VirtualAxis(stage, name, guard, config.settle_s)
+        self._stored = axis.response
         self._conditions = Conditions(
             name,
             stage.identity(name),
@@ -144,16 +150,12 @@ class _AxisPlays:
     def run(self, meter: _Meter, tables: Path | None) -> PlayedResult:
         """Measure the response, then learn every waveform."""
         meter.begin(f"axis {self._name}, response")
-        play, model = self._play, self._identified.model
-        settings = MultisineSettings(
-            self._interval_ns, play.lowest_hz, play.highest_hz, play.amplitude_pct / 100.0
-        )
-        response = measure_response(self._stage, self._maker, model.position_um, settings)
+        response = self._response()
         meter.done(f"axis {self._name}")
-        delay_s = self._conditions.sensor_delay_s
-        known = KnownAxis(self._maker, model.creep, response, delay_s)
+        creep, delay_s = self._identified.model.creep, self._conditions.sensor_delay_s
+        known = KnownAxis(self._maker, creep, response, delay_s)
         plays, notes = [], []
-        for wave in play.waves:
+        for wave in self._play.waves:
             command = command_of(wave, self._interval_ns)
             first_um = None
             if tables is not None:
@@ -163,6 +165,16 @@ class _AxisPlays:
         return PlayedResult(
             self._name, self._identified, response, self._conditions, tuple(plays), tuple(notes)
         )
+
+    def _response(self) -> KnownResponse:
+        """Return the configured response, or measure it."""
+        if self._stored is not None:
+            return stored_response(self._stored, self._interval_ns)
+        play, range_um = self._play, self._identified.model.position_um
+        settings = MultisineSettings(
+            self._interval_ns, play.lowest_hz, play.highest_hz, play.amplitude_pct / 100.0
+        )
+        return measure_response(self._stage, self._maker, range_um, settings)
 
     @property
     def _settings(self) -> PlaySettings:

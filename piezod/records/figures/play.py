@@ -106,7 +106,7 @@ def _draw_passes(
         axes.annotate(label, (places[-1], pct), color=GREY, ha="right", va="bottom", fontsize=8.5)
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_xticks(places, [play.label.replace(" and ", "\nand ") for play in plays])
-    axes.tick_params(axis="x", labelrotation=30)
-    axes.set(title="(c) Errors of each play", ylabel="error (% of swing)")
+    names = [play.label.removeprefix("pass ").replace(" ", "\n") for play in plays]
+    axes.set_xticks(places, names)
+    axes.set(title="(c) Errors of each play", xlabel="pass", ylabel="error (% of swing)")
     axes.legend(loc="upper right")

@@ -1,0 +1,71 @@
+"""The players that the contract of players is tested on."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from piezod.devices.interface import Amplifier, Wiring
+from piezod.devices.player import Player, Progress, Table
+from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.options import SimulatedOptions
+
+
+class PlayingAmplifier(Player, Amplifier, Protocol):
+    """A device that plays and drives."""
+
+
+class OpenPlayer(NamedTuple):
+    """An open and active player with one output.
+
+    Attributes:
+        device: The device.
+        now_ns: Returns the present instant, in ns.
+        wait: Lets at least this time pass, in ns.
+        outside: A value beyond the range of its output.
+        settled: Largest difference of a read-back value and the written one, after 20 ms.
+    """
+
+    device: PlayingAmplifier
+    now_ns: Callable[[], int]
+    wait: Callable[[int], None]
+    outside: float
+    settled: float
+
+    def table(self, cycles: int = 3, lead_in: int = 20, period: int = 40) -> Table:
+        """Return a table at the shortest interval: a ramp up, then a wave that ends above 0."""
+        wave = 2.0 + np.sin(2.0 * np.pi * np.arange(period) / period)
+        ramp = np.linspace(0.0, 2.0, lead_in, endpoint=False)
+        interval_ns = self.device.player_capabilities().shortest_interval_ns
+        return Table(interval_ns, ramp[:, None], wave[:, None], cycles)
+
+    def start(self, table: Table) -> Table:
+        """Load and start a table; return it as it is played."""
+        loaded = self.device.load(table)
+        self.device.arm()
+        self.device.start(self.now_ns())
+        return loaded
+
+    def finish(self, table: Table) -> Progress:
+        """Let a whole play pass; return the progress."""
+        self.wait(table.duration_ns + table.interval_ns)
+        return self.device.progress(self.now_ns())
+
+
+@contextmanager
+def simulated() -> Iterator[OpenPlayer]:
+    """Open a simulated rig, in virtual time."""
+    now = [1_000_000_000]
+
+    def wait(duration_ns: int) -> None:
+        now[0] += duration_ns
+
+    rig = SimulatedRig(SimulatedOptions(), Wiring.both(("x",)), 1)
+    rig.open()
+    rig.activate(now[0])
+    yield OpenPlayer(rig, lambda: now[0], wait, outside=200.0, settled=0.1)
+    rig.close()
+
+
+BENCHES: dict[str, Callable[[], AbstractContextManager[OpenPlayer]]] = {"simulated": simulated}
