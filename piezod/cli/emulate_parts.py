@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from piezod.config.daemon import load_daemon
 from piezod.devices import emulators, registry
-from piezod.devices.emulation.bench import Rig, SharedRig
+from piezod.devices.emulation.bench import Rig, SharedRig, step_ns_of
 from piezod.devices.emulation.faults import WireFault, WireFaults, parse
 from piezod.devices.emulation.rig_clock import RigClock
 from piezod.devices.emulation.trace import Trace
@@ -94,7 +94,8 @@ def bench(plan: RigPlan, trace: Path | None) -> Iterator[SharedRig]:
     writing = nullcontext() if trace is None else Trace(trace, plan.axes)
     with closing(rig), writing as written:
         identity = rig.open()
-        rig.activate(time.monotonic_ns())
+        now_ns = time.monotonic_ns()
+        rig.activate(now_ns - now_ns % step_ns_of(rig))
         yield SharedRig(rig, RigClock(time.monotonic_ns), written, identity)
 
 

@@ -2,14 +2,20 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from piezod.devices.interface import Amplifier, Wiring
-from piezod.devices.player import Player, Progress, Table
+from piezod.devices.player import Player, PlayState, Progress, Table
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
+from tests.drivers.modbus import play_bench as modbus_bench
+from tests.drivers.serial_line import pi_play_bench as pi_bench
+
+_STEP_NS: Final = 10_000_000
+_REPORTED_NS: Final = 500_000_000
+"""A device on a bus is asked now and then; its end is reported within this time, in ns."""
 
 
 class PlayingAmplifier(Player, Amplifier, Protocol):
@@ -48,9 +54,14 @@ class OpenPlayer(NamedTuple):
         return loaded
 
     def finish(self, table: Table) -> Progress:
-        """Let a whole play pass; return the progress."""
+        """Let a whole play pass; return the progress, which may be reported a little later."""
         self.wait(table.duration_ns + table.interval_ns)
-        return self.device.progress(self.now_ns())
+        for _ in range(_REPORTED_NS // _STEP_NS):
+            progress = self.device.progress(self.now_ns())
+            if progress.state is not PlayState.PLAYING:
+                break
+            self.wait(_STEP_NS)
+        return progress
 
 
 @contextmanager
@@ -68,4 +79,24 @@ def simulated() -> Iterator[OpenPlayer]:
     rig.close()
 
 
-BENCHES: dict[str, Callable[[], AbstractContextManager[OpenPlayer]]] = {"simulated": simulated}
+@contextmanager
+def labjack() -> Iterator[OpenPlayer]:
+    """Open a LabJack T7 that is emulated in virtual time."""
+    bench = modbus_bench.play_bench()
+    yield OpenPlayer(bench.device, bench.time.now_ns, bench.wait, outside=5.1, settled=0.01)
+    bench.device.close()
+
+
+@contextmanager
+def pi_gcs2() -> Iterator[OpenPlayer]:
+    """Open a PI controller that is emulated in virtual time, and known to hold its last value."""
+    bench = pi_bench.play_bench(wave_end="holds")
+    yield OpenPlayer(bench.device, bench.time.now_ns, bench.wait, outside=151.0, settled=0.01)
+    bench.device.close()
+
+
+BENCHES: dict[str, Callable[[], AbstractContextManager[OpenPlayer]]] = {
+    "simulated": simulated,
+    "labjack-t7": labjack,
+    "pi-gcs2": pi_gcs2,
+}

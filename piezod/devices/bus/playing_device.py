@@ -21,7 +21,7 @@ AnswerT = TypeVar("AnswerT")
 Given = TypeVarTuple("Given")
 
 OVERDUE_NS: Final = 10 * NS_PER_S
-"""A play that has not ended this long after its duration, and 1 % of it, has failed."""
+"""A play has failed if its next cycle is later than its duration, 1 % of it, and this."""
 
 
 class PlayDialogue(Protocol):
@@ -95,7 +95,7 @@ class PlayingBusDevice(ExchangingBusDevice):
         self._progress = Progress(PlayState.IDLE, 0)
         self._may_play = False
         self._table: Table | None = None
-        self._overdue_ns = 0
+        self._cycles = self._cycle_ns = self._overdue_ns = 0
 
     def open(self) -> Identity:
         """Connect and return the identity, as `BusDevice.open`; a begun play has failed."""
@@ -160,9 +160,11 @@ class PlayingBusDevice(ExchangingBusDevice):
         """
         self._require_active()
         self._require(PlayState.ARMED, "start")
-        assert self._table is not None  # noqa: S101 - an armed device has one
-        duration_ns = self._table.duration_ns
-        self._overdue_ns = now_ns + duration_ns + duration_ns // 100 + OVERDUE_NS
+        table = self._table
+        assert table is not None  # noqa: S101 - an armed device has one
+        self._cycles, self._cycle_ns = table.cycles, len(table.period) * table.interval_ns
+        lead_in_ns = len(table.lead_in) * table.interval_ns
+        self._overdue_ns = _limit_ns(now_ns, lead_in_ns + self._cycle_ns)
         # Before the request: whether it has reached the device is unknown after a failure.
         self._may_play = True
         self._fail("the start was not confirmed")
@@ -187,12 +189,14 @@ class PlayingBusDevice(ExchangingBusDevice):
             return self._progress
         progress = self._try(self._play.progress, now_ns)
         if progress is not None:
+            if self._progress.cycle < progress.cycle <= self._cycles:
+                self._overdue_ns = _limit_ns(now_ns, self._cycle_ns)
             self._progress = progress
             self._may_play = progress.state is not PlayState.ENDED
         elif self.lost:
             self._fail(self.lost)
         if self._progress.state is PlayState.PLAYING and now_ns > self._overdue_ns:
-            self._fail(self.last_fault or "the play does not end")
+            self._fail(self.last_fault or "the play does not go on")
         return self._progress
 
     def abort(self, now_ns: int) -> tuple[float, ...]:
@@ -287,3 +291,8 @@ class PlayingBusDevice(ExchangingBusDevice):
         except LineFault as fault:
             self._note_fault(fault)
             raise DeviceError(f"{self._name} cannot {what}: {fault}") from fault
+
+
+def _limit_ns(now_ns: int, duration_ns: int) -> int:
+    """Return the instant until which a cycle of a play must be complete."""
+    return now_ns + duration_ns + duration_ns // 100 + OVERDUE_NS

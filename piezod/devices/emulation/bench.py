@@ -8,6 +8,7 @@ from typing import Final, Protocol
 from piezod.devices.emulation.rig_clock import RigClock
 from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Amplifier, Identity, Sensor
+from piezod.units import NS_PER_S
 
 UM_PER_V: Final = 5.0
 """Scale of a conditioned sensor output: 30 µm correspond to 6 V."""
@@ -22,6 +23,9 @@ class Rig(Sensor, Amplifier, Protocol):
 
 class SharedRig:
     """The connectors of a rig, shared by emulators; thread-safe.
+
+    The physics acts at the multiples of its step, so the rig has to be activated at one of them
+    (`step_ns_of`).
 
     A device that plays a table moves the rig at the instants of its own clock, which may be a
     little in the past. An instant before the latest one is taken as the latest one.
@@ -46,7 +50,7 @@ class SharedRig:
         self.axes, self.max_rate_hz = able.outputs, able.max_rate_hz
         self.n_axes = len(self.axes)
         self._drive_v: Sequence[float] = (0.0,) * self.n_axes
-        self._plays = False
+        self._plays, self._step_ns = False, step_ns_of(rig)
         self._latest_ns = 0
         self._lock = RLock()
 
@@ -135,7 +139,21 @@ class SharedRig:
         if isinstance(self.now_ns, RigClock):
             self.now_ns.wait_at(None if next_ns is None else next_ns + PLAYED_AT_ONCE_NS)
 
+    def start_ns(self) -> int:
+        """Return the instant at which a play that begins now has its first interval.
+
+        It is an instant at which the physics acts: otherwise each play would have another delay
+        between a point and its effect, up to one step.
+        """
+        now_ns = self.now_ns()
+        return now_ns + -now_ns % self._step_ns
+
     def _instant_ns(self, at_ns: int | None = None) -> int:
         """Return an instant of the rig, which never goes back; None is now."""
         self._latest_ns = max(self.now_ns() if at_ns is None else at_ns, self._latest_ns)
         return self._latest_ns
+
+
+def step_ns_of(rig: Rig) -> int:
+    """Return the step of the physics of an open rig, in ns."""
+    return max(round(NS_PER_S / rig.capabilities().max_rate_hz), 1)

@@ -18,6 +18,7 @@ from piezod_drivers.modbus.profiles.labjack_stream import (
     SCAN_RATE_HZ,
 )
 from tests.drivers.modbus.play_bench import ONE, PlayBench, play_bench, played, sine
+from tests.drivers.serial_line.linear_rig import STEP_NS
 from tests.drivers.serial_line.scripted_line import MS
 
 TWO = Wiring(("AIN1", "AIN0"), ("DAC1", "DAC0"))
@@ -54,6 +55,17 @@ def test_plays_and_records(plugin: EmulatorPlugin, highest_v: float, most_v: flo
     expected = np.concatenate(([0.0], points[:-1, 0])) * SENSOR_PER_OUTPUT * 5 / highest_v
     assert record.positions[:, 0] == pytest.approx(expected, abs=most_v)
     assert (record.interval_ns, record.first_point, record.outputs.shape) == (50_000, 0, (320, 0))
+
+
+@pytest.mark.parametrize("late_ns", [0, 300, 999])
+def test_points_are_at_the_steps_of_the_rig(late_ns: int) -> None:
+    """Each play has the same delay between its points and their effect."""
+    bench = play_bench()
+    bench.time.t_ns += late_ns
+    bench.start(sine())
+    bench.rig.driven_ns.clear()
+    bench.progress_to_end()
+    assert {t_ns % STEP_NS for t_ns in bench.rig.driven_ns} == {0}
 
 
 def test_two_outputs_are_played_in_step() -> None:
@@ -343,3 +355,34 @@ def test_samples_of_another_scale_fail_the_play() -> None:
     bench.rig.at_um[0] = 10.0
     bench.device.start(bench.time.t_ns)
     assert "the samples have another scale" in bench.progress_to_end().reason
+
+
+SLOW = sine(cycles=40, interval_ns=6_500_000)
+"""A cycle of 0.65 s."""
+
+
+def test_a_slow_clock_is_no_failure() -> None:
+    """A play may take longer than expected by any time, if it goes on."""
+    bench = play_bench()
+    bench.start(SLOW)
+    started_ns = bench.time.t_ns
+    for _ in range(300):
+        bench.wait(100 * MS)
+        progress = bench.device.progress(started_ns + 2 * (bench.time.t_ns - started_ns))
+        if progress.state is not PlayState.PLAYING:
+            break
+    assert progress == (PlayState.ENDED, 40, "")
+
+
+def test_a_play_that_stands_still_has_failed() -> None:
+    """The next cycle must be complete in its time and 10 s."""
+    bench = play_bench()
+    bench.start(SLOW)
+    for _ in range(70):
+        bench.wait(100 * MS)
+        bench.device.progress(bench.time.t_ns)
+    still_ns = bench.time.t_ns
+    assert bench.device.progress(still_ns + 9_000 * MS).state is PlayState.PLAYING
+    failed = bench.device.progress(still_ns + 11_000 * MS)
+    assert failed == (PlayState.FAILED, failed.cycle, "the play does not go on")
+    assert not bench.device.write([0.0], still_ns)

@@ -5,9 +5,12 @@ from collections.abc import Sequence
 from piezod.devices.emulation.bench import UM_PER_V as UM_PER_SENSOR_V
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.units import NS_PER_S
 from tests.drivers.serial_line.scripted_line import TestTime
 
 UM_PER_V = 0.2
+STEP_NS = 1000
+"""Step of the rig, in ns."""
 
 
 class LinearRig:
@@ -21,6 +24,7 @@ class LinearRig:
         at_um: Displacement of each axis at 0 V, in µm.
         drive_v: Voltage of each axis, in V, in force as soon as it is written.
         driven_v: All written voltages, in V, in order.
+        driven_ns: Instants of them, in ns.
         valid: Whether its samples are valid.
         highest_v: Higher voltages are refused, in V.
     """
@@ -30,6 +34,7 @@ class LinearRig:
         self.at_um = [0.0] * n_axes
         self.drive_v = [0.0] * n_axes
         self.driven_v: list[list[float]] = []
+        self.driven_ns: list[int] = []
         self.valid = True
         self.highest_v = 150.0
 
@@ -39,7 +44,7 @@ class LinearRig:
     def capabilities(self) -> Capabilities:
         names = tuple(f"a{i}" for i in range(len(self.drive_v)))
         inputs = tuple(name for axis in names for name in (axis, f"{axis}_v"))
-        return Capabilities(inputs, names, True, 1e6)
+        return Capabilities(inputs, names, True, NS_PER_S / STEP_NS)
 
     def activate(self, now_ns: int) -> None:
         pass
@@ -58,11 +63,12 @@ class LinearRig:
             for value in (position_um, position_um / UM_PER_SENSOR_V)
         ]
 
-    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         if not all(-20.0 <= value <= self.highest_v for value in drive_v):
             return False
         self.drive_v = list(drive_v)
         self.driven_v.append([*drive_v])
+        self.driven_ns.append(now_ns)
         return True
 
     def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's

@@ -143,7 +143,7 @@ class Stream:
             raise ModbusRefusal(DEVICE_FAILURE, _CONFIG)
         self._buffer, self._waiting = StreamBuffer(n_bytes // 2, per_packet), b""
         self._scans_left = self._setting(registers.N_SCANS) or -1
-        self._next_ns = self._bench.now_ns() + self._interval_ns
+        self._next_ns = self._bench.start_ns() + self._interval_ns
         self.active = True
         self._bench.plays_from(self._next_ns)
 

@@ -104,7 +104,7 @@ class WaveGenerators:
         if any(modes.values()):
             self.recorder.start()
             if idle:
-                self._cycle, self._next_ns = 0, self._bench.now_ns() + SERVO_NS
+                self._cycle, self._next_ns = 0, self._bench.start_ns() + SERVO_NS
                 self._drive_v = [axis.setpoint_v for axis in self._axes]
         self._bench.plays_from(self._next_ns if self._is_busy() else None)
 
