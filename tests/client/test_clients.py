@@ -141,7 +141,7 @@ def test_daemon_that_has_gone(tmp_path: Path) -> None:
 def test_daemon_that_does_not_answer(daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """A daemon that does not answer leads to an error after the time-out."""
     daemon.answering.clear()
-    monkeypatch.setattr("piezod.client.stage_client.TIMEOUT_S", (0.01,) * 4)
+    monkeypatch.setattr("piezod.client.stage_client.timeout_s", lambda _: (0.01,) * 4)
 
     with (
         StageClient(socket=daemon.socket_path) as stage,
