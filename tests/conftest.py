@@ -71,6 +71,7 @@ class SharingWorker:
                 flock(source, LOCK_SH)
             result = yield
         gc.freeze()
+        gc.set_threshold(20_000, 20, 20)  # records of cycles are kept, and each makes it look
         gc.enable()
         return result
 

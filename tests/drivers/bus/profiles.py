@@ -108,7 +108,12 @@ MODBUS = (
         )
         for name in ("labjack-t4", "labjack-t7", "labjack-t8")
     ),
-    _modbus("adam-6024", Wiring(("AI0",), ("AO0",)), Tcp({"profile": "adam-6024"})),
+    _modbus(
+        "adam-6024",
+        Wiring(("AI0",), ("AO0",)),
+        Tcp({"profile": "adam-6024"}),
+        takes_long=True,
+    ),
     _modbus("wago-750", Wiring(("AI0",), ("AO0",)), Tcp({"profile": "wago-750"})),
     _modbus("adam-4024", Wiring((), ("AO0",)), Port({"profile": "adam-4024"})),
     _modbus(
@@ -223,6 +228,6 @@ PROFILES = (
         unseen=_NO_READ_BACK,
         takes_long=True,
     ),
-    Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),
+    Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"}), takes_long=True),
     Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),
 )
