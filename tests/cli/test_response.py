@@ -57,15 +57,6 @@ def test_running_stage_is_measured(piezod: Command, rig: Daemon, folder: Path) -
     rig.until("SAFE")
 
 
-def test_too_large_an_amplitude_moves_nothing(piezod: Command, rig: Daemon) -> None:
-    """The refusal has the largest allowed amplitude."""
-    code, out, err = piezod("response", "--amplitude-v", "80", "--socket", rig.paths.api_socket)
-
-    assert (code, out) == (1, "")
-    assert "axis x: an amplitude of 80 V about 75 V exceeds range" in err
-    assert rig.status()["state"] == "SAFE"
-
-
 def test_recording_is_evaluated(piezod: Command, recorded: Path) -> None:
     """Without a daemon a recording gives mode and gain, in words."""
     code, out, err = piezod("response", "--from", recorded)
