@@ -65,6 +65,7 @@ def test_mode_and_delay_are_found_at_10_khz(load: Load, figure: Figure) -> None:
     assert np.max(about.step.answer) > 1.1  # it rings
 
 
+@pytest.mark.stress
 def test_gain_differs_between_voltages_and_the_mode_does_not(load: Load, figure: Figure) -> None:
     """Two voltages give two gains and one mode; without a filter it is found, too."""
     true = true_parameters("no-antialias")
@@ -79,6 +80,7 @@ def test_gain_differs_between_voltages_and_the_mode_does_not(load: Load, figure:
     assert all(0.08 < gain < 0.2 for gain, _ in record.fit.gains)
 
 
+@pytest.mark.stress
 def test_slow_loop_shows_a_delay_and_no_mode(load: Load) -> None:
     """At 200 Hz each voltage has its effect in the next sample, and no more is known."""
     record = measure(load, 200.0, Wanted(low_hz=2.0, periods=8))
@@ -117,6 +119,7 @@ def test_record_without_the_drive_is_refused(load: Load) -> None:
         measure(load, 1000.0, Wanted(low_hz=5.0, periods=6), change=half)
 
 
+@pytest.mark.stress
 def test_recording_of_a_movement_gives_the_mode(load: Load, tmp_path: Path) -> None:
     """A random drive, recorded, gives the mode by averages over the record."""
     rate_hz, duration_s = 3000.0, 9.0
