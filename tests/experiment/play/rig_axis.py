@@ -12,7 +12,7 @@ from piezod.control.law.model_files import read_model
 from piezod.control.table_guard import TableGuard
 from piezod.devices.interface import Wiring
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
-from piezod.devices.player import AtEnd
+from piezod.devices.player import AtEnd, PlayerCapabilities
 from piezod.devices.wiring import ChannelPair
 from piezod.dynamics.learning import MEASURED_SHIFT
 from piezod.dynamics.model import Resonance, ResponseModel
@@ -103,6 +103,11 @@ class RigAxis:
         self._zero = (0.0, 0.0)
         record = self._play_now(AxisTable(INTERVAL_NS, np.zeros(0), np.zeros(2000), 1))
         self._zero = float(np.mean(record.position_um)), float(np.mean(record.true_um))
+
+    @property
+    def capabilities(self) -> PlayerCapabilities:
+        """Capabilities of the rig."""
+        return self._played.capabilities
 
     def spoil(self, record: Record) -> None:
         """Change all later records."""
