@@ -37,6 +37,16 @@ class SimulatedAxis(NamedTuple):
     saturated_v: float
     step_v: float
 
+    def samples(self, readings_v: FloatArray, quantity: str) -> FloatArray:
+        """Return the samples of readings of the sensor in V, shape (n,); NaN if not valid."""
+        if quantity == LIGHT:
+            return np.full(readings_v.size, self.plant.parameters.sensor.light_level)
+        values = readings_v
+        if not quantity:
+            calibrated = map(self.calibration.beyond, readings_v.tolist())
+            values = np.fromiter(calibrated, np.float64, readings_v.size)
+        return np.where(np.abs(readings_v) < self.saturated_v, values, np.nan)
+
 
 def axis_and_quantity(name: str, outputs: tuple[str, ...]) -> tuple[str, str]:
     """Return the axis of an input, and the suffix of its quantity; "" is the displacement."""

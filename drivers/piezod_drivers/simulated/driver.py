@@ -58,8 +58,7 @@ class SimulatedRig:
         self._axes = tuple(dict.fromkeys((*wiring.outputs, *(axis for axis, _ in inputs))))
         self._inputs = [(self._axes.index(axis), quantity) for axis, quantity in inputs]
         self._channels: list[SimulatedAxis] = []
-        self._player = TablePlayer([], [], _sample, options.sub_step_ns)
-        self._playing = False
+        self._player, self._playing = TablePlayer([], 0, [], options.sub_step_ns), False
         self._origin_ns: int | None = None
         self._active = False
 
@@ -75,8 +74,8 @@ class SimulatedRig:
         # ones.
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
         self._channels = [make_axis(self._options, seed) for seed in seeds]
-        measured = [(self._channels[i], quantity) for i, quantity in self._inputs]
-        self._player = TablePlayer(self._driven_axes, measured, _sample, self._options.sub_step_ns)
+        outputs, sub_step_ns = len(self._wiring.outputs), self._options.sub_step_ns
+        self._player = TablePlayer(self._channels, outputs, self._inputs, sub_step_ns)
         self._origin_ns = None
         return Identity(
             maker="piezod",
@@ -266,7 +265,7 @@ class SimulatedRig:
             axis_model.plant.command(_REST_V)
 
 
-def _sample(axis_model: SimulatedAxis, quantity: str, now_ns: int = 0) -> Sample:
+def _sample(axis_model: SimulatedAxis, quantity: str, now_ns: int) -> Sample:
     """Take a sample at the present instant of the plant, `now_ns` in the caller's time."""
     if quantity == LIGHT:
         return Sample(now_ns, axis_model.plant.parameters.sensor.light_level, True)

@@ -2,7 +2,7 @@
 
 Hysteresis depends on the past. So the lead-in of each table goes through the whole range of the
 model, up and down, which leaves the same memory after any past. Then the waveform fades in without
-exciting a mode.
+exciting a mode, and goes on until the memory is periodic.
 """
 
 import numpy as np
@@ -84,7 +84,8 @@ class TableMaker:
                 break
         voltages = self._model.drive_v.from_unit(drives)
         voltages = np.clip(voltages, self._low_v, self._high_v)
-        return voltages[: faded.size], voltages[-n:]
+        # The periods before the last one belong to the lead-in: there the memory becomes periodic.
+        return voltages[:-n], voltages[-n:]
 
     def _checked(self, wanted_um: FloatArray) -> FloatArray:
         low_um, high_um = self._model.position_um
