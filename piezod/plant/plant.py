@@ -6,8 +6,10 @@ import numpy as np
 
 from piezod.errors import DeviceError
 from piezod.plant.kernel import advance, fibre_v
+from piezod.plant.laws import Array
 from piezod.plant.layout import DELAY_BUFFER, NOISE_BLOCK, at_rest, constants
 from piezod.plant.parameters import PlantParameters
+from piezod.plant.point_by_point import play
 from piezod.units import NS_PER_S
 
 SUB_STEP_NS: Final = 50_000
@@ -85,6 +87,50 @@ class Plant:
 
     def _run(self, sub_steps: int, ago: float) -> float:
         return advance(sub_steps, self._command_v, ago, self._state, self._constants)
+
+    def play(self, commands_v: Array, sub_steps: int, readings_v: Array, truths_um: Array) -> None:
+        """Advance from point to point: the same as `advance_to`, reading and `command` at each.
+
+        It takes a tenth of the time. The plant must be on the grid of its sub-steps.
+
+        Args:
+            commands_v: (n,) command from each point on, in V.
+            sub_steps: Sub-steps before each point.
+            readings_v: (n,) reading of the sensor at each point, in V; filled.
+            truths_um: (n,) displacement at each point, in µm; filled.
+        """
+        k = 0
+        while k < commands_v.size:
+            # As many points as the block of noise suffices for.
+            last = min(k + self._left // sub_steps, commands_v.size)
+            if last == k:  # the block ends before the next point
+                self.advance_to(self.now_ns + sub_steps * self._sub_step_ns)
+                readings_v[k], truths_um[k] = self._reading_v, self.true_displacement_um
+                last = k + 1
+            else:
+                self._play(k, last, sub_steps, commands_v, readings_v, truths_um)
+            self._command_v, k = float(commands_v[last - 1]), last
+
+    def _play(
+        self, k: int, last: int, steps: int, commands_v: Array, readings_v: Array, truths_um: Array
+    ) -> None:
+        play(
+            k,
+            last,
+            steps,
+            self._command_v,
+            commands_v,
+            self._delay,
+            readings_v,
+            truths_um,
+            self._state,
+            self._constants,
+        )
+        passed = (last - k) * steps
+        self._left -= passed
+        self.now_ns += passed * self._sub_step_ns
+        self._grid_ns = self.now_ns
+        self._reading_v = float(readings_v[last - 1])
 
     def command(self, drive_v: float) -> None:
         """Command a voltage from now on. Real-time safe.

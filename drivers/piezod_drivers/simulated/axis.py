@@ -42,10 +42,6 @@ class SimulatedAxis(NamedTuple):
     def sample(self, t_ns: int, now_ns: int, quantity: str) -> Sample:
         """Take a sample at `t_ns` in the plant's time, `now_ns` in the caller's."""
         self.plant.advance_to(t_ns)
-        return self.present_sample(now_ns, quantity)
-
-    def present_sample(self, now_ns: int, quantity: str) -> Sample:
-        """Take a sample at the present instant of the plant, `now_ns` in the caller's time."""
         if quantity == LIGHT:
             return Sample(now_ns, self.plant.parameters.sensor.light_level, True)
         sensor_v = self.plant.sample()
@@ -53,6 +49,16 @@ class SimulatedAxis(NamedTuple):
         # `beyond` also extrapolates the calibration, because the stage may move beyond the
         # calibrated range.
         return Sample(now_ns, sensor_v if quantity else self.calibration.beyond(sensor_v), valid)
+
+    def samples(self, readings_v: FloatArray, quantity: str) -> FloatArray:
+        """Return the samples of readings of the sensor in V, shape (n,); NaN if not valid."""
+        if quantity == LIGHT:
+            return np.full(readings_v.size, self.plant.parameters.sensor.light_level)
+        values = readings_v
+        if not quantity:
+            calibrated = map(self.calibration.beyond, readings_v.tolist())
+            values = np.fromiter(calibrated, np.float64, readings_v.size)
+        return np.where(np.abs(readings_v) < self.saturated_v, values, np.nan)
 
     def takes(self, drive_v: float) -> bool:
         """Return whether the amplifier can output this voltage."""

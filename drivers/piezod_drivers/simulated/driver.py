@@ -56,7 +56,7 @@ class SimulatedRig:
         self._axes = tuple(dict.fromkeys((*wiring.outputs, *(axis for axis, _ in inputs))))
         self._inputs = [(self._axes.index(axis), quantity) for axis, quantity in inputs]
         self._channels: list[SimulatedAxis] = []
-        self._player = TablePlayer([], [], options.sub_step_ns)
+        self._player = TablePlayer([], 0, [], options.sub_step_ns)
         self._origin_ns: int | None = None
         self._active = False
 
@@ -72,8 +72,8 @@ class SimulatedRig:
         # ones.
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
         self._channels = [make_axis(self._options, seed) for seed in seeds]
-        measured = [(self._channels[i], quantity) for i, quantity in self._inputs]
-        self._player = TablePlayer(self._driven_axes, measured, self._options.sub_step_ns)
+        outputs, sub_step_ns = len(self._wiring.outputs), self._options.sub_step_ns
+        self._player = TablePlayer(self._channels, outputs, self._inputs, sub_step_ns)
         self._origin_ns = None
         return Identity(
             maker="piezod",

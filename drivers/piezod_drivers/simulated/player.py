@@ -29,21 +29,21 @@ class TablePlayer:
     the point acts.
 
     Args:
-        driven: Axes that are played, in the order of a table's columns.
-        measured: Axis and quantity of each input.
+        axes: All axes; those that are played first, in the order of a table's columns.
+        outputs: Number of axes that are played.
+        inputs: Index of the axis, and quantity, of each input.
         sub_step_ns: Sub-step of the physics, in ns.
     """
 
     def __init__(
         self,
-        driven: Sequence[SimulatedAxis],
-        measured: Sequence[tuple[SimulatedAxis, str]],
+        axes: Sequence[SimulatedAxis],
+        outputs: int,
+        inputs: Sequence[tuple[int, str]],
         sub_step_ns: int,
     ) -> None:
-        self._driven, self._measured, self._sub_step_ns = driven, measured, sub_step_ns
-        self._axes = list(
-            {id(one.plant): one for one in (*driven, *(a for a, _ in measured))}.values()
-        )
+        self._axes, self._driven, self._inputs = axes, axes[:outputs], inputs
+        self._sub_step_ns = sub_step_ns
         self._state = PlayState.IDLE
         self._forget()
 
@@ -51,7 +51,7 @@ class TablePlayer:
         nothing = np.empty((0, len(self._driven)))
         self._table = Table(self._sub_step_ns, nothing, nothing, 1)
         self._period = self._next_period = nothing
-        self._positions = self._truths = np.empty((0, len(self._measured)))
+        self._readings_v = self._truths_um = np.empty((0, len(self._axes)))
         self._start_ns = self._point = self._points = 0
 
     @property
@@ -104,8 +104,8 @@ class TablePlayer:
     def start(self, t_ns: int) -> None:
         """Start at the first sub-step at or after `t_ns`."""
         self._require(PlayState.ARMED, "start")
-        record = min(self._points, POINTS), len(self._measured)
-        self._positions, self._truths = np.full(record, np.nan), np.full(record, np.nan)
+        record = min(self._points, POINTS), len(self._axes)
+        self._readings_v, self._truths_um = np.full(record, np.nan), np.full(record, np.nan)
         self._start_ns = -(-t_ns // self._sub_step_ns) * self._sub_step_ns
         self._state = PlayState.PLAYING
         self.play_to(t_ns)
@@ -136,49 +136,62 @@ class TablePlayer:
     def recording(self) -> PlayedRecord:
         """Return the record of the play that has ended."""
         self._require(PlayState.ENDED, "read a record")
-        without = np.empty((len(self._positions), 0))
-        return PlayedRecord(self._table.interval_ns, self._positions.copy(), 0, without)
+        positions = [
+            self._axes[place].samples(self._readings_v[:, place], quantity)
+            for place, quantity in self._inputs
+        ]
+        without = np.empty((len(self._readings_v), 0))
+        shape = (len(self._readings_v), len(self._inputs))
+        columns = np.stack(positions, axis=1) if positions else np.empty(shape)
+        return PlayedRecord(self._table.interval_ns, columns, 0, without)
 
     def true_recording(self) -> FloatArray:
         """Return the true displacements of the play that has ended, in µm, shape (k, inputs)."""
         self._require(PlayState.ENDED, "read a record")
-        return self._truths.copy()
+        return self._truths_um[:, [place for place, _ in self._inputs]]
 
     def play_to(self, t_ns: int) -> None:
         """Play all points up to an instant in the rig's time."""
-        while self.plays:
-            at_ns = self._start_ns + self._point * self._table.interval_ns
-            if at_ns > t_ns:
-                return
-            if self._point == self._points:
-                self._state = PlayState.ENDED
-                return
-            for axis in self._axes:
-                axis.plant.advance_to(at_ns)
-            self._record()
-            for axis, value in zip(self._driven, self._next_values(), strict=True):
-                axis.plant.command(value)
-            self._point += 1
-
-    def _record(self) -> None:
-        if self._point >= len(self._positions):
+        if not self.plays:
             return
-        for i, (axis, quantity) in enumerate(self._measured):
-            _, value, valid = axis.present_sample(0, quantity)
-            if valid:
-                self._positions[self._point, i] = value
-            self._truths[self._point, i] = axis.plant.true_displacement_um
+        interval_ns = self._table.interval_ns
+        due = (t_ns - self._start_ns) // interval_ns + 1 if t_ns >= self._start_ns else 0
+        while self._point < min(due, self._points):
+            self._play_rows(self._next_rows(min(due, self._points) - self._point))
+        if due > self._points:
+            self._state = PlayState.ENDED
 
-    def _next_values(self) -> list[float]:
+    def _next_rows(self, most: int) -> FloatArray:
+        """Return the next rows of the table: at most this number, and of one cycle only."""
         at = self._point - len(self._table.lead_in)
         if at < 0:
-            row = self._table.lead_in[self._point]
-        else:
-            place = at % len(self._period)
-            if place == 0:
-                self._period = self._next_period
-            row = self._period[place]
-        return [float(value) for value in row]
+            return self._table.lead_in[self._point : self._point + most]
+        place = at % len(self._period)
+        if place == 0:
+            self._period = self._next_period
+        return self._period[place : place + most]
+
+    def _play_rows(self, rows: FloatArray) -> None:
+        """Play rows at consecutive points, and record them."""
+        first, interval_ns = self._point, self._table.interval_ns
+        kept = slice(first, first + len(rows))
+        for place, axis in enumerate(self._axes):
+            # An axis without an output keeps its command.
+            if place < len(self._driven):
+                commands_v = np.ascontiguousarray(rows[:, place])
+            else:
+                commands_v = np.full(len(rows), axis.plant.command_v)
+            readings_v, truths_um = np.empty(len(rows)), np.empty(len(rows))
+            # Calls between two points may have left the plant anywhere before the first point.
+            axis.plant.advance_to(self._start_ns + first * interval_ns)
+            readings_v[0], truths_um[0] = axis.plant.sample(), axis.plant.true_displacement_um
+            axis.plant.command(float(commands_v[0]))
+            steps = interval_ns // self._sub_step_ns
+            axis.plant.play(commands_v[1:], steps, readings_v[1:], truths_um[1:])
+            recorded = len(self._readings_v[kept])
+            self._readings_v[kept, place] = readings_v[:recorded]
+            self._truths_um[kept, place] = truths_um[:recorded]
+        self._point += len(rows)
 
     def _require(self, state: PlayState, what: str) -> None:
         if self._state is not state:
