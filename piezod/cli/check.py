@@ -23,8 +23,9 @@ def check(
 ) -> None:
     """Validate the configuration of a stage, an experiment, a model or a response file.
 
-    Prints the kind of the file, or every problem on stderr as `file:line:column: path: problem`,
-    and then exits with 78. With --json the document on stdout lists the problems too.
+    Prints the kind of the file, and the margins of each trim whose axis has a response. Otherwise
+    prints every problem on stderr as `file:line:column: path: problem` and exits with 78. With
+    --json the document on stdout lists the problems too.
     """
     from piezod.cli.output import new_console, print_json
     from piezod.experiment.check_file import check_file
@@ -39,6 +40,7 @@ def check(
                 "ok": not problems,
                 "problems": [problem._asdict() for problem in problems],
                 "warnings": checked.warnings,
+                "margins": checked.margins,
             }
         )
     if checked.error:
@@ -46,5 +48,7 @@ def check(
     if not json:
         console = new_console()
         console.print(f"{file}: ok, {checked.contents}", soft_wrap=True)
+        for margins in checked.margins:
+            console.print(margins, soft_wrap=True)
         for warning in checked.warnings:
             console.print(f"! {warning}", style="yellow")

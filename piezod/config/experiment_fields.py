@@ -28,6 +28,7 @@ Metric: TypeAlias = Literal[
     "tracking_rms_pct",
     "nonlinearity_pct",
     "true_tracking_max_pct",
+    "true_tracking_rms_pct",
     "true_nonlinearity_pct",
     "noise_rms_pct",
 ]

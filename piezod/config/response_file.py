@@ -77,7 +77,9 @@ class ResponseFile(ConfigModel):
         description="Time of the measurement, ISO 8601 with the offset from UTC."
     )
     created_by: Text = Field(description="Program and version that made it.")
-    method: Literal["multisine", "recording"] = Field(description="How it was measured.")
+    method: Literal["multisine", "recording", "data-sheet"] = Field(
+        description="How it was measured, or that it is from data sheets."
+    )
     source: SourceConfig | None = Field(default=None, description="Data of the fit.")
     rate_hz: Annotated[float, Quantity(1, 1e6, "Hz")] = Field(description="Rate of the data, Hz.")
     low_hz: Annotated[float, Quantity(0, 1e6, "Hz")] = Field(

@@ -1,9 +1,11 @@
 """Checks whether a file of any kind can be used."""
 
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from piezod.config.axes import AxisConfig
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.model_file import ModelFile
@@ -13,6 +15,7 @@ from piezod.config.yaml_loader import load_yaml
 from piezod.control.assembly import check_stage
 from piezod.control.law.gains import check_gains
 from piezod.control.law.model_files import read_model
+from piezod.control.law.trim_gains import margins_text
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
 from piezod.experiment.warnings import rate_warnings
@@ -42,12 +45,14 @@ class Checked(NamedTuple):
         contents: Summary of its content, for people; empty if something is wrong.
         error: All problems, None for a file that can be used.
         warnings: Reservations about a file that can be used.
+        margins: Margins of the trim of each axis with a response, and the gains proposed for it.
     """
 
     kind: FileKind | None
     contents: str
     error: ConfigError | None
     warnings: tuple[str, ...] = ()
+    margins: tuple[str, ...] = ()
 
 
 def check_file(path: Path) -> Checked:
@@ -55,10 +60,18 @@ def check_file(path: Path) -> Checked:
     kind = None
     try:
         kind = _kind(path)
-        contents, *warnings = _DESCRIBE[kind](path)
+        described = _DESCRIBE[kind](path)
     except ConfigError as error:
         return Checked(kind, "", error)
-    return Checked(kind, contents, None, tuple(warnings))
+    return Checked(kind, described.contents, None, described.warnings, described.margins)
+
+
+class _Description(NamedTuple):
+    """Summary of a file, its warnings, and the margins in it."""
+
+    contents: str
+    warnings: tuple[str, ...] = ()
+    margins: tuple[str, ...] = ()
 
 
 def _kind(path: Path) -> FileKind:
@@ -77,8 +90,7 @@ def _kind(path: Path) -> FileKind:
     return FileKind.EXPERIMENT if keys & _EXPERIMENT_KEYS else FileKind.STAGE
 
 
-def _describe_experiment(path: Path) -> tuple[str, ...]:
-    """Return a summary of the contents, and the warnings; so do the functions below."""
+def _describe_experiment(path: Path) -> _Description:
     config = load_experiment(path, registry)
     try:
         check_gains(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
@@ -87,10 +99,14 @@ def _describe_experiment(path: Path) -> tuple[str, ...]:
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
     axes = _count(len(config.axes), "axis", "axes")
     contents = f"an experiment: {cases} in {modes} on {axes}"
-    return contents, *rate_warnings(config, config.rate_hz)
+    return _Description(
+        contents,
+        tuple(rate_warnings(config, config.rate_hz)),
+        _margins(config.axes, config.rate_hz),
+    )
 
 
-def _describe_stage(path: Path) -> tuple[str, ...]:
+def _describe_stage(path: Path) -> _Description:
     config = load_daemon(path, registry)
     try:
         check_stage(config)
@@ -99,18 +115,28 @@ def _describe_stage(path: Path) -> tuple[str, ...]:
     axes = _count(len(config.axes), "axis", "axes")
     blind = ", ".join(name for name, axis in config.axes.items() if axis.sensor is None)
     without = f"; {blind} without a sensor" if blind else ""
-    return (f"a stage: {axes} at {config.rate_hz:g} Hz{without}",)
+    contents = f"a stage: {axes} at {config.rate_hz:g} Hz{without}"
+    return _Description(contents, margins=_margins(config.axes, config.rate_hz))
 
 
-def _describe_model(path: Path) -> tuple[str, ...]:
+def _margins(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:
+    return tuple(
+        f"axis {name}: {margins_text(axis, 1.0 / rate_hz, 0.0)}"
+        for name, axis in axes.items()
+        if axis.response is not None and axis.sensor is not None
+    )
+
+
+def _describe_model(path: Path) -> _Description:
     _, file = read_model(path)
-    return (f"a model: {file.operators}, by {file.method}",)
+    return _Description(f"a model: {file.operators}, by {file.method}")
 
 
-def _describe_response(path: Path) -> tuple[str, ...]:
+def _describe_response(path: Path) -> _Description:
     file = load_response(path)
     modes = _count(len(file.resonances), "resonance")
-    return (f"a response: {modes}, delay {1e3 * file.delay_s:.3g} ms, by {file.method}",)
+    delay_ms = 1e3 * file.delay_s
+    return _Description(f"a response: {modes}, delay {delay_ms:.3g} ms, by {file.method}")
 
 
 _DESCRIBE: Final = {

@@ -42,6 +42,7 @@ MEASURED: Final[Mapping[str, Metric]] = {
 """Errors of the measured position over its range, by the names in experiment files."""
 TRUE: Final[Mapping[str, Metric]] = {
     "true_tracking_max_pct": lambda s: tracking_max(s.command_um, s.true_um),
+    "true_tracking_rms_pct": lambda s: tracking_rms(s.command_um, s.true_um),
     "true_nonlinearity_pct": lambda s: nonlinearity(s.command_um, s.true_um),
 }
 """Errors of the true displacement over its range."""

@@ -8,6 +8,7 @@ _METRICS: Final = {
     "tracking_rms_pct": "rms tracking error",
     "nonlinearity_pct": "nonlinearity",
     "true_tracking_max_pct": "worst true tracking error",
+    "true_tracking_rms_pct": "rms true tracking error",
     "true_nonlinearity_pct": "true nonlinearity",
     "noise_rms_pct": "rms sensor noise",
     "settling_max_s": "longest settling time",

@@ -26,6 +26,7 @@ def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) ->
         "ok": True,
         "problems": [],
         "warnings": [],
+        "margins": [],
     }
 
 
@@ -59,6 +60,7 @@ def test_problems_for_programs(piezod: Command, experiment_file: Path) -> None:
         "ok": False,
         "problems": [problem],
         "warnings": [],
+        "margins": [],
     }
     assert (code, err) == (78, f"short.yaml:2:7: seed: {what}\n")
 

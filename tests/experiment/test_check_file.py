@@ -12,7 +12,7 @@ def check(tmp_path: Path, text: str) -> tuple[FileKind | None, str, list[str]]:
     """Return kind, contents and problems of a text, without the folder."""
     path = tmp_path / "file.yaml"
     path.write_text(text, encoding="utf-8")
-    kind, contents, error, _ = check_file(path)
+    kind, contents, error, *_ = check_file(path)
     problems = str(error).replace(str(path), "file.yaml").splitlines() if error else []
     return kind, contents, problems
 
@@ -28,7 +28,7 @@ def test_experiment_is_described(tmp_path: Path, short: str) -> None:
 
 def test_stage_is_described() -> None:
     """The configuration of the repository is a stage with safe gains."""
-    kind, contents, error, _ = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
+    kind, contents, error, *_ = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
 
     assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 200 Hz", None)
 

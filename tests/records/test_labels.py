@@ -60,6 +60,7 @@ def test_metric_without_a_value_is_a_dash_without_a_unit() -> None:
     [
         ("tracking_max_pct", "measured", "worst error"),
         ("true_tracking_max_pct", "true", "worst error"),
+        ("true_tracking_rms_pct", "true", "rms error"),
         ("nonlinearity_pct", "measured", "nonlinearity"),
         ("true_nonlinearity_pct", "true", "nonlinearity"),
         ("noise_rms_pct", "noise", "rms"),

@@ -70,8 +70,8 @@ def check_axis_gains(
     """
     with prefix_errors(name):
         check_identifier(axis, properties.form)
-        if properties.delay_s is not None and trimmed:
-            check_trim(axis, properties.period_s, properties.delay_s)
+        if trimmed and (properties.delay_s is not None or axis.response is not None):
+            check_trim(axis, properties.period_s, properties.delay_s or 0.0)
 
 
 @contextmanager
