@@ -41,7 +41,8 @@ def predicted_um(model: StageModel, record: Record) -> FloatArray:
             ends.
     """
     drives = model.drive_v.to_unit(record.drive_delayed_by(model.delay_s))
-    y = model.form.positions_at(model.weights, np.clip(drives, 0.0, 1.0))
+    form = model.form.sampled(record.period_s)
+    y = form.positions_at(model.weights, np.clip(drives, 0.0, 1.0))
     if model.creep.weights.size:
         # As in `without_creep`: the creep before the record is that of the recorded position.
         x = model.position_um.to_unit(record.position_um)
