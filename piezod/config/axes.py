@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
 from piezod.config.channels import Input, InputConfig, Output, OutputConfig
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, context_of, raise_rules
 from piezod.config.files import ExistingFile
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.quantities import DriveV, PositionUm
 from piezod.config.trim import TrimConfig
@@ -57,15 +58,6 @@ class LimitsConfig(ConfigModel):
             what = f"out of range (got {self.rest_v:g} V), allowed range {low:g} to {high:g} V"
             raise_rules([(("rest_v",), what)])
         return self
-
-
-class FirstModeConfig(ConfigModel):
-    """The first mechanical mode of an axis, from its data sheet or a measurement."""
-
-    frequency_hz: Annotated[float, Quantity(1, 100_000, "Hz")] = Field(
-        description="Undamped frequency, Hz."
-    )
-    damping: Annotated[float, Quantity(0.001, 1)] = Field(description="Damping ratio.")
 
 
 class CompensatorConfig(ConfigModel):

@@ -15,6 +15,8 @@ from math import ceil, floor
 import numpy as np
 import numpy.typing as npt
 
+from piezod.control.law.first_mode import FirstMode
+
 ComplexArray = npt.NDArray[np.complex128]
 FloatArray = npt.NDArray[np.float64]
 
@@ -64,9 +66,8 @@ def _held_mode(
 ) -> ComplexArray:
     """Return the mode behind a hold and a delay of less than a period, at the samples."""
     settled = np.array([1.0, 0.0])  # final state at a drive of 1; the difference decays freely
-    whole, late = (
-        _free_motion(t_s, mode_hz, mode_damping) for t_s in (period_s, period_s - rest_s)
-    )
+    mode = FirstMode(mode_hz, mode_damping)
+    whole, late = (mode.free_motion(t_s) for t_s in (period_s, period_s - rest_s))
     # A drive acts for the time left in its own period (new), and for the rest in the next one
     # (old).
     new = settled - late @ settled
@@ -76,13 +77,3 @@ def _held_mode(
     determinant = (z - whole[0, 0]) * (z - whole[1, 1]) - whole[0, 1] * whole[1, 0]
     first = np.stack([z - whole[1, 1], np.full_like(z, whole[0, 1])], axis=1)
     return np.asarray(np.sum(first * entry, axis=1) / determinant)
-
-
-def _free_motion(t_s: float, mode_hz: float, mode_damping: float) -> FloatArray:
-    """Return the transition matrix of a free mode for displacement and speed (per radian)."""
-    angle = 2.0 * np.pi * mode_hz * t_s
-    damped_angle = angle * (1.0 - mode_damping**2) ** 0.5
-    sine = angle * np.sinc(damped_angle / np.pi)
-    system = np.array([[mode_damping, 1.0], [-1.0, -mode_damping]])
-    decay = np.exp(-mode_damping * angle)
-    return np.asarray(decay * (np.cos(damped_angle) * np.eye(2) + sine * system))
