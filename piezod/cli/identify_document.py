@@ -40,6 +40,7 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
         **_settings(fit),
         "delay_s": fit.model.delay_s,
         "delay_estimate": _delay(fit.delay) if fit.delay else None,
+        "first_mode": _first_mode(fitted),
         "smallest_slope": fit.smallest_slope,
         **_errors(fitted.taken),
         "with_creep": _errors(by_creep[True]) if True in by_creep else None,
@@ -67,6 +68,19 @@ def _settings(fit: Fit) -> Document:
         "thresholds": settings.spacing if operators else None,
         "creep": settings.creep,
         "creep_per_decade": fit.model.creep.per_decade,
+    }
+
+
+def _first_mode(fitted: FileFit) -> Document | None:
+    fit, half, configured = fitted.taken.fit, fitted.uncertainty.mode, fitted.configured_mode
+    if fit.model.mode is None or fit.shows_mode is None or half is None:
+        return None
+    return {
+        **fit.model.mode._asdict(),
+        **{f"{name}_95": value for name, value in half._asdict().items()},
+        "held_out_position_error_rms_pct": fit.shows_mode.with_pct,
+        "held_out_position_error_rms_without_mode_pct": fit.shows_mode.without_pct,
+        "configured": configured.model_dump() if configured else None,
     }
 
 

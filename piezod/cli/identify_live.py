@@ -50,7 +50,8 @@ def record_and_fit(
     with progress_bar() as progress:
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
     fitted = fit(file, recorded.run_in_s, recorded.takes_surface)  # with a progress bar of its own
-    return replace(fitted, warnings=(*fitted.warnings, *recorded.warnings)), recorded.axis
+    fitted = replace(fitted, warnings=(*fitted.warnings, *recorded.warnings))
+    return fitted.beside(recorded.first_mode), recorded.axis
 
 
 def adopt_model(fitted: "FileFit", axis: str, client: "StageClient", created_at: datetime) -> None:

@@ -3,28 +3,23 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from piezod.cli.identify_document import spread
+from piezod.cli.identify_dynamics import in_ms, mode_line, print_delay
 from piezod.experiment.fit.automatic import LARGEST_LOSS, Candidate, Choice
 from piezod.experiment.fit.breakdown import Breakdown
-from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method
+from piezod.experiment.fit.mode_search import CLEAR_GAIN
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import longest_window
-from piezod.hysteresis.memory import FloatArray
-
-_BARS = "▁▂▃▄▅▆▇█"
-_CURVE_COLUMNS = 61
-"""Columns of the curve; with its ends they fit on a line of 80."""
 
 
 def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path | None) -> None:
@@ -39,7 +34,9 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     fit = fitted.taken.fit
     console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
     console.print(_smoothing(fit.settings, fitted.record))
-    _print_delay(console, fit.model.delay_s, fit.delay)
+    print_delay(console, fit.model.delay_s, fit.delay)
+    if mode := mode_line(fitted):
+        console.print(mode)
     if fitted.choice:
         _print_choice(console, fitted.choice)
     console.print(
@@ -76,7 +73,7 @@ def _smoothing(settings: FitSettings, record: Record) -> str:
     if window == 1:
         return "The displacement is used as recorded: the drive turns too sharply to smooth it."
     return (
-        f"The displacement is smoothed over {window} samples, {_ms(window * record.period_s)}, "
+        f"The displacement is smoothed over {window} samples, {in_ms(window * record.period_s)}, "
         "except at sharp turns of the drive."
     )
 
@@ -91,44 +88,6 @@ def _settings(settings: FitSettings) -> str:
 
 def _count(number: int, one: str) -> str:
     return f"{number} {one}" if number == 1 else f"{number} {one}s"
-
-
-def _print_delay(console: Console, delay_s: float, delay: DelayEstimate | None) -> None:
-    if delay is None:
-        console.print(f"Delay {_ms(delay_s)}, as given.")
-        return
-    first, last = _ms(delay.candidates_s[0]), _ms(delay.candidates_s[-1])
-    low, high = delay.criterion_pct.min(), delay.criterion_pct.max()
-    curve_pct = _narrowed(delay.criterion_pct)
-    best = int(curve_pct.argmin())
-    console.print(
-        f"Delay {_ms(delay_s)} ± {_ms(delay.uncertainty_s)}, from the smallest rms error of the "
-        f"predicted {'position' if delay.of_position else 'voltage'}:\n"
-    )
-    margin = " " * (len(first) + 3)
-    console.print(f"  {first} {_curve(curve_pct)} {last}")
-    console.print(f"{margin}{' ' * best}▲ {low:.3g} %, the worst is {high:.3g} %\n")
-    if delay_s < 0.0:
-        console.print(
-            "It is negative: the position leads the recorded voltage, for example because each "
-            "sample was taken after the time that the record gives it.\n"
-        )
-
-
-def _ms(time_s: float) -> str:
-    return f"{1e3 * time_s:.3g} ms"
-
-
-def _narrowed(values: FloatArray) -> FloatArray:
-    """Return the smallest values of neighbours, so that they fit on a line of 80 columns."""
-    parts = np.array_split(values, min(values.size, _CURVE_COLUMNS))
-    return np.array([part.min() for part in parts])
-
-
-def _curve(values: FloatArray) -> str:
-    """Return values as a row of bars; the height is the distance from the smallest value."""
-    above = (values - values.min()) / max(float(values.max() - values.min()), 1e-300)
-    return "".join(_BARS[round(share * (len(_BARS) - 1))] for share in above)
 
 
 def _print_choice(console: Console, choice: Choice) -> None:
@@ -176,6 +135,11 @@ def _reason(choice: Choice) -> str:
         text += (
             "; a surface was not tried, because the record does not have loops of all sizes and "
             "heights, or is too short, or an option or the identifier of the axis excludes it"
+        )
+    elif taken.fit.settings.method is Method.SURFACE and taken.fit.model.mode is None:
+        text += (
+            "; it has no first mode, because the record shows none that makes its errors on "
+            f"held-out blocks smaller by {100.0 * (1.0 - CLEAR_GAIN):.0f} % or more"
         )
     return f"{text}."
 
@@ -244,7 +208,7 @@ def _uncertainty(fitted: FileFit) -> str:
     """Return the uncertainty of the model, in words."""
     uncertain, parts = fitted.uncertainty, []
     if uncertain.delay_s is not None:
-        parts.append(f"delay ± {_ms(uncertain.delay_s)}")
+        parts.append(f"delay ± {in_ms(uncertain.delay_s)}")
     if uncertain.creep_per_decade is not None:
         creep = fitted.taken.fit.model.creep.per_decade
         parts.append(f"creep {100 * creep:.2f} ± {100 * uncertain.creep_per_decade:.2f} % a decade")

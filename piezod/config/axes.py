@@ -16,9 +16,10 @@ from pydantic import (
 from piezod.config.channels import Input, InputConfig, Output, OutputConfig
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, context_of, raise_rules
 from piezod.config.files import ExistingFile
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import FILE_DELAY_S, ModelFile, load_model
 from piezod.config.quantities import DriveV, PositionUm
-from piezod.config.response_file import Damping, FrequencyHz, LoadedResponse
+from piezod.config.response_file import LoadedResponse
 from piezod.config.trim import TrimConfig
 from piezod.errors import ConfigError
 
@@ -65,13 +66,6 @@ class LimitsConfig(ConfigModel):
             what = f"out of range (got {self.rest_v:g} V), allowed range {low:g} to {high:g} V"
             raise_rules([(("rest_v",), what)])
         return self
-
-
-class FirstModeConfig(ConfigModel):
-    """The first mechanical mode of an axis, from its data sheet or a measurement."""
-
-    frequency_hz: FrequencyHz = Field(description="Undamped frequency, Hz.")
-    damping: Damping = Field(description="Damping ratio.")
 
 
 STOPS_DELAY_S: Final = Quantity(0, FILE_DELAY_S.high, "s")

@@ -11,6 +11,7 @@ import yaml
 from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, raise_rules
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.quantities import DriveV, PercentOfRange, PositionUm
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
@@ -85,6 +86,10 @@ class ModelFile(ConfigModel):
     )
     creep_weights: CreepWeights = Field(
         default=(), description="Contribution of each lag, as a fraction of the displacement."
+    )
+    first_mode: FirstModeConfig | None = Field(
+        default=None,
+        description="First mode that the data show; the loop uses that of the axis.",
     )
     right_stop_thresholds: Thresholds = Field(
         default=(), description="Increasing, between 0 and 1; version 1."

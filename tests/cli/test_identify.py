@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from piezod.cli.identify_view import _narrowed
+from piezod.cli.identify_dynamics import narrowed
 from piezod.config.model_file import load_model
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, write_record
@@ -328,8 +328,8 @@ def test_measured_stage(piezod: Command, shared_data: Path) -> None:
 def test_curve_of_a_long_search_fits_on_a_line() -> None:
     """Neighbouring delays share a bar, which has the smallest of their errors."""
     errors_pct = np.abs(np.arange(201.0) - 130.0)
-    narrowed = _narrowed(errors_pct)
+    curve_pct = narrowed(errors_pct)
 
-    assert narrowed.size == 61
-    assert narrowed.min() == 0.0
-    assert _narrowed(errors_pct[:40]).tolist() == errors_pct[:40].tolist()
+    assert curve_pct.size == 61
+    assert curve_pct.min() == 0.0
+    assert narrowed(errors_pct[:40]).tolist() == errors_pct[:40].tolist()

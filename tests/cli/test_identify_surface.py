@@ -1,14 +1,17 @@
 """`piezod identify --method surface`."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from piezod.config.model_file import load_model
 from piezod.control.law.model_files import read_model
+from piezod.experiment.fit.record import Record
 from piezod.hysteresis import SurfaceForm
 from tests.cli.conftest import Command
+from tests.experiment.fit.made_up_ringing import ringing_record
 from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import write_record
 
@@ -107,3 +110,27 @@ def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay:
 
     assert code == 2
     assert f"'--delay-s': must be auto, or a time from -0.1 to 1 s (got {delay})" in err
+
+
+@pytest.mark.parametrize(
+    ("record", "text"),
+    [
+        (ringing_record(duration_s=2.0), r"Taken: surface(?!.* it has no first mode)"),
+        (
+            surface_record(noise=0.0005, duration_s=20.0),
+            r"it has no first mode, because the record shows none that makes its errors on "
+            r"held-out blocks smaller by 10 % or more\.",
+        ),
+    ],
+    ids=["ringing", "slow"],
+)
+def test_choice_tells_whether_the_model_has_the_first_mode(
+    piezod: Command, folder: Path, record: Record, text: str
+) -> None:
+    """A record that rings shows it; a slow one does not, and the text says so."""
+    write_record(folder / "data.csv", record)
+
+    out = " ".join(piezod("identify", "data.csv", "--no-creep", "--delay-s", 0.00135).out.split())
+
+    assert re.search(text, out)
+    assert ("First mode at 180 ±" in out) == ("has no first mode" not in out)

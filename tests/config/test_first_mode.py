@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from piezod.config.axes import FirstModeConfig
 from piezod.config.experiment import ExperimentConfig
+from piezod.config.first_mode import FirstModeConfig
 
 ProblemsOf = Callable[..., list[str]]
 LIMITS = "    command_range_um: [0, 26]"

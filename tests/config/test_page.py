@@ -8,9 +8,10 @@ from typing import Any, Final, get_args
 import pytest
 from pydantic import BaseModel
 
-from piezod.config.axes import CompensatorConfig, FirstModeConfig, LimitsConfig
+from piezod.config.axes import CompensatorConfig, LimitsConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import Metric
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.modes import Mode
 from piezod.config.response_file import ResponseFile
 from piezod.config.trim import TrimConfig

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from piezod.config.axes import FirstModeConfig
 from piezod.config.experiment import ExperimentConfig
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.response_file import (
     GainConfig,
     ResonanceConfig,

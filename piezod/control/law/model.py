@@ -6,6 +6,7 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.control.law.creep import NO_CREEP, CreepLaw
+from piezod.control.law.first_mode import FirstMode
 from piezod.errors import DataError
 from piezod.hysteresis import AffineRange, ModelForm, StopForm
 from piezod.hysteresis.memory import FloatArray
@@ -25,6 +26,7 @@ class StageModel:
         position_um: Range of the displacement without creep that is [0, 1], in µm.
         delay_s: Delay of the displacement behind the voltage, in s.
         creep: Creep, which adds to the displacement of the hysteresis.
+        mode: First mode, if the data showed one; the loop uses that of its configuration.
     """
 
     form: ModelForm
@@ -33,6 +35,7 @@ class StageModel:
     position_um: AffineRange
     delay_s: float
     creep: CreepLaw = NO_CREEP
+    mode: FirstMode | None = None
 
     def zeroed_at(self, rest_v: float) -> "StageModel":
         """Return the model with the displacement at rest as zero.

@@ -6,6 +6,7 @@ import numpy as np
 
 from piezod.config.model_file import ModelFile, load_model
 from piezod.control.law.creep import CreepLaw
+from piezod.control.law.first_mode import FirstMode
 from piezod.control.law.model import StageModel
 from piezod.errors import ConfigError, ModelError, Problem
 from piezod.hysteresis import AffineRange, ModelForm, StopForm, SurfaceForm, new_bank
@@ -34,6 +35,7 @@ def from_model_file(file: ModelFile) -> StageModel:
         position_um=AffineRange.checked(file.position_low_um, file.position_high_um),
         delay_s=file.delay_s,
         creep=CreepLaw(np.array(file.creep_time_constants_s), np.array(file.creep_weights)),
+        mode=FirstMode(**file.first_mode.model_dump()) if file.first_mode else None,
     )
 
 

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from piezod.config.axes import FirstModeConfig
+from piezod.config.first_mode import FirstModeConfig
 
 FULL_PACE_PERIOD_S: Final = 1e-3
 """The constants of identifiers and compensator are for samples of this period. More frequent

@@ -52,6 +52,7 @@ def _errors(fit: Fit, record: Record, validation: CrossValidation) -> dict[str, 
 
 def parameters_of(model: StageModel) -> dict[str, FloatArray]:
     """Return all parameters of a model, by name."""
+    mode = model.mode._asdict() if model.mode is not None else {}
     return {
         **_hysteresis_parameters(model.form, model.weights),
         "drive_range_v": np.array(model.drive_v),
@@ -59,6 +60,7 @@ def parameters_of(model: StageModel) -> dict[str, FloatArray]:
         "delay_s": np.array(model.delay_s),
         "creep_time_constants_s": model.creep.time_constants_s,
         "creep_weights": model.creep.weights,
+        **{f"first_mode_{name}": np.array(value) for name, value in mode.items()},
         "smallest_slope": np.array(model.form.smallest_slope(model.weights)),
     }
 

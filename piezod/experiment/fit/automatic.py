@@ -25,12 +25,8 @@ import numpy as np
 from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.creep import TIME_CONSTANTS_S
 from piezod.errors import DataError
-from piezod.experiment.fit.cross_validation import (
-    BLOCKS,
-    CrossValidation,
-    cross_validate,
-    standard_error,
-)
+from piezod.experiment.fit.blocks import BLOCKS, standard_error
+from piezod.experiment.fit.cross_validation import CrossValidation, cross_validate
 from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.excitation import has_all_loops
 from piezod.experiment.fit.fit import Fit, fit_model
@@ -48,7 +44,7 @@ so on two records, and were worse on the tests."""
 LARGEST_LOSS = 1.02
 """Largest rms error of the chosen model, as a multiple of that of the best one."""
 _SLOW_PARAMETERS = 3  # creep, offset, stretch
-_OFFSET = 1  # of a surface
+_OFFSET, _MODE = 1, 2  # of a surface; a mode has a frequency and a damping
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
 
@@ -90,7 +86,8 @@ class Candidate:
         """Number of fitted parameters."""
         settings = self.fit.settings
         if settings.method is Method.SURFACE:
-            return settings.n_weights + _OFFSET + TIME_CONSTANTS_S.size * settings.creep
+            slow = TIME_CONSTANTS_S.size * settings.creep
+            return settings.n_weights + _OFFSET + slow + _MODE * (self.fit.shows_mode is not None)
         return settings.n_weights + _SLOW_PARAMETERS * settings.creep
 
 

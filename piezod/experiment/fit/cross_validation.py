@@ -1,7 +1,6 @@
 """Cross-validation: prediction errors on blocks of the record, each held out once.
 
-Blocks are contiguous, because neighbouring samples are similar. Memory and creep run through the
-whole record; only the fit leaves the block out.
+Memory and creep run through the whole record; only the fit leaves the block out.
 """
 
 from dataclasses import dataclass
@@ -9,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from piezod.control.law.model import StageModel
+from piezod.experiment.fit.blocks import BLOCKS, blocks_of, standard_error
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.residuals import Residuals
-from piezod.hysteresis.memory import FloatArray
-
-BLOCKS = 5
 
 
 @dataclass(frozen=True)
@@ -79,11 +76,6 @@ class CrossValidation:
         )
 
 
-def standard_error(values: FloatArray) -> float:
-    """Return the standard error of the mean of values, shape (n,)."""
-    return float(np.std(values, ddof=1)) / float(np.sqrt(values.size))
-
-
 def cross_validate(fit: Fit, blocks: int = BLOCKS) -> CrossValidation:
     """Return the errors of a fit on blocks of its record, each held out once.
 
@@ -92,18 +84,16 @@ def cross_validate(fit: Fit, blocks: int = BLOCKS) -> CrossValidation:
         blocks: Number of blocks.
     """
     record = fit.record
-    counted = np.flatnonzero(record.counted(fit.model.delay_s))
+    counted = record.counted(fit.model.delay_s)
     held_out = []
-    for places in np.array_split(np.arange(counted.size), blocks):
-        rows = np.zeros(record.t_s.size, dtype=np.bool_)
-        rows[counted[places]] = True
-        model = fit.without(rows)
+    for rows in blocks_of(counted, blocks):
+        model, times_s = fit.without(rows), record.t_s[rows]
         held_out.append(
             Block(
-                start_s=float(record.t_s[counted[places[0]]]),
-                end_s=float(record.t_s[counted[places[-1]]]),
+                start_s=float(times_s[0]),
+                end_s=float(times_s[-1]),
                 model=model,
-                residuals=fit.residuals(record, model).at(slice(places[0], places[-1] + 1)),
+                residuals=fit.residuals(record, model).at(rows[counted]),
             )
         )
     return CrossValidation(tuple(held_out))

@@ -64,20 +64,27 @@ def missing_excitation(record: Record) -> tuple[str, ...]:
 
 
 def has_all_loops(record: Record) -> bool:
-    """Return whether a record has swings of all sizes, at all heights.
+    """Return whether drive or displacement have swings of all sizes, at all heights.
 
-    A model without operators, such as a surface, is determined by the loops of its record only.
+    A model without operators, such as a surface, is determined by the loops of its record only. A
+    vibration may hide the loops of the displacement; those of the drive are the same.
 
     Args:
         record: Drive and displacement; the displacement without noise.
     """
     counted = record.counted()
-    position_um = record.position_um[counted]
-    range_um = float(np.ptp(position_um))
-    if not range_um:
+    t_s = record.t_s[counted]
+    return any(
+        _has_all_swings(t_s, values[counted]) for values in (record.position_um, record.drive_v)
+    )
+
+
+def _has_all_swings(t_s: FloatArray, values: FloatArray) -> bool:
+    size = float(np.ptp(values))
+    if not size:
         return False
-    swings = swings_of(record.t_s[counted], (position_um - position_um.min()) / range_um)
-    return not any((*_missing_sizes(swings, range_um), *_missing_heights(swings, range_um)))
+    swings = swings_of(t_s, (values - values.min()) / size)
+    return not any((*_missing_sizes(swings, size), *_missing_heights(swings, size)))
 
 
 def swings_of(t_s: FloatArray, positions: FloatArray) -> Swings:

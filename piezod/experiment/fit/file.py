@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from piezod.config.first_mode import FirstModeConfig
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Choice, Progress, Wanted, choose
 from piezod.experiment.fit.breakdown import Breakdown, breakdown_of
@@ -21,6 +22,7 @@ from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
 from piezod.experiment.fit.warnings import (
     fit_warnings,
+    mode_warnings,
     quality_warnings,
     residual_warnings,
     saturation_warnings,
@@ -55,6 +57,8 @@ class FileFit:
         choice: Candidates among which the model was chosen, None if it was given.
         untold: Excitation that the record lacks, a sentence each.
         warnings: Warnings for the user of the model, a sentence each.
+        configured_mode: First mode in the configuration of the axis; None if there is none, or if
+            the file does not tell.
     """
 
     data: Path
@@ -69,6 +73,17 @@ class FileFit:
     choice: Choice | None
     untold: tuple[str, ...]
     warnings: tuple[str, ...]
+    configured_mode: FirstModeConfig | None = None
+
+    def beside(self, configured_mode: FirstModeConfig | None) -> "FileFit":
+        """Return the fit beside the configuration of its axis, with a warning if they differ.
+
+        Args:
+            configured_mode: First mode in the configuration; None if it has none.
+        """
+        mode, half = self.taken.fit.model.mode, self.uncertainty.mode
+        warnings = mode_warnings(mode, half, configured_mode) if mode and half else ()
+        return replace(self, configured_mode=configured_mode, warnings=(*self.warnings, *warnings))
 
 
 def identify_file(

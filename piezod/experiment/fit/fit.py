@@ -10,13 +10,14 @@ from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, has_one_frequency
 from piezod.experiment.fit.least_squares import SlowParameters, search_slow_parameters
 from piezod.experiment.fit.method import Method, Spacing
+from piezod.experiment.fit.mode_search import ShownMode
 from piezod.experiment.fit.prediction import predicted_um, predicted_v
 from piezod.experiment.fit.problem import LinearProblem, Problem
 from piezod.experiment.fit.record import Record, Rows
 from piezod.experiment.fit.residuals import Residuals
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.stop_problem import StopProblem
-from piezod.experiment.fit.surface_problem import SurfaceProblem
+from piezod.experiment.fit.surface_search import search_surface
 from piezod.hysteresis import AffineRange
 from piezod.hysteresis.memory import FloatArray
 
@@ -32,6 +33,7 @@ class Fit:
         smallest_slope: Smallest slope of the model; it is monotone if positive.
         problem: The problem that was solved.
         linearised: The problem, linear around the solution; None for LMS.
+        shows_mode: How clearly the record shows the first mode; None if the model has none.
     """
 
     model: StageModel
@@ -40,6 +42,7 @@ class Fit:
     smallest_slope: float
     problem: Problem = field(repr=False)
     linearised: LinearProblem | None = field(repr=False)
+    shows_mode: ShownMode | None = None
 
     @property
     def record(self) -> Record:
@@ -139,24 +142,18 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
 
 
 def _fit_surface(record: Record, settings: FitSettings) -> Fit:
-    problem = SurfaceProblem(settings.as_fitted(record), settings)
-    start_s = settings.delay_s
+    estimate, start_s, smoothed = None, settings.delay_s, settings.as_fitted(record)
     if start_s is None:
-        stops = StopProblem(problem.record, replace(settings, spacing=Spacing.GRADED))
+        stops = StopProblem(smoothed, replace(settings, spacing=Spacing.GRADED))
         estimate, start_s = stops.delay(stops.bank(), SlowParameters())
     one_frequency = has_one_frequency(record.drive_v)
-    linearised = problem.solve(
-        start_s,
-        search_delay=settings.delay_s is None and not one_frequency,
-        search_rate=not one_frequency,
-    )
-    model = problem.model(linearised.parameters)
-    if settings.delay_s is not None:
-        estimate = None
-    elif not one_frequency:
+    found = search_surface(record, settings, start_s, one_frequency=one_frequency)
+    problem, linearised = found.problem, found.linearised
+    if estimate is not None and not one_frequency:
         estimate = problem.delay(linearised)
+    model = problem.model(linearised.parameters)
     slope = model.form.smallest_slope(model.weights)
-    return Fit(model, settings, estimate, slope, problem, linearised)
+    return Fit(model, found.settings, estimate, slope, problem, linearised, found.shows_mode)
 
 
 def _check(record: Record, settings: FitSettings) -> None:

@@ -45,6 +45,8 @@ def to_model_file(
         "creep_time_constants_s": tuple(model.creep.time_constants_s.tolist()),
         "creep_weights": tuple(model.creep.weights.tolist()),
     }
+    if model.mode is not None:
+        common["first_mode"] = model.mode._asdict()
     try:
         common["source"] = SourceConfig(file=source.name, sha256=_sha256(source))
         common["fit"] = FitConfig(**errors_pct)

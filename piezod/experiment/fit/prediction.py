@@ -1,5 +1,7 @@
 """Predictions of a model: the voltage from recorded displacements, and the reverse."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from piezod.control.law.creep import CreepLaw
@@ -10,11 +12,16 @@ from piezod.hysteresis.memory import FloatArray
 
 
 def quick_positions(model: StageModel, record: Record) -> FloatArray:
-    """Return recorded displacements without creep, normalised to [0, 1], shape (n,).
+    """Return recorded displacements without creep and first mode, normalised, shape (n,).
 
-    If the stage had not rested before, its past is taken to be like the record on average.
+    If the stage had not rested before, its past is taken to be like the record on average. The
+    motion of the mode is the one that follows from the recorded voltage: its inverse, the second
+    derivative of the displacement, would be mostly noise.
     """
-    x = model.position_um.to_unit(record.position_um)
+    ringing_um: FloatArray | float = 0.0
+    if model.mode is not None:
+        ringing_um = predicted_um(model, record) - predicted_um(replace(model, mode=None), record)
+    x = model.position_um.to_unit(record.position_um - ringing_um)
     return without_creep(x, model.creep, record.period_s, from_rest=record.from_rest)
 
 
@@ -40,8 +47,11 @@ def predicted_um(model: StageModel, record: Record) -> FloatArray:
             follows from the first position. Voltages outside the range of the model count as its
             ends.
     """
-    drives = model.drive_v.to_unit(record.drive_delayed_by(model.delay_s))
-    y = model.form.positions_at(model.weights, np.clip(drives, 0.0, 1.0))
+    # With a mode, the delay is part of its motion, because a held drive jumps between two samples.
+    delay_s = model.delay_s if model.mode is None else 0.0
+    drives = model.drive_v.to_unit(record.drive_delayed_by(delay_s))
+    form = model.form.sampled(record.period_s)
+    y = form.positions_at(model.weights, np.clip(drives, 0.0, 1.0))
     if model.creep.weights.size:
         # As in `without_creep`: the creep before the record is that of the recorded position.
         x = model.position_um.to_unit(record.position_um)
@@ -49,6 +59,8 @@ def predicted_um(model: StageModel, record: Record) -> FloatArray:
         quick = before / (1.0 + float(np.sum(model.creep.weights)))
         lags = np.full(model.creep.weights.size, quick)
         y = add_creep(model.creep.at(record.period_s), y, lags, quick)
+    if model.mode is not None:
+        y = model.mode.shown(y, model.delay_s, record.period_s)
     return model.position_um.from_unit(y)
 
 

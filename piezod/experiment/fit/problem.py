@@ -22,6 +22,10 @@ class LinearProblem(Protocol):
         """Mask of the rows that count, shape (n,)."""
 
     @property
+    def parameters(self) -> FloatArray:
+        """Solution, shape (p,)."""
+
+    @property
     def misses(self) -> FloatArray:
         """Predicted minus recorded value in units of its range, shape (n,)."""
 
@@ -56,7 +60,7 @@ class Problem(ABC):
         counted = record.counted()
         self.record, self._settings = record, settings
         self.drive_v = _range_of(record.drive_v[counted])
-        self._position_um = _range_of(record.position_um[counted])
+        self.position_um = _range_of(record.position_um[counted])
 
     @abstractmethod
     def without(

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from piezod.experiment.fit.record import Rows
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -39,8 +40,8 @@ class Residuals(NamedTuple):
         voltage_pct, position_pct = self.offsets_pct
         return Residuals(self.voltage_pct - voltage_pct, self.position_pct - position_pct)
 
-    def at(self, places: slice) -> "Residuals":
-        """Return the residuals of some samples."""
+    def at(self, places: Rows) -> "Residuals":
+        """Return the residuals of some samples; mask of shape (k,)."""
         return Residuals(self.voltage_pct[places], self.position_pct[places])
 
     @classmethod

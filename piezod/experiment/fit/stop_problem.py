@@ -49,7 +49,7 @@ class StopProblem(Problem):
         """Return the normalised record, with each displacement beside its voltage."""
         record = self.record
         return Series(
-            positions=self._position_um.to_unit(record.position_um),
+            positions=self.position_um.to_unit(record.position_um),
             drives=self.drive_v.to_unit(record.drive_delayed_by(delay_s)),
             period_s=record.period_s,
             from_rest=record.from_rest,
@@ -102,8 +102,8 @@ class StopProblem(Problem):
     ) -> StageModel:
         """Return the model of normalised parameters, in V and µm."""
         # [0, 1] is then the range of y, the displacement without creep.
-        width_um = self._position_um.width / (1.0 + slow_parameters.stretch)
-        low_um = self._position_um.low + slow_parameters.offset * width_um
+        width_um = self.position_um.width / (1.0 + slow_parameters.stretch)
+        low_um = self.position_um.low + slow_parameters.offset * width_um
         return StageModel(
             StopForm(bank),
             weights,

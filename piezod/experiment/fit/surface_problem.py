@@ -7,18 +7,19 @@ import numpy as np
 from piezod.control.law.creep import NO_CREEP, TIME_CONSTANTS_S, CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.mode_search import ModeGuess, guess_mode
 from piezod.experiment.fit.problem import LinearProblem, Problem
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.surface import (
+from piezod.experiment.fit.surface import LinearisedSurface, fit_surface
+from piezod.experiment.fit.surface_parameters import (
     ACTIVATION,
     CREEP,
     DELAY,
     OFFSET,
     PROMPT,
-    LinearisedSurface,
-    SurfaceRecord,
-    fit_surface,
+    mode_of,
 )
+from piezod.experiment.fit.surface_point import Point, SurfaceRecord
 from piezod.hysteresis import AffineRange, SurfaceForm
 from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.memory import FloatArray
@@ -34,46 +35,73 @@ and by this share of the range."""
 class SurfaceProblem(Problem):
     """A record with its ranges, and the parts of the fit of a surface."""
 
-    def solve(self, delay_s: float, *, search_delay: bool, search_rate: bool) -> LinearisedSurface:
+    def solve(
+        self,
+        delay_s: float,
+        *,
+        search_delay: bool,
+        search_rate: bool,
+        mode: ModeGuess | None = None,
+    ) -> LinearisedSurface:
         """Return the best surface, with its creep if `creep` is set.
 
         Args:
             delay_s: Delay, or the start of its search, in s.
             search_delay: Whether the delay is searched.
             search_rate: Whether a lag with the rate is searched, which one frequency cannot show.
+            mode: First mode at which its search begins; None if none is searched.
         """
+        record = self._normalised(delay_s)
+        fits = [
+            fit_surface(
+                record,
+                creep=self._settings.creep,
+                delay_s=None if search_delay else delay_s,
+                start_delay_s=delay_s,
+                rate=rate,
+                mode=mode,
+            )
+            for rate in ((False, True) if search_rate else (False,))
+        ]
+        plain_rms, *rms = (Point.at(record, fit.parameters).rms for fit in fits)
+        found = fits[bool(rms) and rms[0] < min(SMALLER * plain_rms, plain_rms - LEAST_GAIN)]
+        # The first samples that count depend on the delay that was found.
+        found_s = float(found.parameters[DELAY]) * self.record.period_s
+        return replace(found, counted=self.record.counted(found_s))
+
+    def guessed_mode(self, plain: LinearisedSurface, position_um: FloatArray) -> ModeGuess | None:
+        """Return the mode that the record may show, None if there is none.
+
+        Args:
+            plain: A fit without a mode.
+            position_um: (n,) displacement as recorded: smoothing would remove a vibration.
+        """
+        delay_s = float(plain.parameters[DELAY]) * self.record.period_s
+        normalised, at_once = self._normalised(delay_s), plain.parameters.copy()
+        at_once[DELAY] = 0.0
+        held = Point.at(normalised, at_once).predicted
+        recorded = self.position_um.to_unit(position_um)
+        return guess_mode(held, recorded, plain.counted, self.record.period_s, delay_s)
+
+    def _normalised(self, delay_s: float) -> SurfaceRecord:
+        """Return the record of a search that begins at a delay in s."""
         record = self.record
-        positions = self._position_um.to_unit(record.position_um)
-        normalised = SurfaceRecord(
+        positions = self.position_um.to_unit(record.position_um)
+        return SurfaceRecord(
             drives_at=lambda at_s: self.drive_v.to_unit(record.drive_delayed_by(at_s)),
             positions=positions,
             period_s=record.period_s,
             before=float(positions[0] if record.from_rest else np.mean(positions)),
             counted=record.counted(delay_s),
         )
-        fits = [
-            fit_surface(
-                normalised,
-                creep=self._settings.creep,
-                delay_s=None if search_delay else delay_s,
-                start_delay_s=delay_s,
-                rate=rate,
-            )
-            for rate in ((False, True) if search_rate else (False,))
-        ]
-        plain_rms, *rms = (float(np.std(fit.misses[fit.counted])) for fit in fits)
-        found = fits[bool(rms) and rms[0] < min(SMALLER * plain_rms, plain_rms - LEAST_GAIN)]
-        # The first samples that count depend on the delay that was found.
-        found_s = float(found.parameters[DELAY]) * record.period_s
-        return replace(found, counted=record.counted(found_s))
 
     def model(self, parameters: FloatArray) -> StageModel:
-        """Return the model of fitted parameters, shape (36,), in V and µm."""
+        """Return the model of fitted parameters, shape (38,), in V and µm."""
         coefficients, weights = parameters[:SIZE], parameters[CREEP:OFFSET]
         # [0, 1] becomes the range of the displacement without creep at the drives [0, 1].
         top, _, _ = surface(coefficients, 1.0, 0.0)
-        width_um = self._position_um.width
-        low_um = self._position_um.low + float(parameters[OFFSET]) * width_um
+        width_um = self.position_um.width
+        low_um = self.position_um.low + float(parameters[OFFSET]) * width_um
         return StageModel(
             SurfaceForm(float(parameters[ACTIVATION]), float(parameters[PROMPT]) / top),
             coefficients / top,
@@ -81,6 +109,7 @@ class SurfaceProblem(Problem):
             AffineRange.checked(low_um, low_um + top * width_um),
             float(parameters[DELAY]) * self.record.period_s,
             CreepLaw(TIME_CONSTANTS_S, weights.copy()) if weights.any() else NO_CREEP,
+            mode_of(parameters, self.record.period_s),
         )
 
     def without(

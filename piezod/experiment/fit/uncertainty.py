@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from piezod.control.law.first_mode import FirstMode
 from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.problem import LinearProblem
+from piezod.experiment.fit.surface_parameters import MODE
 from piezod.hysteresis.memory import FloatArray
 
 SIGMAS_95 = 1.96
@@ -30,6 +32,7 @@ class Uncertainty:
             % of its range.
         spread_pct: (k,) standard deviation of that voltage over the models of the blocks.
         block_creep_per_decade: Creep in the models of the blocks.
+        mode: Half widths of the frequency and the damping of the first mode; None without one.
     """
 
     delay_s: float | None
@@ -38,6 +41,7 @@ class Uncertainty:
     band_pct: FloatArray | None
     spread_pct: FloatArray
     block_creep_per_decade: tuple[float, ...]
+    mode: FirstMode | None = None
 
 
 def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
@@ -49,7 +53,7 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
     """
     models = [block.model for block in validation.blocks]
     predicted_pct = np.stack([fit.residuals_pct(fit.record, model) for model in models])
-    samples, creep, band_pct = None, None, None
+    samples, creep, band_pct, mode = None, None, None, None
     if fit.linearised:
         samples, covariance = covariance_of(fit.linearised)
         rows = fit.linearised.regressors[fit.linearised.counted]
@@ -58,6 +62,8 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
         changes = fit.linearised.drive_changes[fit.linearised.counted]
         band_pct = 100.0 * SIGMAS_95 * changes * np.sqrt(np.maximum(variance, 0.0))
         creep = _creep_error(fit.linearised, covariance)
+        if fit.model.mode is not None:
+            mode = _mode_error(covariance, fit.record.period_s)
     return Uncertainty(
         delay_s=fit.delay.uncertainty_s if fit.delay else None,
         independent_samples=samples,
@@ -65,6 +71,7 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
         band_pct=band_pct,
         spread_pct=np.std(predicted_pct, axis=0, ddof=1),
         block_creep_per_decade=tuple(model.creep.per_decade for model in models),
+        mode=mode,
     )
 
 
@@ -96,3 +103,9 @@ def _creep_error(linearised: LinearProblem, covariance: FloatArray) -> float | N
     if gradient is None:
         return None
     return SIGMAS_95 * float(np.sqrt(gradient @ covariance @ gradient))
+
+
+def _mode_error(covariance: FloatArray, period_s: float) -> FirstMode:
+    """Return the half widths of the frequency and the damping of a mode."""
+    frequency, damping = SIGMAS_95 * np.sqrt(np.diag(covariance)[[*MODE]])
+    return FirstMode(float(frequency) / period_s, float(damping))

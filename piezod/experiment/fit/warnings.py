@@ -1,9 +1,12 @@
 """Warnings for the user of a model, each with a remedy."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from piezod.config.first_mode import FirstModeConfig
+from piezod.control.law.first_mode import FirstMode
 from piezod.errors import DataError
 from piezod.experiment.fit.breakdown import Breakdown
 from piezod.experiment.fit.delay import DelayEstimate
@@ -30,6 +33,8 @@ DRIFT_PCT = 1.0
 """Drift of the return points below which there is no warning, in % of the position's range."""
 DRIFT_SHARE = 0.5
 """It is a considerable part of the error from this share of the worst error on."""
+FREQUENCY_SHARE, DAMPING_SHARE = 0.01, 0.1
+"""Differences of a mode from the configured one that make no difference, as shares of it."""
 RATE_SHARE = 0.25
 """The rate of the drive is a considerable cause from this share of the residual's power on."""
 
@@ -43,12 +48,50 @@ def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
     """
     if fit.delay is not None:
         yield from _delay_warnings(fit.delay, period_s)
-    if fit.settings.method is Method.SURFACE and not has_all_loops(fit.record):
+    record = fit.record
+    if fit.model.mode is not None:  # its vibration has swings of all sizes
+        record = replace(record, position_um=record.drive_v)
+    if fit.settings.method is Method.SURFACE and not has_all_loops(record):
         yield (
             "The record does not have loops of all sizes and heights. A surface is determined by "
             "the loops of its record only, and may be far off on others. Use --method auto or "
             "least-squares, or record the drive that is recommended."
         )
+
+
+def mode_warnings(
+    mode: FirstMode, half: FirstMode, configured: FirstModeConfig | None
+) -> Iterator[str]:
+    """Yield the warning about a first mode that is not that of the configuration.
+
+    Args:
+        mode: The mode that the record shows.
+        half: Half widths of its frequency and damping.
+        configured: The mode in the configuration of the axis; None if it has none.
+    """
+    found = f"The record shows the first mode at {mode_text(mode, half)}"
+    if configured is None:
+        yield f"{found}, and the configuration has none: give it as `first_mode` of the axis."
+        return
+    far_hz = max(half.frequency_hz, FREQUENCY_SHARE * configured.frequency_hz)
+    far = max(half.damping, DAMPING_SHARE * configured.damping)
+    if (
+        abs(mode.frequency_hz - configured.frequency_hz) > far_hz
+        or abs(mode.damping - configured.damping) > far
+    ):
+        yield (
+            f"{found}; `first_mode` of the configuration, which the loop uses, has "
+            f"{configured.frequency_hz:.4g} Hz and {configured.damping:.3g}. Correct it, if the "
+            "record was made with the load of the stage."
+        )
+
+
+def mode_text(mode: FirstMode, half: FirstMode) -> str:
+    """Return frequency and damping of a mode with their half widths, for people."""
+    return (
+        f"{mode.frequency_hz:.5g} ± {half.frequency_hz:.2g} Hz with a damping ratio of "
+        f"{mode.damping:.3g} ± {half.damping:.2g}"
+    )
 
 
 def quality_warnings(judged: Judgement, record: Record, test: Record | None) -> Iterator[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from piezod.client import StageClient
 from piezod.config.experiment_fields import IdentificationConfig
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.states import State
 from piezod.errors import DataError
@@ -30,6 +31,7 @@ class LiveRecord(NamedTuple):
         run_in_s: Its first part, which does not count, in s.
         warnings: Warnings, a sentence each.
         takes_surface: Whether the identifier of the axis learns a surface, so that it accepts one.
+        first_mode: First mode in the configuration of the axis; None if it has none.
     """
 
     axis: str
@@ -37,6 +39,7 @@ class LiveRecord(NamedTuple):
     run_in_s: float
     warnings: tuple[str, ...]
     takes_surface: bool = True
+    first_mode: FirstModeConfig | None = None
 
 
 def record_live(
@@ -86,7 +89,7 @@ def record_live(
         faults = ", ".join(sorted(stage.faults))
         warnings = (*warnings, f"Faults were present: {faults}. See `piezod faults`.")
     takes_surface = live.config.compensator.identifier == "rls"
-    return LiveRecord(name, file, drive.run_in_s, warnings, takes_surface)
+    return LiveRecord(name, file, drive.run_in_s, warnings, takes_surface, live.config.first_mode)
 
 
 def adopt_live(client: StageClient, axis: str, model: ModelFile) -> None:

@@ -23,7 +23,8 @@ from piezod.experiment.fit.judgement import judge
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.warnings import fit_warnings, quality_warnings
+from piezod.experiment.fit.uncertainty import uncertainty_of
+from piezod.experiment.fit.warnings import fit_warnings, mode_warnings, quality_warnings
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, VirtualStage
 from piezod.hysteresis.memory import FloatArray
@@ -132,7 +133,9 @@ def _from_record(
         )
         model = fit.model.zeroed_at(axis.limits.rest_v)
         judged = judge(fit, record, None)
-        doubts = tuple(quality_warnings(judged, record, None))
+        doubts = [*quality_warnings(judged, record, None)]
+        if fit.model.mode and (half := uncertainty_of(fit, judged.validation).mode):
+            doubts += mode_warnings(fit.model.mode, half, axis.first_mode)
     title = "recorded run of the identification"
     account = account_of(fit, record, judged.validation, axis=name, title=title)
     creeping = Creeping(model, record.period_s)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from piezod.config.axes import FirstModeConfig
+from piezod.config.first_mode import FirstModeConfig
 from piezod.control.law.pace import FOLLOWED_SHARE, RLS_SHARE, learning_pace
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from piezod.config import requests as rq
-from piezod.config.axes import FirstModeConfig
 from piezod.config.daemon import DaemonConfig
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine

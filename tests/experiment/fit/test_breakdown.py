@@ -104,7 +104,7 @@ def test_drift_that_makes_the_error_has_a_warning() -> None:
 
     assert warnings[0] == ()
     (warning,) = warnings[1]
-    assert warning.startswith("The return points drift by 7")
+    assert warning.startswith("The return points drift by 4.6 %")
     assert "longer run-in" in warning
     assert warning.endswith("with --skip-s, and fit creep.")
 

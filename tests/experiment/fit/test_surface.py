@@ -11,7 +11,8 @@ from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.surface import CREEP, OFFSET, LinearisedSurface
+from piezod.experiment.fit.surface import LinearisedSurface
+from piezod.experiment.fit.surface_parameters import CREEP, OFFSET
 from piezod.experiment.fit.uncertainty import SIGMAS_95, covariance_of, uncertainty_of
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.everett_bounds import least_surface_slope

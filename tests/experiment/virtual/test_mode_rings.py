@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from piezod.config.axes import FirstModeConfig
 from piezod.config.experiment import ExperimentConfig
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.waveforms import Sine
 from piezod.control.law import compensated
 from piezod.control.law.pace import learning_pace

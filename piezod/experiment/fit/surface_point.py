@@ -1,0 +1,122 @@
+"""A point of the search for a surface: the parts of the displacement at given parameters."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self, TypeAlias
+
+import numpy as np
+
+from piezod.experiment.fit.creep_regressors import decays, lags_of
+from piezod.experiment.fit.record import Rows
+from piezod.experiment.fit.surface_parameters import (
+    ACTIVATION,
+    CREEP,
+    DELAY,
+    OFFSET,
+    PROMPT,
+    mode_of,
+)
+from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.surface_form import surface_regressors
+
+DrivesAt: TypeAlias = Callable[[float], FloatArray]
+"""Returns the normalised drives of a record, delayed by a time in s, shape (n,)."""
+
+
+@dataclass(frozen=True)
+class SurfaceRecord:
+    """A normalised record.
+
+    Attributes:
+        drives_at: The drives, delayed.
+        positions: (n,) displacement, in units of its range.
+        period_s: Sample period, in s.
+        before: Displacement before the record, in the same unit.
+        counted: (n,) mask of the samples that count; the others only advance the memory.
+    """
+
+    drives_at: DrivesAt
+    positions: FloatArray
+    period_s: float
+    before: float
+    counted: Rows
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the search.
+
+    With a first mode the drives are not delayed: the delay is part of the motion of the mode,
+    because a held drive jumps between two samples.
+
+    Attributes:
+        record: The record.
+        parameters: (38,) parameters.
+        quick: (n, 25) regressors of the coefficients and of the prompt slope, without creep.
+        lags: (n, K) lags of the creep.
+        started: (n,) creep that a start of all lags from one adds.
+        start: Start of all lags.
+        crept: (n,) displacement with creep, without the mode and the offset.
+        predicted: (n,) displacement.
+    """
+
+    record: SurfaceRecord
+    parameters: FloatArray
+    quick: FloatArray
+    lags: FloatArray
+    started: FloatArray
+    start: float
+    crept: FloatArray
+    predicted: FloatArray
+
+    @classmethod
+    def at(cls, record: SurfaceRecord, parameters: FloatArray) -> Self:
+        """Return the point of these parameters, shape (38,)."""
+        period_s, weights = record.period_s, parameters[CREEP:OFFSET]
+        rings = mode_of(parameters, period_s) is not None
+        drives = record.drives_at(0.0 if rings else float(parameters[DELAY]) * period_s)
+        quick = surface_regressors(drives, float(parameters[ACTIVATION]), period_s)
+        y = quick @ parameters[: PROMPT + 1]
+        start = (record.before - float(parameters[OFFSET])) / (1.0 + float(np.sum(weights)))
+        decay = decays(drives.size, period_s)
+        lags = lags_of(y, period_s) + start * decay
+        crept = y + lags @ weights
+        predicted = shown(crept, parameters, period_s) + parameters[OFFSET]
+        return cls(record, parameters, quick, lags, decay @ weights, start, crept, predicted)
+
+    @property
+    def rms(self) -> float:
+        """Rms error, in units of the range."""
+        misses = (self.predicted - self.record.positions)[self.record.counted]
+        return float(np.sqrt(np.mean(misses**2)))
+
+    def shown(self, values: FloatArray) -> FloatArray:
+        """Return what the sensor shows of values, shape (n,) or (n, p), at this point."""
+        return shown(values, self.parameters, self.record.period_s)
+
+    def gradient(self, place: int, step: float) -> FloatArray:
+        """Return the change of the displacement with one parameter, by a difference, shape (n,).
+
+        Args:
+            place: The parameter: the delay or one of the mode, if the point has a mode.
+            step: Step of the difference.
+        """
+        moved = self.parameters.copy()
+        moved[place] += step
+        there = shown(self.crept, moved, self.record.period_s)
+        here = shown(self.crept, self.parameters, self.record.period_s)
+        return (there - here) / step
+
+
+def shown(values: FloatArray, parameters: FloatArray, period_s: float) -> FloatArray:
+    """Return the motion of the first mode for values; without a mode the values themselves.
+
+    Args:
+        values: (n,) or (n, p) values, evenly in time.
+        parameters: (38,) parameters.
+        period_s: Sample period, in s.
+    """
+    mode = mode_of(parameters, period_s)
+    if mode is None:
+        return values
+    return mode.shown(values, float(parameters[DELAY]) * period_s, period_s)

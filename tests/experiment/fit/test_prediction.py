@@ -1,0 +1,28 @@
+"""Tests of predictions: the position from the voltage, and the voltage from the position."""
+
+import numpy as np
+import pytest
+
+from piezod.control.law.model import StageModel
+from piezod.experiment.fit.prediction import predicted_um, predicted_v
+from piezod.experiment.fit.record import Record
+from piezod.hysteresis import AffineRange, SurfaceForm
+from piezod.hysteresis.memory import FloatArray
+from tests.experiment.fit.made_up_surface import all_loops, made_up_surface
+
+PERIOD_S = 0.01
+
+
+def test_lag_with_the_rate_has_the_period_of_the_record() -> None:
+    """A hysteresis that lags with the rate is predicted at the rate of the record, both ways."""
+    form = SurfaceForm(activation=0.01, prompt_slope=0.3)
+    model = StageModel(
+        form, made_up_surface(), AffineRange(0.0, 150.0), AffineRange(0.0, 30.0), delay_s=0.0
+    )
+    t_s: FloatArray = np.arange(2000, dtype=np.float64) * PERIOD_S
+    drives: FloatArray = np.clip(all_loops(t_s), 0.0, 1.0)
+    position_um = 30.0 * form.sampled(PERIOD_S).positions_at(model.weights, drives)
+    record = Record(t_s, 150.0 * drives, position_um)
+
+    assert predicted_um(model, record) == pytest.approx(position_um, abs=1e-9)
+    assert predicted_v(model, record) == pytest.approx(record.drive_v, abs=1e-6)
