@@ -14,8 +14,22 @@ from docs.figures.drawings import (
     tracking_figure,
     variants_figure,
 )
-from docs.figures.errors import STOPS, ErrorsOfModes, short_table, variants_table, worst_of_cases
-from docs.figures.runs import errors_of_variants, holds, of_the_paper, on_another_specimen, run
+from docs.figures.errors import (
+    STOPS,
+    ErrorsOfModes,
+    fast_table,
+    short_table,
+    variants_table,
+    worst_of_cases,
+)
+from docs.figures.runs import (
+    errors_of_variants,
+    fast_motion,
+    holds,
+    of_the_paper,
+    on_another_specimen,
+    run,
+)
 from docs.figures.stages import stages_figure
 from piezod.config.modes import Mode
 from piezod.records.figures import mode_figure, overview_figure, save_png
@@ -23,6 +37,7 @@ from tests.experiment.beyond import experiment_of
 
 DOCS: Final = Path(__file__).parents[1]
 PAGE, README, IMAGES = DOCS / "modes.md", DOCS.parent / "README.md", DOCS / "images"
+BEGIN_FAST: Final = "<!-- fast motion, made by `make figures`, begin -->\n"
 BEGIN, END = "<!-- made by `make figures`, begin -->\n", "<!-- end -->\n"
 SHOWN_CASE: Final = "case 2"
 
@@ -41,6 +56,7 @@ def main() -> None:
     save_png(IMAGES / "modes-tracking.png", tracking_figure(shown))
     save_png(IMAGES / "modes-stages.png", variants_figure(errors))
     write_table(PAGE, variants_table(errors))
+    write_table(PAGE, fast_table(*fast_motion()), BEGIN_FAST)
     write_table(README, short_table(worst_of_cases(stack)))
     save_png(IMAGES / "modes-holding.png", holding_figure(holds()))
     save_png(IMAGES / "modes-exchanged.png", specimen_figure(on_another_specimen()))
@@ -56,14 +72,14 @@ def draw_paper() -> None:
             save_png(IMAGES / f"{recording.mode}.png", mode_figure(recording))
 
 
-def write_table(page: Path, table: str) -> None:
+def write_table(page: Path, table: str, begin: str = BEGIN) -> None:
     """Put a table between its marks in a page."""
     text = page.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
+    before, _, rest = text.partition(begin)
     _, end, after = rest.partition(END)
     if not end:
         raise SystemExit(f"{page} lacks the marks of the table")
-    page.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+    page.write_text(f"{before}{begin}\n{table}\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

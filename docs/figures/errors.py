@@ -27,6 +27,8 @@ ErrorsOfModes = Mapping[str, Mapping[str, float]]
 """Mode → metric → error in % of the range."""
 Errors = Mapping[str, ErrorsOfModes]
 """Stage → its errors."""
+ErrorsByCase = Mapping[str, Mapping[str, str]]
+"""Case → mode → its errors, as a text."""
 
 
 def worst_of_cases(recordings: Iterable[Recording]) -> ErrorsOfModes:
@@ -58,6 +60,22 @@ def short_table(modes: ErrorsOfModes) -> str:
         [mode, *(f"{values[name]:.2f}" for name in SHORT_COLUMNS)] for mode, values in modes.items()
     ]
     return _table(["mode"], SHORT_COLUMNS.values(), rows)
+
+
+def true_errors_by_case(recordings: Iterable[Recording]) -> ErrorsByCase:
+    """Return worst and rms true error of each case and mode, as texts."""
+    errors: dict[str, dict[str, str]] = {}
+    for each in recordings:
+        worst, rms = (each.metrics[f"true_tracking_{name}_pct"] for name in ("max", "rms"))
+        errors.setdefault(each.case, {})[each.mode] = f"{worst:.2f} / {rms:.2f}"
+    return errors
+
+
+def fast_table(without: ErrorsByCase, known: ErrorsByCase) -> str:
+    """Return the errors without and with a response as a table, one row for each case."""
+    rows = [[case, *without[case].values(), *modes.values()] for case, modes in known.items()]
+    modes = list(next(iter(known.values())))
+    return _table(["sine"], [*modes, *(f"{mode}, response" for mode in modes)], rows)
 
 
 def _table(texts: list[str], numbers: Iterable[str], rows: Iterable[list[str]]) -> str:

@@ -7,7 +7,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Final
 
-from docs.figures.errors import ErrorsOfModes, worst_of_cases
+from docs.figures.errors import (
+    ErrorsByCase,
+    ErrorsOfModes,
+    true_errors_by_case,
+    worst_of_cases,
+)
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
@@ -22,7 +27,7 @@ from piezod.plant.variants import VARIANTS
 from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference
 from piezod.units import NS_PER_S
-from tests.experiment.beyond import experiment_of, with_stops
+from tests.experiment.beyond import experiment_of, with_stops, without_response
 
 EXPERIMENTS: Final = Path(__file__).parents[2] / "config" / "experiments"
 COMPENSATED: Final = (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
@@ -65,6 +70,18 @@ def of_the_paper() -> tuple[ExperimentResult, Reference | None]:
 def run(config: ExperimentConfig) -> ExperimentResult:
     """Run an experiment."""
     return run_experiment(config, "", config.title, lambda _label, _share: None)
+
+
+def fast_motion() -> tuple[ErrorsByCase, ErrorsByCase]:
+    """Run the experiment on fast motion without the response of its stage, and with it."""
+    known = load_experiment(EXPERIMENTS / "dynamics.yaml", registry)
+    with ProcessPoolExecutor() as pool:
+        without, with_it = pool.map(_true_errors_of, (without_response(known), known))
+    return without, with_it
+
+
+def _true_errors_of(config: ExperimentConfig) -> ErrorsByCase:
+    return true_errors_by_case(run(config).recordings)
 
 
 def holds() -> Mapping[str, Recording]:

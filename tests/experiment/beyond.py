@@ -68,3 +68,11 @@ def with_stops(config: ExperimentConfig, thresholds: str = "graded") -> Experime
     stops = axis.compensator.model_copy(update={"thresholds": thresholds, "deadband_pct": 0.05})
     axes = {"x": axis.model_copy(update={"compensator": stops})}
     return config.model_copy(update={"identification": identification, "axes": axes})
+
+
+def without_response(config: ExperimentConfig) -> ExperimentConfig:
+    """Return an experiment whose stage has no known response, only its first mode."""
+    axis = config.axes["x"]
+    trim = axis.trim.model_copy(update={"proportional": 0.0})
+    plain = axis.model_copy(update={"response": None, "trim": trim})
+    return config.model_copy(update={"axes": {"x": plain}})

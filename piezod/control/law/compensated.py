@@ -112,10 +112,8 @@ def compensated_axis(
     """
     period_ns, period_s = start.period_ns, start.period_ns / NS_PER_S
     dynamics = known_dynamics(config, period_s)
-    # More accurate than the delay of an identification, which is a property of slow motion.
-    delay_s = model.delay_s if dynamics is None else dynamics.delay_s
-    model = replace(model, delay_s=delay_s, form=model.form.sampled(period_s))
-    delay_ns = s_to_ns(delay_s)
+    model = _in_loop(model, dynamics, period_s)
+    delay_ns = s_to_ns(model.delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
@@ -168,6 +166,13 @@ def _identifier(
         LearningGate(period_ns, latency_ns=s_to_ns(config.compensator.sensor_delay_s)),
         creep,
     )
+
+
+def _in_loop(model: StageModel, dynamics: StageDynamics | None, period_s: float) -> StageModel:
+    """Return a model for a loop with this period, in s."""
+    # The delay of a response is more accurate: that of an identification is of slow motion only.
+    delay_s = model.delay_s if dynamics is None else dynamics.delay_s
+    return replace(model, form=model.form.sampled(period_s), delay_s=delay_s)
 
 
 def _shaper(config: AxisConfig, dynamics: StageDynamics | None, period_s: float) -> ReferenceShaper:

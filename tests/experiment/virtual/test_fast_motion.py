@@ -1,0 +1,70 @@
+"""Tests of the experiment on fast motion: what the response of the stage brings."""
+
+from functools import cache
+
+import pytest
+
+from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.modes import Mode
+from piezod.devices import registry
+from piezod.experiment.virtual.run import run_experiment
+from piezod.records.recording import Recording
+from tests.conftest import Figure
+from tests.experiment.beyond import EXPERIMENTS, without_response
+
+LARGEST_PCT = {"1 Hz": 0.5, "10 Hz": 0.5, "50 Hz": 0.5, "100 Hz": 0.6, "200 Hz": 1.0}
+"""Largest worst true error of any mode with the response, in % of the range."""
+
+
+def config_of(*cases: str) -> ExperimentConfig:
+    """Return the experiment with these cases only."""
+    config = load_experiment(EXPERIMENTS / "dynamics.yaml", registry)
+    chosen = tuple(case for case in config.cases if case.name in cases)
+    return config.model_copy(update={"cases": chosen})
+
+
+def recordings_of(config: ExperimentConfig) -> tuple[Recording, ...]:
+    """Run an experiment."""
+    return run_experiment(config, "", config.title, lambda _label, _share: None).recordings
+
+
+@cache
+def known(*cases: str) -> tuple[Recording, ...]:
+    """Return the recordings of the experiment as it is."""
+    return recordings_of(config_of(*cases))
+
+
+def worst_pct(recording: Recording) -> float:
+    """Return the worst true error, in % of the range."""
+    return recording.metrics["true_tracking_max_pct"]
+
+
+def test_sine_of_50_hz_is_followed_within_half_a_percent(figure: Figure) -> None:
+    """This holds in each mode."""
+    errors = {each.mode: worst_pct(each) for each in known("50 Hz")}
+    figure(f"50 Hz, worst error: {errors}")
+
+    assert set(errors) == {Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED}
+    assert max(errors.values()) <= LARGEST_PCT["50 Hz"]
+
+
+@pytest.mark.stress
+def test_response_halves_the_error_of_fast_motion() -> None:
+    """From 50 Hz on; at 1 and 10 Hz the error has other reasons."""
+    cases = "50 Hz", "100 Hz", "200 Hz"
+    plain = without_response(config_of(*cases)).model_copy(update={"modes": (Mode.FEEDFORWARD,)})
+    without = {each.case: worst_pct(each) for each in recordings_of(plain)}
+    with_it = {each.case: worst_pct(each) for each in known(*cases) if each.mode == plain.modes[0]}
+
+    assert all(with_it[case] < 0.5 * without[case] for case in cases)
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("case", LARGEST_PCT)
+def test_sines_are_followed_up_to_200_hz(case: str, figure: Figure) -> None:
+    """The errors are those of the page about the modes."""
+    for each in known(*LARGEST_PCT):
+        if each.case == case:
+            rms_pct = each.metrics["true_tracking_rms_pct"]
+            figure(f"{case}, {each.mode}: worst {worst_pct(each):.2f} %, rms {rms_pct:.2f} %")
+            assert worst_pct(each) <= LARGEST_PCT[case]
