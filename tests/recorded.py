@@ -19,9 +19,10 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.daemon import accepted_config
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.arrays import record_dtype
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.encoder import encode_axis, encode_cycle
-from piezod.telemetry.layout import body_format, enumerations, record_dtype
+from piezod.telemetry.layout import body_format, enumerations
 from piezod.telemetry.record import CycleHeader, CycleRecord
 from tests.control.rig_stage import RigStage, shipped_config
 

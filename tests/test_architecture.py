@@ -14,7 +14,7 @@ OUTSIDE_WORLD = {
     "piezod/hysteresis": {"numpy", "scipy"},
     "piezod/plant": {"numpy"},
     "piezod/control": {"numpy"},
-    "piezod/devices": {"pydantic", "serial"},
+    "piezod/devices": {"numpy", "pydantic", "serial"},  # numpy: types of the tables of a player
     "piezod/testing": set(),
 }
 # Implementations of `Line` and `FrameBus`, which wait for bytes until a deadline; only they may.

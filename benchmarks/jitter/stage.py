@@ -19,7 +19,7 @@ from piezod.client.stage_client import StageClient
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import ClientError
-from piezod.telemetry.ring import RingReader
+from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
 

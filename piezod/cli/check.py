@@ -14,14 +14,14 @@ def check(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Configuration of a stage, experiment or model, YAML.",
+            help="Configuration of a stage, experiment, model or response, YAML.",
             readable=False,
             callback=existing_file,
         ),
     ],
     json: JsonOption = False,
 ) -> None:
-    """Validate the configuration of a stage, an experiment, or a model file.
+    """Validate the configuration of a stage, an experiment, a model or a response file.
 
     Prints the kind of the file, or every problem on stderr as `file:line:column: path: problem`,
     and then exits with 78. With --json the document on stdout lists the problems too.

@@ -5,8 +5,10 @@ import math
 import os
 import sys
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from rich.console import Console
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def print_json(document: Mapping[str, object]) -> None:
@@ -23,17 +25,19 @@ def print_json_line(document: Mapping[str, object]) -> None:
     sys.stdout.flush()
 
 
-def new_console() -> Console:
+def new_console() -> "Console":
     """Return a console for people, on stdout."""
     return _console(stderr=False)
 
 
-def error_console() -> Console:
+def error_console() -> "Console":
     """Return a console for people, on stderr."""
     return _console(stderr=True)
 
 
-def _console(*, stderr: bool) -> Console:
+def _console(*, stderr: bool) -> "Console":
+    from rich.console import Console
+
     # With NO_COLOR rich leaves out colours but not bold text; without a colour system it leaves out
     # both. Numbers are not coloured, and brackets and colons in paths not interpreted.
     return Console(

@@ -1,11 +1,11 @@
 """The client for programs under asyncio; `StageClient` is the one for all others."""
 
 import time
-from collections.abc import AsyncGenerator, AsyncIterable, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterable, AsyncIterator, Mapping, Sequence
 from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
@@ -15,27 +15,27 @@ from piezod.client.methods import AsyncCaller
 from piezod.client.places import check_socket, find_socket
 from piezod.client.reader import reader
 from piezod.client.reports import StageReports
-from piezod.client.results import StreamEnd
-from piezod.client.telemetry import Telemetry, TelemetryReader
+from piezod.client.results import Document, StreamEnd
+from piezod.client.telemetry import LineSplitter, Telemetry, TelemetryReader
 from piezod.client.wire import (
-    BASE_URL,
-    NDJSON,
     SESSION,
     STREAM,
-    TELEMETRY,
-    TIMEOUT_S,
     WAITING_RATE_HZ,
     check,
-    headers,
-    no_tls,
+    http_request,
+    is_error,
+    pool_options,
     read_answer,
     read_document,
     recording_path,
+    request_of,
     setpoint_line,
-    telemetry_query,
-    timeout_s,
+    telemetry_path,
     whole_file,
 )
+
+if TYPE_CHECKING:
+    import httpcore
 
 ResultT = TypeVar("ResultT")
 
@@ -69,15 +69,10 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
-        import httpx  # slow; `import piezod.client` shall not wait for it
+        import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._http = httpx.AsyncClient(
-            transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),
-            base_url=BASE_URL,
-            headers=headers(self.name),
-            timeout=TIMEOUT_S,
-            trust_env=False,
-        )
+        self._pool = httpcore.AsyncConnectionPool(**pool_options(self.socket))
+        self._closed = False
 
     async def __aenter__(self) -> Self:
         # Slow; no command, least of all an emergency stop, shall wait for it later.
@@ -95,14 +90,19 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
 
     async def close(self) -> None:
         """Close the connection; the stage continues."""
-        await self._http.aclose()
+        self._closed = True
+        await self._pool.aclose()
+
+    @property
+    def _http(self) -> "httpcore.AsyncConnectionPool":
+        if self._closed:
+            raise RuntimeError("this client is closed: make another one")
+        return self._pool
 
     async def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
-            response = await self._http.request(
-                call.method, call.path, json=call.body, timeout=timeout_s(call)
-            )
+            response = await self._http.request(**request_of(call, self.name))
         return read_answer(call, response)
 
     async def goto_and_wait(
@@ -151,13 +151,10 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             NotRunningError: If the daemon ends.
             ClientError: As in every method.
         """
-        reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
-        with translated(self.socket):
-            async with self._http.stream("GET", TELEMETRY, params=query) as response:
-                if response.is_error:
-                    await response.aread()
-                check(response)
-                async for line in response.aiter_lines():
+        reader, lines = TelemetryReader(), LineSplitter()
+        async with self._streamed("GET", telemetry_path(rate_hz, axes)) as response:
+            async for block in response.aiter_stream():
+                for line in lines.feed(block):
                     if interval := reader.feed(line):
                         yield interval
         raise ended(self.socket)
@@ -173,12 +170,8 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             RefusedError: If another client has the lease, or another process has a session.
             ClientError: As in every method.
         """
-        with translated(self.socket):
-            async with self._http.stream("POST", SESSION, json={}) as response:
-                if response.is_error:
-                    await response.aread()
-                check(response)
-                yield
+        async with self._streamed("POST", SESSION, body={}):
+            yield
 
     async def stream(self, setpoints_um: AsyncIterable[Mapping[str, float]]) -> StreamEnd:
         """Let the stage follow setpoints; each takes effect when it is sent.
@@ -190,7 +183,8 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         """
         lines = (setpoint_line(each) async for each in setpoints_um)
         with translated(self.socket):
-            response = await self._http.post(STREAM, content=lines, headers=NDJSON)
+            request = http_request("POST", STREAM, self.name, lines=lines)
+            response = await self._http.request(**request)
         return reader(StreamEnd)(read_document(response))
 
     async def fetch_recording(self, name: str, file: Path) -> int:
@@ -204,12 +198,21 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             OSError: If the file cannot be written.
             ClientError: As in every method.
         """
+        async with self._streamed("GET", recording_path(name)) as response:
+            with whole_file(file) as opened:
+                async for block in response.aiter_stream():
+                    opened.write(block)
+                return opened.tell()
+
+    @asynccontextmanager
+    async def _streamed(
+        self, method: str, path: str, body: Document | None = None
+    ) -> AsyncIterator["httpcore.Response"]:
+        """Send a request; give its answer, to be read piece by piece, unless it is an error."""
+        request = http_request(method, path, self.name, body=body)
         with translated(self.socket):
-            async with self._http.stream("GET", recording_path(name)) as response:
-                if response.is_error:
+            async with self._http.stream(**request) as response:
+                if is_error(response):
                     await response.aread()
                 check(response)
-                with whole_file(file) as opened:
-                    async for block in response.aiter_bytes():
-                        opened.write(block)
-                    return opened.tell()
+                yield response

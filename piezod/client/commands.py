@@ -1,5 +1,6 @@
 """The requests to the loop, as methods of both clients."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from piezod.client.calls import Call, Waveforms, command
@@ -131,6 +132,29 @@ class StageCommands:
             duration_s: Duration of the waveforms, in s.
         """
         return command("identify", drive_v=drive_v, duration_s=duration_s)
+
+    @ClientMethod
+    def play(
+        self,
+        drive_v: Sequence[float],
+        *,
+        interval_s: float,
+        cycles: int,
+        axis: str | None = None,
+    ) -> Call[Answer]:
+        """Let the device play a table of voltages by its own clock; `played` returns the record.
+
+        READY follows when it has ended.
+
+        Args:
+            drive_v: Voltages of one period, in V; at most 16,000.
+            interval_s: Time between two of them, in s.
+            cycles: Number of periods.
+            axis: Name of the axis; None for the only axis.
+        """
+        return command(
+            "play", drive_v=tuple(drive_v), interval_s=interval_s, cycles=cycles, axis=axis
+        )
 
     @ClientMethod
     def adopt(

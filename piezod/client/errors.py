@@ -40,14 +40,14 @@ def translated(socket: Path) -> Iterator[None]:
         NotRunningError: If the daemon has ended.
         ClientError: If it does not answer in time.
     """
-    import httpx
+    import httpcore
 
     try:
         yield
-    except httpx.TimeoutException as error:
+    except httpcore.TimeoutException as error:
         what = f"{socket}: the daemon does not answer in time"
         raise ClientError(what, "try again, and look at the log of the daemon") from error
-    except httpx.TransportError as error:
+    except (httpcore.NetworkError, httpcore.ProtocolError) as error:
         raise ended(socket) from error
 
 

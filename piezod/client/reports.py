@@ -52,6 +52,11 @@ class StageReports:
         return Call(ENDPOINTS["config"], _unchanged)
 
     @ClientMethod
+    def played(self) -> Call[Document]:
+        """Return the record of the last play: the voltages as played, and the positions."""
+        return Call(ENDPOINTS["played"], _unchanged)
+
+    @ClientMethod
     def audit(self) -> Call[Document]:
         """Return who requested what, newest first."""
         return Call(ENDPOINTS["audit"], _unchanged)

@@ -1,11 +1,11 @@
 """The client for scripts and other programs; `AsyncStageClient` is the one for asyncio."""
 
 import time
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
@@ -15,27 +15,27 @@ from piezod.client.methods import SyncCaller
 from piezod.client.places import check_socket, find_socket
 from piezod.client.reader import reader
 from piezod.client.reports import StageReports
-from piezod.client.results import StreamEnd
-from piezod.client.telemetry import Telemetry, TelemetryReader
+from piezod.client.results import Document, StreamEnd
+from piezod.client.telemetry import LineSplitter, Telemetry, TelemetryReader
 from piezod.client.wire import (
-    BASE_URL,
-    NDJSON,
     SESSION,
     STREAM,
-    TELEMETRY,
-    TIMEOUT_S,
     WAITING_RATE_HZ,
     check,
-    headers,
-    no_tls,
+    http_request,
+    is_error,
+    pool_options,
     read_answer,
     read_document,
     recording_path,
+    request_of,
     setpoint_line,
-    telemetry_query,
-    timeout_s,
+    telemetry_path,
     whole_file,
 )
+
+if TYPE_CHECKING:
+    import httpcore
 
 ResultT = TypeVar("ResultT")
 
@@ -70,15 +70,10 @@ class StageClient(StageCommands, StageReports, SyncCaller):
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
-        import httpx  # slow; `import piezod.client` shall not wait for it
+        import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._http = httpx.Client(
-            transport=httpx.HTTPTransport(uds=str(self.socket), verify=no_tls()),
-            base_url=BASE_URL,
-            headers=headers(self.name),
-            timeout=TIMEOUT_S,
-            trust_env=False,
-        )
+        self._pool = httpcore.ConnectionPool(**pool_options(self.socket))
+        self._closed = False
 
     def __enter__(self) -> Self:
         # Slow; no command, least of all an emergency stop, shall wait for it later.
@@ -96,14 +91,19 @@ class StageClient(StageCommands, StageReports, SyncCaller):
 
     def close(self) -> None:
         """Close the connection; the stage continues."""
-        self._http.close()
+        self._closed = True
+        self._pool.close()
+
+    @property
+    def _http(self) -> "httpcore.ConnectionPool":
+        if self._closed:
+            raise RuntimeError("this client is closed: make another one")
+        return self._pool
 
     def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
-            response = self._http.request(
-                call.method, call.path, json=call.body, timeout=timeout_s(call)
-            )
+            response = self._http.request(**request_of(call, self.name))
         return read_answer(call, response)
 
     def goto_and_wait(
@@ -152,17 +152,12 @@ class StageClient(StageCommands, StageReports, SyncCaller):
             NotRunningError: If the daemon ends.
             ClientError: As in every method.
         """
-        reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
-        with (
-            translated(self.socket),
-            self._http.stream("GET", TELEMETRY, params=query) as response,
-        ):
-            if response.is_error:
-                response.read()
-            check(response)
-            for line in response.iter_lines():
-                if interval := reader.feed(line):
-                    yield interval
+        reader, lines = TelemetryReader(), LineSplitter()
+        with self._streamed("GET", telemetry_path(rate_hz, axes)) as response:
+            for block in response.iter_stream():
+                for line in lines.feed(block):
+                    if interval := reader.feed(line):
+                        yield interval
         raise ended(self.socket)
 
     @contextmanager
@@ -176,10 +171,7 @@ class StageClient(StageCommands, StageReports, SyncCaller):
             RefusedError: If another client has the lease, or another process has a session.
             ClientError: As in every method.
         """
-        with translated(self.socket), self._http.stream("POST", SESSION, json={}) as response:
-            if response.is_error:
-                response.read()
-            check(response)
+        with self._streamed("POST", SESSION, body={}):
             yield
 
     def stream(self, setpoints_um: Iterable[Mapping[str, float]]) -> StreamEnd:
@@ -192,7 +184,7 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         """
         lines = map(setpoint_line, setpoints_um)
         with translated(self.socket):
-            response = self._http.post(STREAM, content=lines, headers=NDJSON)
+            response = self._http.request(**http_request("POST", STREAM, self.name, lines=lines))
         return reader(StreamEnd)(read_document(response))
 
     def fetch_recording(self, name: str, file: Path) -> int:
@@ -207,13 +199,21 @@ class StageClient(StageCommands, StageReports, SyncCaller):
             ClientError: As in every method.
         """
         with (
-            translated(self.socket),
-            self._http.stream("GET", recording_path(name)) as response,
+            self._streamed("GET", recording_path(name)) as response,
+            whole_file(file) as opened,
         ):
-            if response.is_error:
+            for block in response.iter_stream():
+                opened.write(block)
+            return opened.tell()
+
+    @contextmanager
+    def _streamed(
+        self, method: str, path: str, body: Document | None = None
+    ) -> Iterator["httpcore.Response"]:
+        """Send a request; give its answer, to be read piece by piece, unless it is an error."""
+        request = http_request(method, path, self.name, body=body)
+        with translated(self.socket), self._http.stream(**request) as response:
+            if is_error(response):
                 response.read()
             check(response)
-            with whole_file(file) as opened:
-                for block in response.iter_bytes():
-                    opened.write(block)
-                return opened.tell()
+            yield response

@@ -77,6 +77,18 @@ class Telemetry(Result):
 _read = reader(Telemetry)
 
 
+class LineSplitter:
+    """Makes lines from the blocks of bytes of a stream."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, block: bytes) -> list[str]:
+        """Take the next block; return the lines that it completes, without their ends."""
+        *lines, self._rest = (self._rest + block).split(b"\n")
+        return [line.rstrip(b"\r").decode(errors="replace") for line in lines]
+
+
 class TelemetryReader:
     """Makes telemetry from the lines of an event stream."""
 

@@ -1,12 +1,11 @@
 """HTTP details that both clients share: addresses, headers, bodies and answers."""
 
 import json
-import ssl
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
-from urllib.parse import quote
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypedDict, TypeVar
+from urllib.parse import quote, urlencode
 
 from piezod.client.calls import ANSWER_WITHIN_S, Call
 from piezod.client.errors import error_of, unexpected
@@ -15,42 +14,93 @@ from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import RefusedError
 
 if TYPE_CHECKING:
-    import httpx
+    import httpcore
 
-BASE_URL: Final = "http://piezod/v1/"
+_BASE_URL: Final = "http://piezod/v1/"
 """On a unix socket the host name has no meaning."""
 TIMEOUT_S: Final = (2.0, ANSWER_WITHIN_S, 10.0, 10.0)
 """To connect, read, write, and get a connection of the pool, in s."""
-TELEMETRY: Final = ENDPOINTS["telemetry"].path
+_TELEMETRY: Final = ENDPOINTS["telemetry"].path
 STREAM: Final = ENDPOINTS["stream"].path
 SESSION: Final = ENDPOINTS["session"].path
-NDJSON: Final = {"Content-Type": "application/x-ndjson"}
+_JSON: Final = "application/json"
+_NDJSON: Final = "application/x-ndjson"
 WAITING_RATE_HZ: Final = 20.0
 """Rate of telemetry while a method waits for a movement, in Hz."""
 
 ResultT = TypeVar("ResultT")
 
 
-def no_tls() -> ssl.SSLContext:
-    """Return an empty context, so that httpx loads no certificates: a unix socket needs none."""
-    return ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+class PoolOptions(TypedDict):
+    """Arguments of a pool of httpcore."""
+
+    uds: str
+    max_connections: int
+    keepalive_expiry: float
 
 
-def headers(name: str) -> dict[str, str]:
-    """Return the headers of every request of a client."""
-    return {"X-Piezod-Client": name}
+class HttpRequest(TypedDict):
+    """Arguments of `request` and `stream` of a pool of httpcore."""
+
+    method: str
+    url: str
+    headers: list[tuple[bytes | str, bytes | str]]
+    content: Any
+    extensions: dict[str, Any]
 
 
-def timeout_s(call: Call[Any]) -> tuple[float, float, float, float]:
-    """Return the time-outs of a call, in the order of `TIMEOUT_S`."""
+def pool_options(socket: Path) -> PoolOptions:
+    """Return the options of the connections of a client; a task of asyncio may need several."""
+    return {"uds": str(socket), "max_connections": 100, "keepalive_expiry": 5.0}
+
+
+def http_request(
+    method: str,
+    path: str,
+    client: str,
+    *,
+    body: Document | None = None,
+    lines: object = None,
+    timeout_s: tuple[float, float, float, float] = TIMEOUT_S,
+) -> HttpRequest:
+    """Return a request to a daemon.
+
+    Args:
+        method: HTTP method.
+        path: Path below `/v1/`, with the query.
+        client: Name of the client.
+        body: Document to send; None for none.
+        lines: Lines to send in place of a document, as an iterable of bytes.
+        timeout_s: Time-outs, in the order of `TIMEOUT_S`.
+    """
+    # As bytes: the daemon refuses characters that are not allowed, with the reason.
+    headers: list[tuple[bytes | str, bytes | str]] = [("X-Piezod-Client", client.encode())]
+    content: object = lines
+    if body is not None:
+        content = json.dumps(body, ensure_ascii=False, allow_nan=False).encode()
+    if content is not None:
+        headers.append(("Content-Type", _JSON if lines is None else _NDJSON))
+    timeouts = zip(("connect", "read", "write", "pool"), timeout_s, strict=True)
+    return {
+        "method": method,
+        "url": _BASE_URL + path,
+        "headers": headers,
+        "content": content,
+        "extensions": {"timeout": dict(timeouts)},
+    }
+
+
+def request_of(call: Call[Any], client: str) -> HttpRequest:
+    """Return the request of a call."""
     connect_s, _, write_s, pool_s = TIMEOUT_S
-    return connect_s, call.answer_within_s, write_s, pool_s
+    timeout_s = connect_s, call.answer_within_s, write_s, pool_s
+    return http_request(call.method, call.path, client, body=call.body, timeout_s=timeout_s)
 
 
-def telemetry_query(rate_hz: float, axes: Sequence[str]) -> dict[str, str]:
-    """Return the query of a telemetry stream."""
-    query = {"rate_hz": f"{rate_hz:g}"}
-    return {**query, "axes": ",".join(axes)} if axes else query
+def telemetry_path(rate_hz: float, axes: Sequence[str]) -> str:
+    """Return the path of a telemetry stream, with its query."""
+    query = {"rate_hz": f"{rate_hz:g}"} | ({"axes": ",".join(axes)} if axes else {})
+    return f"{_TELEMETRY}?{urlencode(query)}"
 
 
 def recording_path(name: str) -> str:
@@ -87,7 +137,7 @@ def whole_file(file: Path) -> Iterator[BinaryIO]:
         partial.unlink(missing_ok=True)
 
 
-def read_answer(call: Call[ResultT], response: "httpx.Response") -> ResultT:
+def read_answer(call: Call[ResultT], response: "httpcore.Response") -> ResultT:
     """Return the result of a complete answer.
 
     Raises:
@@ -96,16 +146,16 @@ def read_answer(call: Call[ResultT], response: "httpx.Response") -> ResultT:
     return call.read(read_document(response, call.also_fine))
 
 
-def read_document(response: "httpx.Response", also_fine: int = 200) -> Document:
+def read_document(response: "httpcore.Response", also_fine: int = 200) -> Document:
     """Return the JSON object of a complete answer.
 
     Raises:
         ClientError: If the answer is an error, or not an object.
     """
-    if response.status_code != also_fine:
+    if response.status != also_fine:
         check(response)
     try:
-        document = response.json()
+        document = json.loads(response.content)
     except ValueError as error:
         raise unexpected(response.content, str(error)) from error
     if not isinstance(document, dict):
@@ -113,11 +163,16 @@ def read_document(response: "httpx.Response", also_fine: int = 200) -> Document:
     return document
 
 
-def check(response: "httpx.Response") -> None:
+def check(response: "httpcore.Response") -> None:
     """Raise the error of a complete answer, if it is one.
 
     Raises:
         ClientError: If the HTTP status is an error.
     """
-    if response.is_error:
-        raise error_of(response.status_code, response.content)
+    if is_error(response):
+        raise error_of(response.status, response.content)
+
+
+def is_error(response: "httpcore.Response") -> bool:
+    """Return whether an answer, which need not be complete, is an error."""
+    return response.status >= 400

@@ -102,6 +102,7 @@ def _axis(
     if travel.um_per_v < 0 and config.sensor is not None:
         found["sensor"] = _reversed_sensor(config.sensor)
     found.pop("model", None)  # of another stage; `piezod identify --live` makes a new one
+    found.pop("response", None)  # likewise; `piezod response` makes a new one
     compensator = dict(found.get("compensator", {}))
     if findings.response is not None and findings.response.found:
         compensator["delay_s"] = round(findings.response.delay_s, 6)

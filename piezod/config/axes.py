@@ -4,13 +4,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from piezod.config.channels import Input, InputConfig, Output, OutputConfig
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, context_of, raise_rules
 from piezod.config.files import ExistingFile
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.quantities import DriveV, PositionUm
+from piezod.config.response_file import Damping, FrequencyHz, LoadedResponse
 from piezod.config.trim import TrimConfig
 from piezod.errors import ConfigError
 
@@ -62,10 +70,8 @@ class LimitsConfig(ConfigModel):
 class FirstModeConfig(ConfigModel):
     """The first mechanical mode of an axis, from its data sheet or a measurement."""
 
-    frequency_hz: Annotated[float, Quantity(1, 100_000, "Hz")] = Field(
-        description="Undamped frequency, Hz."
-    )
-    damping: Annotated[float, Quantity(0.001, 1)] = Field(description="Damping ratio.")
+    frequency_hz: FrequencyHz = Field(description="Undamped frequency, Hz.")
+    damping: Damping = Field(description="Damping ratio.")
 
 
 class CompensatorConfig(ConfigModel):
@@ -142,8 +148,13 @@ class AxisConfig(ConfigModel):
     command_range_um: tuple[PositionUm, PositionUm] | None = Field(
         default=None, description="Lowest and highest allowed command, µm."
     )
+    response: LoadedResponse | None = Field(
+        default=None, description="Response file: the linear dynamics; default: not known."
+    )
     first_mode: FirstModeConfig | None = Field(
-        default=None, description="First mechanical mode; default: not known."
+        default=None,
+        validate_default=True,
+        description="First mechanical mode; default: that of the response, if there is one.",
     )
     compensator: CompensatorConfig = Field(
         default=CompensatorConfig(), description="Inverse model."
@@ -160,6 +171,17 @@ class AxisConfig(ConfigModel):
             yield "sensor", self.sensor
         if self.command_input is not None:
             yield "command_input", self.command_input
+
+    @field_validator("first_mode")
+    @classmethod
+    def _first_mode_of_response(
+        cls, given: FirstModeConfig | None, info: ValidationInfo
+    ) -> FirstModeConfig | None:
+        response = info.data.get("response")  # absent if it is not valid
+        if given is not None or response is None or response.first_mode is None:
+            return given
+        mode = response.first_mode
+        return FirstModeConfig(frequency_hz=mode.frequency_hz, damping=mode.damping)
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:

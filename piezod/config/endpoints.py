@@ -132,6 +132,7 @@ _ROWS: Final = (
     ),
     _get("health", "Return whether the loop runs cycles, with HTTP status 503 if not."),
     _get("realtime", "Return the real-time settings that the loop requested and obtained."),
+    _get("played", "Return the record of the last play.", path="play"),
     _get("config", "Return the configuration in force."),
     Endpoint("audit", "GET", "audit", KEEP, "Return who requested what, newest first."),
     _get("openapi", "Return this description."),

@@ -20,12 +20,20 @@ MAX_VALUE: Final = 1e6
 Point: TypeAlias = tuple[float, float]
 
 
-def _existing_file(value: object, info: ValidationInfo) -> object:
+def existing_file(value: object, folder: Path) -> Path:
+    """Return the path of an existing file.
+
+    Args:
+        value: Its path; a text is relative to the folder.
+        folder: The folder.
+
+    Raises:
+        PydanticCustomError: If there is no such file.
+    """
     if isinstance(value, Path):
         return value
     if not isinstance(value, str):
         raise broken_rule(f"must be the path of a file (got {show(value)})")
-    folder = context_of(info).folder
     try:
         exists = (folder / value).is_file()
     except (OSError, ValueError):
@@ -35,7 +43,11 @@ def _existing_file(value: object, info: ValidationInfo) -> object:
     return folder / value
 
 
-ExistingFile: TypeAlias = Annotated[Path, BeforeValidator(_existing_file)]
+def _existing(value: object, info: ValidationInfo) -> Path:
+    return existing_file(value, context_of(info).folder)
+
+
+ExistingFile: TypeAlias = Annotated[Path, BeforeValidator(_existing)]
 
 
 def read_points(path: Path, column: str) -> tuple[Point, ...]:

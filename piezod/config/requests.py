@@ -29,12 +29,14 @@ from piezod.config.endpoints import (
 from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
-from piezod.config.quantities import DurationS, Name, PositionUm
+from piezod.config.quantities import DriveV, DurationS, Name, PositionUm
 
 # Files and clients write a mode as text; strict validation would require the enumeration's member.
 ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
 AxisName: TypeAlias = Name | None
+MAX_TABLE: Final = 16_000
+"""Most voltages of a table to play."""
 
 
 class Arm(ConfigModel):
@@ -190,6 +192,24 @@ class Identify(ConfigModel):
     duration_s: DurationS
 
 
+class Play(ConfigModel):
+    """Let the device of an axis play a table of voltages by its own clock, and record the sensor.
+
+    The axis ramps to the first voltage of the table, and to the rest voltage afterwards. Meanwhile
+    it follows no command, and the loop measures nothing. `GET /v1/play` returns the record.
+    """
+
+    kind: Literal["play"] = "play"
+    axis: AxisName = None
+    drive_v: tuple[DriveV, ...] = Field(
+        min_length=2, max_length=MAX_TABLE, description="Voltages of one period, V."
+    )
+    interval_s: Annotated[float, Quantity(1e-6, 1, "s")] = Field(
+        description="Time between two of them, s."
+    )
+    cycles: Annotated[int, Quantity(1, 100_000)] = Field(description="Number of periods.")
+
+
 class AdoptModel(ConfigModel):
     """Use another model from now on; only while disarmed."""
 
@@ -221,6 +241,7 @@ Request: TypeAlias = Annotated[
     | Condition
     | Zero
     | Identify
+    | Play
     | AdoptModel
     | Shutdown,
     Field(discriminator="kind"),
@@ -267,6 +288,7 @@ _ROWS: Final = (
     _row(Estop, EMERGENCY, Group.STOP, done="emergency stop; `piezod reset` ends it"),
     _row(Reset, MOVE, Group.STOP),
     _row(Identify, CHANGE_BY_POINTS),
+    _row(Play, CHANGE_BY_POINTS),
     _row(AdoptModel, CHANGE_BY_POINTS, path="model"),
     _row(Shutdown, END),
 )

@@ -17,6 +17,7 @@ from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
 from piezod.control.stage.parts import StageParts, WatchedAxis
+from piezod.control.stage.playing import PlayRunner
 from piezod.control.stage.stage import Stage
 from piezod.control.watch.absent_sensor import AbsentSensor
 from piezod.control.watch.adaptation import AdaptationWatch
@@ -51,9 +52,10 @@ def assemble(
     devices: StageDevices,
     capabilities: Capabilities,
     on_output_lost: Callable[[], None] | None = None,
+    plays: PlayRunner | None = None,
 ) -> StageController:
     """Return the controller of a stage; arguments and errors are those of `make_stage`."""
-    stage = make_stage(config, devices, capabilities, on_output_lost)
+    stage = make_stage(config, devices, capabilities, on_output_lost, plays)
     return StageController(stage, LoopWatch(stage.period_ns, strict=config.loop.strict_rt))
 
 
@@ -62,6 +64,7 @@ def make_stage(
     devices: StageDevices,
     capabilities: Capabilities,
     on_output_lost: Callable[[], None] | None = None,
+    plays: PlayRunner | None = None,
 ) -> Stage:
     """Build a stage; its devices are open and active.
 
@@ -71,6 +74,7 @@ def make_stage(
         capabilities: Capabilities of the devices together.
         on_output_lost: Called when the voltage in force can no longer be derived from the last
             write.
+        plays: Runs the plays of the devices; None if no device can play.
 
     Raises:
         ConfigError: If a model file cannot be used.
@@ -99,7 +103,7 @@ def make_stage(
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     return Stage(
-        StageParts(axes, boundary, period_ns, rebuild),
+        StageParts(axes, boundary, period_ns, rebuild, plays),
         register,
         memory_known=capabilities.opens_relaxed,
         on_output_lost=on_output_lost,

@@ -134,7 +134,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
     _watch_write(stage, admitted, written)
-    written |= stage.state not in DRIVEN  # without a write in this state nothing has failed
+    written |= stage.state not in DRIVEN or stage.play().runs  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
 
@@ -155,7 +155,7 @@ def _watch_axes(
         for axis, watch in zip(stage.axes, stage.watches, strict=True):
             axis.law.pause_learning()
             watch.amplifier.after_gap(timing.skipped)
-    if not stage.boundary.active:
+    if not stage.boundary.active or stage.boundary.lent:
         return samples
     flags, n_axes = stage.boundary.status(t_ns), len(samples)
     for i, sample in enumerate(samples):
@@ -210,7 +210,7 @@ def _watch_stage(
 ) -> None:
     """Add the faults of the stage as a whole."""
     boundary, driven = stage.boundary, stage.state in DRIVEN
-    if boundary.reads_back and not boundary.shadow:
+    if boundary.reads_back and not (boundary.shadow or boundary.lent):
         silent = stage.output.take_read_back(read_back_v, driven=driven)
         if silent is not None:
             detections.append(silent)
@@ -229,7 +229,7 @@ def _watch_stage(
 def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
     """Report this write to the watches of the amplifiers, which compare it in the next cycle."""
     boundary = stage.boundary
-    if stage.state not in DRIVEN or boundary.shadow or boundary.withheld:
+    if stage.state not in DRIVEN or boundary.shadow or not boundary.writes:
         return
     for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
         law = axis.law

@@ -17,6 +17,7 @@ from piezod.errors import ConfigError, Problem
 # The address of a unix socket has 108 bytes, the last of which is zero.
 LONGEST_SOCKET_PATH: Final = 107
 IDENTITIES: Final = "identities.json"
+PLAYED: Final = "play.json"
 
 
 class StagePaths(NamedTuple):
@@ -64,6 +65,11 @@ class StagePaths(NamedTuple):
     def identities(self) -> Path:
         """The identity of each device when the loop opened it, for `piezod safe`."""
         return self.runtime / IDENTITIES
+
+    @property
+    def played(self) -> Path:
+        """The record of the last play."""
+        return self.runtime / PLAYED
 
     @property
     def running(self) -> Path:

@@ -87,6 +87,10 @@ class Channels:
             outputs_at = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
             self._status_sources.append((device, measured + outputs_at))
 
+    def output(self, axis: str) -> CalibratedOutput:
+        """Return the calibrated output of an axis."""
+        return self._outputs[self._axes.index(axis)]
+
     def open(self) -> Identity:
         """Open every device; if one fails with any error, close all again."""
         try:

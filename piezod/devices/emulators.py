@@ -16,6 +16,7 @@ from piezod.devices.emulation.faults import WireFaults
 from piezod.devices.emulation.places import address, make_own_folder
 from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.devices.emulation.tcp_end import TcpEnd
+from piezod.devices.emulation.two_port_end import TwoPortEnd
 from piezod.devices.emulation.wire_host import WireHost
 from piezod.errors import RegistryError
 
@@ -138,5 +139,8 @@ class Emulation:
 
 def _far_end(plugin: EmulatorPlugin, where: str) -> FarEnd:
     if plugin.wire == "tcp":
-        return TcpEnd(*address(where))
+        host, port = address(where)
+        if plugin.stream_port:
+            return TwoPortEnd(host, port, plugin.stream_port)
+        return TcpEnd(host, port)
     return PtyEnd(Path(where) if where else make_own_folder() / f"{plugin.name}.tty")

@@ -8,6 +8,7 @@ from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
+from piezod.config.response_file import ResponseFile, load_response
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.assembly import check_stage
 from piezod.control.law.gains import check_gains
@@ -17,6 +18,11 @@ from piezod.errors import ConfigError, DataError, ModelError, Problem
 from piezod.experiment.warnings import rate_warnings
 
 _EXPERIMENT_KEYS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()
+_RESPONSE_KEYS: Final = (
+    ResponseFile.model_fields.keys()
+    - ModelFile.model_fields.keys()
+    - ExperimentConfig.model_fields.keys()
+)
 
 
 class FileKind(StrEnum):
@@ -25,6 +31,7 @@ class FileKind(StrEnum):
     EXPERIMENT = "experiment"
     STAGE = "stage"
     MODEL = "model"
+    RESPONSE = "response"
 
 
 class Checked(NamedTuple):
@@ -57,16 +64,16 @@ def check_file(path: Path) -> Checked:
 def _kind(path: Path) -> FileKind:
     keys = load_yaml(path).data.keys()
     experiment_keys = len(keys & ExperimentConfig.model_fields.keys())
-    model_keys = len(keys & ModelFile.model_fields.keys())
+    model_keys = len(keys & (ModelFile.model_fields.keys() | _RESPONSE_KEYS))
     if experiment_keys == model_keys:
         what = (
-            "not a stage, experiment or model; allowed are stages, with keys such as `devices` and "
-            "`axes`, experiments, which have `cases`, too, and models, with keys such as `format`, "
-            "`method`, `fit`"
+            "not a stage, experiment, model or response; allowed are stages, with keys such as "
+            "`devices` and `axes`, experiments, which have `cases`, too, models, with keys such as "
+            "`format`, `method`, `fit`, and responses, with keys such as `delay_s`, `resonances`"
         )
         raise ConfigError(Problem(str(path), 0, 0, "", what))
     if model_keys > experiment_keys:
-        return FileKind.MODEL
+        return FileKind.RESPONSE if keys & _RESPONSE_KEYS else FileKind.MODEL
     return FileKind.EXPERIMENT if keys & _EXPERIMENT_KEYS else FileKind.STAGE
 
 
@@ -100,10 +107,17 @@ def _describe_model(path: Path) -> tuple[str, ...]:
     return (f"a model: {file.operators}, by {file.method}",)
 
 
+def _describe_response(path: Path) -> tuple[str, ...]:
+    file = load_response(path)
+    modes = _count(len(file.resonances), "resonance")
+    return (f"a response: {modes}, delay {1e3 * file.delay_s:.3g} ms, by {file.method}",)
+
+
 _DESCRIBE: Final = {
     FileKind.EXPERIMENT: _describe_experiment,
     FileKind.STAGE: _describe_stage,
     FileKind.MODEL: _describe_model,
+    FileKind.RESPONSE: _describe_response,
 }
 
 

@@ -94,6 +94,11 @@ class Plant:
         """
         self._command_v = drive_v
 
+    @property
+    def command_v(self) -> float:
+        """Commanded voltage across the actuator, in V."""
+        return self._command_v
+
     def sample(self) -> float:
         """Return the present reading of the sensor's converter, in V. Real-time safe."""
         return self._reading_v

@@ -1,17 +1,17 @@
 """Layout of the shared memory of loop and supervisor, and of the records in it.
 
-A record is written by `struct`, because the loop needs no array for it, and read as a structured
-array. Both descriptions derive from `telemetry.record`. Numbers are little-endian. Each record is a
-multiple of eight bytes long, so that its sequence numbers are aligned.
+A record is written by `struct`, because the loop needs no array for it. It is read by `struct` too,
+or as a structured array (`arrays`). Both descriptions derive from `telemetry.record`. Numbers are
+little-endian. Each record is a multiple of eight bytes long, so that its sequence numbers are
+aligned.
 """
 
 import json
 from dataclasses import asdict, dataclass
 from enum import Enum
 from itertools import accumulate
+from struct import calcsize
 from typing import Final, NamedTuple, Self, get_type_hints
-
-import numpy as np
 
 from piezod.config.daemon import DaemonConfig
 from piezod.telemetry.record import AxisRecord, CycleHeader
@@ -70,7 +70,7 @@ def fields_of(record: type[AxisRecord] | type[CycleHeader]) -> tuple[Field, ...]
     at = 0
     for name, kind in get_type_hints(record).items():
         dtype, code = _description(name, kind)
-        size = np.dtype(dtype).itemsize
+        size = calcsize(f"<{code}")
         # A gap before the field aligns it.
         if at % size:
             fields.append(_gap(len(fields), -at % size))
@@ -96,17 +96,15 @@ CYCLE_FIELDS: Final = fields_of(CycleHeader)
 AXIS_FIELDS: Final = fields_of(AxisRecord)
 
 
-def record_dtype(axes: int) -> np.dtype[np.void]:
-    """Return the numpy type of a record; the field `axes` has shape (axes,)."""
-    axis = np.dtype([(name, dtype) for name, dtype, _ in AXIS_FIELDS])
-    cycle = [(name, dtype) for name, dtype, _ in CYCLE_FIELDS]
-    return np.dtype([("seq", "<i8"), *cycle, ("axes", axis, (axes,)), ("end_seq", "<i8")])
-
-
 def body_format(axes: int) -> str:
     """Return the format of a record for `struct`, without the sequence numbers at both ends."""
     cycle = "".join(field.code for field in CYCLE_FIELDS)
     return "<" + cycle + "".join(field.code for field in AXIS_FIELDS) * axes
+
+
+def record_bytes(axes: int) -> int:
+    """Return the size of a record, in bytes, with the sequence numbers at both ends."""
+    return 8 + calcsize(body_format(axes)) + 8
 
 
 def enumerations() -> dict[str, tuple[Enum, ...]]:
@@ -133,7 +131,7 @@ class Layout:
     def of(cls, config: DaemonConfig) -> Self:
         """Return the layout for a stage: 16 s of records, or as many as fit into 64 MiB."""
         # The 64 MiB bind only for fast loops with many axes.
-        fitting = RING_MAX_BYTES // record_dtype(len(config.axes)).itemsize
+        fitting = RING_MAX_BYTES // record_bytes(len(config.axes))
         capacity = min(max(round(RING_S * config.rate_hz), 64), fitting)
         return cls(tuple(config.axes), capacity, s_to_ns(1 / config.rate_hz))
 
@@ -165,7 +163,7 @@ class Layout:
             "answers": ANSWER_SLOTS * (SLOT_HEADER + ANSWER_BYTES),
             "learned": axes * (LEARNED_HEADER + MAX_WEIGHTS) * 8,
             "events": EVENT_SLOTS * EVENT_BYTES,
-            "ring": self.capacity * record_dtype(axes).itemsize,
+            "ring": self.capacity * record_bytes(axes),
         }
         # Rounded up to whole pages.
         pages = [-(-size // PAGE) * PAGE for size in sizes.values()]

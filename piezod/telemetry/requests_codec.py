@@ -5,12 +5,13 @@ else can write to the mapped file, and JSON takes too long for the loop.
 """
 
 import marshal
+from array import array
 from typing import Any, Final
 
 from pydantic import TypeAdapter
 
 from piezod.config.packed_waveforms import pack_waveforms, unpack_waveforms
-from piezod.config.requests import Goto, Identify, Request, SelectMode, Wave
+from piezod.config.requests import Goto, Identify, Play, Request, SelectMode, Wave
 
 _ADAPTER: Final[TypeAdapter[Any]] = TypeAdapter(Request)
 _WITH_WAVEFORMS: Final[dict[str, tuple[type[Wave] | type[Identify], str]]] = {
@@ -18,6 +19,7 @@ _WITH_WAVEFORMS: Final[dict[str, tuple[type[Wave] | type[Identify], str]]] = {
     "identify": (Identify, "drive_v"),
 }
 """Requests with waveforms, and the field of the waveforms."""
+_PLAY: Final = "play"
 
 
 def encode(request: Request) -> bytes:
@@ -32,6 +34,8 @@ def encode(request: Request) -> bytes:
         fields[name] = pack_waveforms(getattr(request, name), request.duration_s)
         return marshal.dumps(fields)
     fields = request.model_dump()
+    if isinstance(request, Play):
+        fields["drive_v"] = array("d", request.drive_v).tobytes()
     if isinstance(request, SelectMode):
         fields["mode"] = request.mode.value  # marshal has no enumerations
     return marshal.dumps(fields)
@@ -40,7 +44,7 @@ def encode(request: Request) -> bytes:
 def decode(payload: bytes) -> Request:
     """Return the request that `encode` wrote. Real-time safe after `warm_up`.
 
-    The request is validated once more, except one with waveforms: that takes too long.
+    The request is validated once more, except one with waveforms or a table: that takes too long.
 
     Raises:
         ValueError: If the bytes are no request.
@@ -51,6 +55,10 @@ def decode(payload: bytes) -> Request:
             request_class, name = found
             fields[name] = unpack_waveforms(fields[name])
             return request_class.model_construct(**fields)
+        if fields["kind"] == _PLAY:
+            drive_v = array("d")
+            drive_v.frombytes(fields["drive_v"])
+            return Play.model_construct(**(fields | {"drive_v": tuple(drive_v)}))
         request: Request = _ADAPTER.validate_python(fields)
     except (AttributeError, EOFError, KeyError, TypeError) as error:
         raise ValueError(f"no request: {error}") from error

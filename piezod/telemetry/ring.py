@@ -8,14 +8,14 @@ stores and loads are seen in order. x86-64 guarantees that, and the tests run th
 
 from collections.abc import Sequence
 from struct import Struct
-from typing import Any
+from typing import Any, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from piezod.telemetry.layout import body_format, record_dtype
+from piezod.telemetry.layout import AXIS_FIELDS, CYCLE_FIELDS, Field, body_format, record_bytes
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word
+
+Record: TypeAlias = dict[str, Any]
+"""The fields of a cycle by name; `axes` has those of each axis."""
 
 
 class RingWriter:
@@ -28,7 +28,7 @@ class RingWriter:
     def __init__(self, shared: SharedMap) -> None:
         axes = len(shared.layout.axes)
         self._capacity = shared.layout.capacity
-        self._size = record_dtype(axes).itemsize
+        self._size = record_bytes(axes)
         self._pack_into = Struct(body_format(axes)).pack_into
         self._bytes = shared.part("ring")
         self._words, self._ring_words = shared.words, self._bytes.cast("q")
@@ -54,59 +54,54 @@ class RingWriter:
         return seq
 
 
-class RingReader:
-    """Follows the ring from its present position; any number of readers is possible.
+class RecordReader:
+    """Reads the newest records one by one; `arrays.RingReader` reads many, with numpy.
 
     Args:
         shared: The memory.
     """
 
     def __init__(self, shared: SharedMap) -> None:
-        self._words = shared.words
-        self._ring = shared.array("ring", record_dtype(len(shared.layout.axes)))
-        self._capacity = shared.layout.capacity
-        self._position = self.newest
+        self._axes = len(shared.layout.axes)
+        self._size, self._capacity = record_bytes(self._axes), shared.layout.capacity
+        self._body = Struct(body_format(self._axes))
+        self._bytes, self._words = shared.part("ring"), shared.words
 
-    @property
-    def newest(self) -> int:
-        """Sequence number of the newest record; 0 before the first."""
-        return self._words[Word.NEWEST_RECORD]
-
-    def latest(self) -> np.void | None:
+    def latest(self) -> Record | None:
         """Return the newest record, None before the first."""
         records = self.last(1)
-        latest: np.void | None = records[-1] if len(records) else None
-        return latest
+        return records[0] if records else None
 
-    def last(self, count: int) -> NDArray[Any]:
-        """Return up to `count` of the newest records, oldest first; the position stays."""
-        newest = self.newest
-        return self._copy(max(newest - count, 0), newest)
+    def last(self, count: int) -> list[Record]:
+        """Return the newest records, at most `count`, oldest first."""
+        newest = self._words[Word.NEWEST_RECORD]
+        first = max(newest - min(count, self._capacity - 1), 0) + 1
+        found = [self._copy(seq) for seq in range(first, newest + 1)]
+        return [record for record in found if record is not None]
 
-    def read(self, limit: int) -> tuple[NDArray[Any], int]:
-        """Return the records since the last call, oldest first.
+    def _copy(self, seq: int) -> Record | None:
+        """Return a copy of a record; None if it is being overwritten."""
+        at = seq % self._capacity * self._size
+        block = bytes(self._bytes[at : at + self._size])
+        # The writer may be at the next record, whose slot holds the record one ring older.
+        overwritten = seq <= self._words[Word.NEWEST_RECORD] + 1 - self._capacity
+        begin, end = int.from_bytes(block[:8], "little"), int.from_bytes(block[-8:], "little")
+        if overwritten or not begin == end == seq:
+            return None
+        values = self._body.unpack_from(block, 8)
+        axes = values[len(_CYCLE) :]
+        width = len(_AXIS)
+        parts = [axes[i * width : (i + 1) * width] for i in range(self._axes)]
+        return {
+            "seq": seq,
+            **dict(zip(_CYCLE, values, strict=False)),
+            "axes": [dict(zip(_AXIS, part, strict=True)) for part in parts],
+        }
 
-        Args:
-            limit: Largest number of records; the others come with the next call.
 
-        Returns:
-            The records, and the number of records that were lost before or among them.
-        """
-        newest = self.newest
-        start = max(self._position, newest - self._capacity + 1)
-        end = min(start + limit, newest)
-        records = self._copy(start, end)
-        lost = end - self._position - len(records)
-        self._position = end
-        return records, lost
+def _names(fields: Sequence[Field]) -> list[str]:
+    """Return the names of the fields that have a value."""
+    return [field.name for field in fields if not field.code.endswith("x")]
 
-    def _copy(self, after: int, until: int) -> NDArray[Any]:
-        """Return copies of the complete records after one sequence number up to another."""
-        # Older records have been overwritten already.
-        after = max(after, until - self._capacity + 1)
-        seqs = np.arange(after + 1, until + 1)
-        records = self._ring[seqs % self._capacity]
-        complete = (records["seq"] == seqs) & (records["end_seq"] == seqs)
-        # The writer may be at the next record, whose slot holds the record that is one ring older.
-        complete &= seqs > self.newest + 1 - self._capacity
-        return records if complete.all() else records[complete]
+
+_CYCLE, _AXIS = _names(CYCLE_FIELDS), _names(AXIS_FIELDS)

@@ -11,9 +11,6 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from piezod.errors import PiezodError, naming
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.words import Word
@@ -47,10 +44,6 @@ class SharedMap:
     def part(self, name: str) -> "memoryview[int]":
         """Return the bytes of a part of `Layout.parts`, without a copy."""
         return memoryview(self._memory)[self._parts[name]]
-
-    def array(self, name: str, dtype: Any) -> NDArray[Any]:
-        """Return a part as an array, without a copy."""
-        return np.frombuffer(self.part(name), dtype)
 
     def set_report(self, report: Any) -> None:
         """Publish once the real-time set-up that the loop obtained; at most 16 KiB of JSON."""

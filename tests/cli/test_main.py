@@ -52,10 +52,11 @@ def test_help_of_a_verb(piezod: Command, verb: str) -> None:
     assert "--json" in out
 
 
-def test_help_imports_little() -> None:
-    """Help imports no slow library."""
-    slow = "{'h5py', 'httpx', 'matplotlib', 'numba', 'numpy', 'pydantic', 'rich', 'scipy', 'yaml'}"
-    code = f"import sys; import piezod.cli.main; print({slow} & set(sys.modules))"
+@pytest.mark.parametrize("module", ["main", "output"])
+def test_help_and_documents_need_little(module: str) -> None:
+    """Help, and printing a JSON document, import no slow library."""
+    slow = "{'h5py', 'httpcore', 'matplotlib', 'numba', 'numpy', 'pydantic', 'rich', 'yaml'}"
+    code = f"import sys; import piezod.cli.{module}; print({slow} & set(sys.modules))"
 
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 

@@ -15,7 +15,7 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
-from piezod.telemetry.layout import record_dtype
+from piezod.telemetry.arrays import record_dtype
 from tests.control.surface_rig import surface_file
 from tests.daemon.service.fakes import Served
 
@@ -36,6 +36,15 @@ def stage(served: Served) -> Iterator[StageClient]:
     """Return a client of that service."""
     with StageClient(socket=served.socket, name="test") as stage:
         yield stage
+
+
+def test_name_that_is_not_allowed_is_refused_in_words(served: Served) -> None:
+    """A client whose name has other characters learns which are allowed."""
+    with (
+        StageClient(socket=served.socket, name="µm scan") as stage,
+        pytest.raises(RefusedError, match=r"X-Piezod-Client: allowed: up to 64 letters"),
+    ):
+        stage.status()
 
 
 def test_every_request_arrives_as_it_was_meant(served: Served, stage: StageClient) -> None:

@@ -10,6 +10,10 @@ from pathlib import Path
 import pytest
 
 from piezod.client import AsyncStageClient, StageClient
+from piezod.client.calls import Call
+from piezod.client.reader import reader
+from piezod.client.results import Status
+from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import (
     ClientError,
     NotAllowedError,
@@ -138,16 +142,22 @@ def test_daemon_that_has_gone(tmp_path: Path) -> None:
         stage.stop()
 
 
-def test_daemon_that_does_not_answer(daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_daemon_that_does_not_answer(stage: StageClient, daemon: FakeDaemon) -> None:
     """A daemon that does not answer leads to an error after the time-out."""
     daemon.answering.clear()
-    monkeypatch.setattr("piezod.client.stage_client.timeout_s", lambda _: (0.01,) * 4)
 
-    with (
-        StageClient(socket=daemon.socket_path) as stage,
-        pytest.raises(ClientError, match="the daemon does not answer in time; try again"),
-    ):
-        stage.status()
+    with pytest.raises(ClientError, match="the daemon does not answer in time; try again"):
+        stage.call(Call(ENDPOINTS["status"], reader(Status), answer_within_s=0.01))
+
+
+def test_closed_client_sends_nothing(daemon: FakeDaemon) -> None:
+    """A method of a closed client raises RuntimeError."""
+    with StageClient(socket=daemon.socket_path) as stage:
+        pass
+
+    with pytest.raises(RuntimeError, match="this client is closed"):
+        stage.arm()
+    assert daemon.asked == []
 
 
 def test_telemetry_is_typed(stage: StageClient, daemon: FakeDaemon) -> None:
@@ -345,10 +355,31 @@ def test_async_client_has_the_same_errors(daemon: FakeDaemon, tmp_path: Path) ->
 
 
 def test_import_is_quick() -> None:
-    """Importing the client imports neither httpx nor pydantic; making a client does."""
-    slow = "{'h5py', 'httpx', 'numba', 'numpy', 'pydantic', 'rich', 'typer', 'yaml'}"
+    """Importing the client imports neither httpcore nor pydantic; making a client does."""
+    slow = {"h5py", "httpcore", "numba", "numpy", "pydantic", "rich", "ssl", "typer", "yaml"}
     code = f"import sys; import piezod.client; print({slow} & set(sys.modules))"
 
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+
+    assert ended.stdout == b"set()\n"
+
+
+USED = """
+import sys
+from pathlib import Path
+from piezod.client import StageClient
+
+with StageClient(socket=Path(sys.argv[1])) as stage:
+    stage.status()
+print({"click", "httpx", "pygments", "rich", "typer"} & set(sys.modules))
+"""
+
+
+def test_using_a_client_imports_little(daemon: FakeDaemon) -> None:
+    """A client needs neither httpx, nor what that imports for a command line of its own."""
+    daemon.answers["GET status"] = STATUS
+    command = [sys.executable, "-c", USED, str(daemon.socket_path)]
+
+    ended = subprocess.run(command, capture_output=True, check=True)
 
     assert ended.stdout == b"set()\n"

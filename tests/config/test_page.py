@@ -12,6 +12,7 @@ from piezod.config.axes import CompensatorConfig, FirstModeConfig, LimitsConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import Metric
 from piezod.config.modes import Mode
+from piezod.config.response_file import ResponseFile
 from piezod.config.trim import TrimConfig
 
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text(encoding="utf-8")
@@ -32,6 +33,8 @@ UNITS: Final = {
 def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Yield the models of a type, and those of their fields."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        if annotation is ResponseFile:  # a file with a page of its own
+            return
         yield annotation
         for field in annotation.model_fields.values():
             yield from models_in(field.annotation)

@@ -11,6 +11,7 @@ from piezod.config.requests import Request
 from piezod.control.assembly import make_stage
 from piezod.control.controller import StageController
 from piezod.control.stage.answer import Answer
+from piezod.control.stage.playing import PlayRunner
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices import registry
 from piezod.devices.channels import Channels
@@ -68,6 +69,7 @@ class RigStage:
         holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
         reads_back: Whether the amplifier reports its voltage.
         tells_restart: Whether the amplifier reports a restart.
+        plays: Runs the plays of the rig.
     """
 
     def __init__(
@@ -79,6 +81,7 @@ class RigStage:
         holds: bool = False,
         reads_back: bool = True,
         tells_restart: bool = False,
+        plays: PlayRunner | None = None,
     ) -> None:
         self.config = config or shipped_config()
         axes = pairs_of(self.config.axes)
@@ -98,7 +101,7 @@ class RigStage:
         self.output_lost_ns: list[int] = []
         """Instants at which the voltage in force could no longer be derived from the last write."""
         self.stage = make_stage(
-            self.config, self.channels, able, lambda: self.output_lost_ns.append(self.t_ns)
+            self.config, self.channels, able, lambda: self.output_lost_ns.append(self.t_ns), plays
         )
         self.controller = StageController(
             self.stage, LoopWatch(self.period_ns, strict=self.config.loop.strict_rt)

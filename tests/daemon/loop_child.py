@@ -8,8 +8,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-
 from piezod.config.daemon import load_daemon
 from piezod.config.requests import Request
 from piezod.config.states import State
@@ -19,7 +17,7 @@ from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import encode
-from piezod.telemetry.ring import RingReader
+from piezod.telemetry.ring import Record, RecordReader
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
@@ -100,9 +98,9 @@ class LoopChild:
         self._all_events += self._events.read()[0]
         return self._all_events
 
-    def latest(self) -> np.void:
+    def latest(self) -> Record:
         """Return the newest record."""
-        latest = RingReader(self.shared).latest()
+        latest = RecordReader(self.shared).latest()
         assert latest is not None
         return latest
 

@@ -10,6 +10,7 @@ import pytest
 from piezod.daemon import accepted_config
 from piezod.daemon.loop import accept
 from piezod.errors import ConfigError
+from tests.config.test_response_file import TEXT as RESPONSE
 from tests.daemon.daemons import REPOSITORY
 
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
@@ -27,6 +28,25 @@ def test_copy_has_the_same_values(tmp_path: Path) -> None:
     model = Path(found["axes"]["x"].pop("model"))
     assert model.read_bytes() == Path(expected["axes"]["x"].pop("model")).read_bytes()
     assert found == expected
+
+
+def test_copy_holds_the_response(tmp_path: Path) -> None:
+    """The copy does not need the response file, and gives the same first mode."""
+    response, stage = tmp_path / "r.yaml", tmp_path / "stage.yaml"
+    response.write_text(RESPONSE, encoding="utf-8")
+    text = SHIPPED.read_text(encoding="utf-8").replace("models/", f"{SHIPPED.parent}/models/")
+    mode = "first_mode: {frequency_hz: 734, damping: 0.03}"
+    assert mode in text
+    stage.write_text(text.replace(mode, f"response: {response}"), encoding="utf-8")
+    config = accept.load(stage)
+
+    copy = accepted_config.keep(config, tmp_path / "kept", "stage")
+    response.unlink()
+
+    kept, given = accept.load(copy).axes["x"], config.axes["x"]
+    assert given.response is not None
+    assert given.first_mode is not None
+    assert (kept.response, kept.first_mode) == (given.response, given.first_mode)
 
 
 def test_a_supervisor_reads_the_same_without_drivers() -> None:

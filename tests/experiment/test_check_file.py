@@ -47,6 +47,8 @@ def test_axis_without_a_sensor_is_named() -> None:
          "file.yaml:1:1: rate_hz: required key is missing"),
         ("format: old\n", FileKind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
         ("delay_s: 0\n", FileKind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
+        ("resonances: []\n", FileKind.RESPONSE,
+         "file.yaml:1:1: created_at: required key is missing"),
         ("a: 1\na: 2\n", None, "file.yaml:2:1: duplicate key 'a', first in line 1"),
         ("- 1\n", None, "file.yaml:1:1: the top level must be a mapping, lines of `key: value`"),
     ],
@@ -66,7 +68,7 @@ def test_file_of_neither_kind(tmp_path: Path, text: str) -> None:
     kind, _, (problem,) = check(tmp_path, text)
 
     assert kind is None
-    assert problem.startswith("file.yaml: not a stage, experiment or model; allowed are")
+    assert problem.startswith("file.yaml: not a stage, experiment, model or response; allowed")
 
 
 def with_frequency(short: str, frequency_hz: float) -> str:

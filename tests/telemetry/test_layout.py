@@ -8,14 +8,8 @@ from hypothesis import strategies as st
 
 from piezod.config.daemon import load_daemon
 from piezod.devices import registry
-from piezod.telemetry.layout import (
-    AXIS_FIELDS,
-    PAGE,
-    RING_MAX_BYTES,
-    Layout,
-    body_format,
-    record_dtype,
-)
+from piezod.telemetry.arrays import record_dtype
+from piezod.telemetry.layout import AXIS_FIELDS, PAGE, RING_MAX_BYTES, Layout, body_format
 from piezod.telemetry.record import AxisRecord
 
 SIMULATED = Path(__file__).parents[2] / "config" / "simulated.yaml"

@@ -38,6 +38,7 @@ EVERY_KIND = [
     requests.Condition(),
     requests.Zero(axis="x"),
     requests.Identify(drive_v={"x": Setpoint(kind="setpoint", level=3.0)}, duration_s=1.0),
+    requests.Play(axis="x", drive_v=(1.0, 2.5), interval_s=5e-5, cycles=3),
     requests.AdoptModel(axis="x", model=load_model(MODEL), zero_um=0.3),
     requests.Shutdown(),
 ]

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.layout import Layout
-from piezod.telemetry.ring import RingReader, RingWriter
+from piezod.telemetry.ring import RecordReader, RingWriter
 from piezod.telemetry.shared_map import SharedMap, attach, create
 from tests.telemetry.conftest import CAPACITY, fields_of
 
@@ -17,25 +18,51 @@ KEPT = CAPACITY - 1  # the place of the record after the newest is not to be rel
 
 
 def test_record_is_read_as_written(shared: SharedMap) -> None:
-    """Every field of the cycle and of each axis has its value."""
+    """Every field of the cycle and of each axis has its value, one by one and in an array."""
     reader = RingReader(shared)
 
     seq = RingWriter(shared).append(fields_of(5))
 
-    record = reader.latest()
+    record = RecordReader(shared).latest()
+    records, _ = reader.read(10)
     assert record is not None
-    assert (seq, record["seq"], record["end_seq"]) == (1, 1, 1)
+    assert (seq, record["seq"], records["end_seq"][0]) == (1, 1, 1)
     assert (record["t_ns"], record["state"], record["shadow"]) == (5, 5, True)
-    assert list(record["axes"]["drive_v"]) == [5.0, 5.0]
+    for name in record.keys() - {"axes"}:
+        assert record[name] == records[name][0]
+    for name in record["axes"][0]:
+        assert [axis[name] for axis in record["axes"]] == list(records["axes"][name][0])
 
 
 def test_empty_ring_has_no_record(shared: SharedMap) -> None:
     """Before the first cycle there is no record, and none is lost."""
     reader = RingReader(shared)
 
-    assert reader.latest() is None
+    assert RecordReader(shared).latest() is None
     assert len(reader.last(10)) == 0
     assert reader.read(10)[1] == 0
+
+
+def test_newest_records_are_read_in_order(shared: SharedMap) -> None:
+    """No more records are read than the ring holds; the oldest comes first."""
+    reader, writer = RecordReader(shared), RingWriter(shared)
+    for number in range(1, 2 * CAPACITY + 1):
+        writer.append(fields_of(number))
+
+    assert [record["t_ns"] for record in reader.last(2)] == [2 * CAPACITY - 1, 2 * CAPACITY]
+    assert len(reader.last(10**6)) == KEPT
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_half_written_newest_record_is_not_returned(shared: SharedMap, end: int) -> None:
+    """A record with another number at one of its ends is not read."""
+    writer = RingWriter(shared)
+    writer.append(fields_of(1))
+    size = len(shared.part("ring")) // CAPACITY
+    words = shared.part("ring")[size : 2 * size].cast("q")
+    words[end] = 99
+
+    assert RecordReader(shared).latest() is None
 
 
 @given(turns=st.lists(st.tuples(st.integers(0, 150), st.integers(1, 100)), max_size=20))

@@ -6,7 +6,8 @@ import numpy as np
 
 from piezod.telemetry.events import EventReader, EventWriter
 from piezod.telemetry.layout import EVENT_SLOTS, MAX_WEIGHTS
-from piezod.telemetry.learned import LearnedReader, LearnedWriter
+from piezod.telemetry.learned import LearnedReader
+from piezod.telemetry.learned_writer import LearnedWriter
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamReader, StreamWriter

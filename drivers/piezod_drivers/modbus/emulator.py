@@ -5,15 +5,28 @@ from typing import Final
 
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.modbus.emulation import io_modules, labjack
+from piezod_drivers.modbus.profiles.labjack_stream import PORT_DISTANCE
 
 LABJACK_T4: Final = EmulatorPlugin(
-    "labjack-t4", "LabJack T4", "tcp", partial(labjack.emulator, labjack.T4)
+    "labjack-t4",
+    "LabJack T4",
+    "tcp",
+    partial(labjack.emulator, labjack.T4),
+    stream_port=PORT_DISTANCE,
 )
 LABJACK_T7: Final = EmulatorPlugin(
-    "labjack-t7", "LabJack T7", "tcp", partial(labjack.emulator, labjack.T7)
+    "labjack-t7",
+    "LabJack T7",
+    "tcp",
+    partial(labjack.emulator, labjack.T7),
+    stream_port=PORT_DISTANCE,
 )
 LABJACK_T8: Final = EmulatorPlugin(
-    "labjack-t8", "LabJack T8", "tcp", partial(labjack.emulator, labjack.T8)
+    "labjack-t8",
+    "LabJack T8",
+    "tcp",
+    partial(labjack.emulator, labjack.T8),
+    stream_port=PORT_DISTANCE,
 )
 ADAM_6024: Final = EmulatorPlugin("adam-6024", "Advantech ADAM-6024", "tcp", io_modules.adam_6024)
 ADAM_4024: Final = EmulatorPlugin(

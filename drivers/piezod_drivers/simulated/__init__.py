@@ -1,4 +1,5 @@
 """A simulated stage with amplifier and sensor, as a driver like any other.
 
-`calibration.py` turns the sensor's voltage into a displacement. The physics is in `piezod.plant`.
+`axis.py` is one axis with its physics, which is in `piezod.plant`; `calibration.py` turns the
+sensor's voltage into a displacement; `player.py` plays tables.
 """

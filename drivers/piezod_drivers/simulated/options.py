@@ -138,6 +138,15 @@ class SimulatedOptions(ConfigModel):
         Annotated[Commissioned | SensorLine | SensorTable, Field(discriminator="kind")] | None
     ) = Field(None, description="known curve of the sensor; left out: that of the variant")
 
+    sub_step_us: Literal[10, 20, 50] = Field(
+        50, description="step of the physics, and shortest interval of a table, µs"
+    )
+
+    @property
+    def sub_step_ns(self) -> int:
+        """Step of the physics, in ns."""
+        return self.sub_step_us * 1000
+
     @model_validator(mode="after")
     def _check_rules(self) -> Self:
         raise_rules(self._unused_parameters())

@@ -14,8 +14,10 @@ from piezod.control.law.creep import CreepState
 from piezod.control.law.identifier import Identifier, LearningGate, ModelProof
 from piezod.control.law.model import StageModel
 from piezod.control.law.pace import FOLLOWED_SHARE, RLS_SHARE, learning_pace
-from piezod.control.law.stability import refuse_unstable
 from piezod.control.law.trim import Trim
+from piezod.dynamics import Resonance, ResponseModel
+from piezod.dynamics.loop import TrimLaw
+from piezod.dynamics.margins import refuse_unstable
 from piezod.errors import ModelError
 from piezod.hysteresis import (
     AdaptiveIdentifier,
@@ -97,14 +99,10 @@ def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
         ModelError: If a margin is too small.
     """
     mode = config.first_mode
-    refuse_unstable(
-        config.trim.gain_per_s,
-        period_s,
-        # Counted from the middle of the cycle in which a voltage holds.
-        max(delay_s, 0.0) + 0.5 * period_s,
-        mode.frequency_hz if mode else None,
-        mode.damping if mode else None,
-    )
+    modes = (Resonance(mode.frequency_hz, mode.damping),) if mode else ()
+    # Counted from the middle of the cycle in which a voltage holds.
+    stage = ResponseModel(max(delay_s, 0.0) + 0.5 * period_s, modes)
+    refuse_unstable(TrimLaw(config.trim.gain_per_s), period_s, stage)
 
 
 def compensated_axis(

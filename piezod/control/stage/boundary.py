@@ -86,12 +86,21 @@ class DeviceBoundary:
         """Whether writes are refused for now because another program drives the amplifier."""
         self.active = True
         """Whether the devices are active. After a cut they are not, until a reset."""
+        self.lent = False
+        """Whether a thread outside of the cycle has the devices: the cycle does not call them."""
+        self.returned = False
+        """Whether the devices came back at a voltage that is not yet known: nothing is written."""
         self.crash: Exception | None = None
         """Last exception of a driver in this cycle; the reader clears it."""
 
+    @property
+    def writes(self) -> bool:
+        """Whether it may write: no other program, thread or doubt has the outputs."""
+        return not (self.withheld or self.lent or self.returned)
+
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Return one sample of each axis; invalid samples if the driver fails."""
-        if not self.active:
+        if not self.active or self.lent:
             return [Sample(now_ns, nan, False)] * len(self._unknown_v)
         try:
             return self.devices.read(now_ns)
@@ -103,7 +112,7 @@ class DeviceBoundary:
         """Write the voltage of every axis if that is allowed; return whether it was taken."""
         if self.shadow:
             return True
-        if not (self.open and self.active) or self.withheld:
+        if not (self.open and self.active and self.writes):
             self.sent_v = None
             return False
         try:
@@ -121,7 +130,8 @@ class DeviceBoundary:
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the read-back voltage of each axis, in V; NaN if it is unknown."""
-        if not self.reads_back or self.shadow:  # in shadow the read-back answers no write of ours
+        # In shadow the read-back answers no write of ours.
+        if not self.reads_back or self.shadow or self.lent:
             return self._unknown_v
         try:
             return [float(drive_v) for drive_v in self.devices.read_back(now_ns)]
@@ -150,9 +160,10 @@ class DeviceBoundary:
     def cut(self, now_ns: int) -> bool:
         """Switch the outputs of the amplifiers off; return whether they did.
 
-        Amplifiers that hold their output when they are deactivated cannot.
+        Amplifiers that hold their output when they are deactivated cannot. A lent one is aborted
+        first, and ramps then.
         """
-        if self.holds:
+        if self.holds or self.lent:
             return False
         try:
             self.devices.deactivate(now_ns)
@@ -220,6 +231,12 @@ class OutputKnowledge:
         self.written_v = written_v
         self._losses += 1
         if not traceable and self._on_lost is not None:
+            self._on_lost()
+
+    def lend(self) -> None:
+        """Note that a play changes the voltages; none is known before its end. Real-time safe."""
+        self.known = False
+        if self._on_lost is not None:
             self._on_lost()
 
     def settle(self) -> None:

@@ -2,15 +2,20 @@
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from piezod.config import requests
 from piezod.config.frequencies import too_fast
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import build_waveform
 from piezod.control.stage.answer import Answer
-from piezod.control.stage.named import axes_named, without_sensor
+from piezod.control.stage.named import axes_named, axis_names, without_sensor
+from piezod.control.stage.sequence import DriveStep
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event
-from piezod.units import NS_PER_S
+from piezod.control.table_guard import table_refusal
+from piezod.devices.player import Table
+from piezod.units import NS_PER_S, s_to_ns
 
 
 def condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
@@ -48,6 +53,27 @@ def identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
             )
         drives[axes[0]] = VoltageProgram(waveform.value, request.duration_s)
     return _start_ident(stage, drives, t_ns, conditions=False)
+
+
+def play(stage: Stage, request: requests.Play, t_ns: int) -> Answer:
+    """Let the device of an axis play a table, within the limits of the axis."""
+    axes, why = axes_named(stage, request.axis)
+    if not why and len(axes) > 1:
+        why = f"axis must be one of {axis_names(stage)}: a table is for one axis"
+    why = why or stage.play().refusal(axes[0])
+    if why:
+        return Answer(False, why)
+    axis = stage.axes[axes[0]]
+    period_v = np.array(request.drive_v)[:, np.newaxis]
+    table = Table(s_to_ns(request.interval_s), np.empty((0, 1)), period_v, request.cycles)
+    if why := table_refusal(table, [axis.law.limits]):
+        return Answer(False, f"axis {axis.name}: {why}")
+    if why := stage.go(Event.IDENTIFY, t_ns):
+        return Answer(False, why)
+    first_v, rest_v = request.drive_v[0], axis.config.limits.rest_v
+    steps: list[DriveStep] = [{axes[0]: first_v}, {axes[0]: table}, {axes[0]: rest_v}]
+    stage.drive(steps, t_ns, conditions=False)
+    return Answer(True)
 
 
 def _start_ident(

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from piezod.config.model_file import ModelFile
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.playing import PlayRunner
 from piezod.control.watch.axis import AxisWatch
 
 
@@ -28,9 +29,11 @@ class StageParts(NamedTuple):
         boundary: The devices.
         period_ns: Period of the loop, in ns.
         rebuild: Builds an axis again with another model.
+        plays: Runs the plays of the devices; None if no device can play.
     """
 
     axes: Mapping[str, WatchedAxis]
     boundary: DeviceBoundary
     period_ns: int
     rebuild: Rebuild
+    plays: PlayRunner | None = None

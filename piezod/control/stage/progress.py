@@ -105,6 +105,8 @@ def advance(
         samples: The samples that may be used.
         read_back_v: Voltage of each axis, in V; NaN if the amplifier does not report it.
     """
+    if stage.play().runs and _play_goes_on(stage, t_ns, read_back_v):
+        return
     match stage.state:
         case State.BOOT:
             _boot(stage, t_ns, read_back_v)
@@ -124,6 +126,20 @@ def advance(
         stage.track(read_back_v)
     if stage.zero.runs:
         _zero(stage, t_ns, samples)
+
+
+def _play_goes_on(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> bool:
+    """Return whether a play still has the devices, or has left voltages that nobody knows."""
+    end = stage.play().advance(stage.axes, read_back_v)
+    if end is None:
+        return True
+    if isinstance(end, Detection):
+        stage.report(end)
+        return True
+    if end.failed:
+        stage.note(StageEvent(t_ns, "warning", "play", f"the play failed: {end.failed}"))
+    stage.resume_output(t_ns)
+    return False
 
 
 def _boot(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:

@@ -9,7 +9,7 @@ from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.answer import Answer
-from piezod.control.stage.drive_requests import condition, condition_axes, identify
+from piezod.control.stage.drive_requests import condition, condition_axes, identify, play
 from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
@@ -247,6 +247,7 @@ HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answ
     requests.Follow: _follow,
     requests.Condition: condition,
     requests.Identify: identify,
+    requests.Play: play,
     requests.Zero: _zero,
     requests.AdoptModel: _adopt,
     requests.Hold: _hold,

@@ -4,15 +4,23 @@ from collections.abc import Mapping, Sequence
 
 from piezod.control.reference.programs import VoltageProgram
 from piezod.control.stage.axis import StageAxis
+from piezod.control.stage.playing import StagePlay
+from piezod.devices.player import Table
 
-DriveStep = Mapping[int, VoltageProgram | float]
-"""One step: for each axis, by index, a voltage over time, or a voltage to ramp to."""
+DriveStep = Mapping[int, VoltageProgram | Table | float]
+"""One step: for each axis, by index, a voltage over time, a table in V that the device plays, or a
+voltage to ramp to. A step with a table has no other entry."""
 
 
 class DriveSequence:
-    """Drives steps one after the other; axes without an entry in a step hold. Real-time safe."""
+    """Drives steps one after the other; axes without an entry in a step hold. Real-time safe.
 
-    def __init__(self) -> None:
+    Args:
+        play: Plays the tables.
+    """
+
+    def __init__(self, play: StagePlay) -> None:
+        self._play = play
         self._steps: list[DriveStep] = []
         self.makes_memory_known = False
         """Whether the hysteresis memory is known at the end."""
@@ -32,8 +40,9 @@ class DriveSequence:
         self._start_next(axes, t_ns)
 
     def clear(self) -> None:
-        """Drop the remaining steps."""
+        """Drop the remaining steps, and abort a play."""
         self._steps.clear()
+        self._play.abort()
 
     def ended(self, axes: Sequence[StageAxis], t_ns: int) -> bool:
         """Start the next step when one has ended; return whether all have ended.
@@ -55,6 +64,9 @@ class DriveSequence:
                     axis.hold()
                 case VoltageProgram() as program:
                     axis.drive(program, t_ns)
+                case Table() as table:
+                    axis.hold()
+                    self._play.begin(i, table)
                 case voltage:
                     axis.ramp_to(voltage)
         return True

@@ -12,6 +12,7 @@ from piezod.control.faults.register import FaultRegister
 from piezod.control.stage.boundary import OutputKnowledge
 from piezod.control.stage.causes import cause_of, explained
 from piezod.control.stage.parts import StageParts
+from piezod.control.stage.playing import StagePlay
 from piezod.control.stage.self_test import SelfTest
 from piezod.control.stage.sequence import DriveSequence, DriveStep
 from piezod.control.stage.states import Event, Facts, HoldCause, step
@@ -66,14 +67,13 @@ class Stage:
         self._rebuild = parts.rebuild
         self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
         self._memory_known, self._was_driven = memory_known, False
-        self._sequence = DriveSequence()
+        self._play = StagePlay(parts.plays, self.boundary, self.output)
+        self._sequence = DriveSequence(self._play)
         self._reported, self._events = list[Detection](), list[StageEvent]()
         self._self_test, self._no_entry = SelfTest(), ""
         self._shutting_down = self._estop_pressed = False
         self._hold_cause, self._since_ns = HoldCause.FAULT, 0
         self._judge = OutputJudge(self.axes, self.watches, register, self.zero, self.note)
-
-    # ------------------------------------------------------------------ state
 
     def go(self, event: Event, t_ns: int) -> str:
         """Take an edge of the state machine; return why it is refused, empty if it is taken.
@@ -150,8 +150,6 @@ class Stage:
         self._shutting_down = True
         return self.go(Event.SHUTDOWN, t_ns)
 
-    # ------------------------------------------------------------------ emergency stop
-
     def press_estop(self, t_ns: int) -> str:
         """Start an emergency stop: cut the outputs if an axis is configured so, otherwise ramp."""
         self._estop_pressed = True
@@ -175,16 +173,8 @@ class Stage:
         self._memory_known = False
         return self.boundary.cut(t_ns)
 
-    # ------------------------------------------------------------------ voltages and models
-
     def drive(self, steps: Sequence[DriveStep], t_ns: int, *, conditions: bool) -> None:
-        """Start to drive voltages in IDENT, step by step. Real-time safe.
-
-        Args:
-            steps: Steps, in order; axes that a step does not name hold.
-            t_ns: Instant of the cycle, in ns.
-            conditions: Whether the hysteresis memory is known at the end.
-        """
+        """Drive voltages in IDENT; arguments as for `DriveSequence.start`. Real-time safe."""
         self._sequence.start(self.axes, steps, t_ns, conditions=conditions)
 
     def continue_drive(self, t_ns: int) -> None:
@@ -192,6 +182,18 @@ class Stage:
         if self._sequence.ended(self.axes, t_ns):
             self._memory_known |= self._sequence.makes_memory_known
             self.go(Event.IDENTIFY_DONE, t_ns)
+
+    def play(self) -> StagePlay:
+        """Return the play, which has the devices while it runs. Real-time safe."""
+        return self._play
+
+    def resume_output(self, t_ns: int) -> None:
+        """Begin again what the axes drive in this state: a play has left other voltages."""
+        self._memory_known = False
+        for watch in self.watches:
+            watch.amplifier.forget()
+        if self.state is not State.IDENT:
+            self._enter_axes(self.state, t_ns)
 
     def track(self, read_back_v: Sequence[float]) -> None:
         """Follow the read-back while nothing is written: another program may drive the outputs.
@@ -225,8 +227,6 @@ class Stage:
         self._memory_known &= not self._was_driven  # the new axis has an empty memory
         self.axes[index], self.watches[index] = new
 
-    # ------------------------------------------------------------------ reports
-
     def report(self, detection: Detection) -> None:
         """Take a fault that no watch detects, for the next cycle. Real-time safe."""
         self._reported.append(detection)
@@ -245,12 +245,11 @@ class Stage:
         events, self._events = self._events, []
         return events
 
-    # ------------------------------------------------------------------ inside
-
     def _enter(self, state: State, before: State, t_ns: int) -> None:
         """Perform the actions of a new state."""
         boundary = self.boundary
         boundary.open, boundary.withheld = state in DRIVEN, False
+        boundary.returned &= boundary.open
         self._enter_axes(state, t_ns)
         written = before in DRIVEN and not boundary.shadow
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:

@@ -27,8 +27,6 @@ IN_CYCLE_PART: Final = 0.5
 SWITCH_INTERVAL_S: Final = 1e-4
 """How long a thread may keep the interpreter while another one waits, in s: less than Python's
 5 ms, because the thread that waits is the loop."""
-STACK_BYTES: Final = 1 << 20
-"""Stack of each thread; all of it will be locked in memory."""
 
 
 class DevicePlace(StrEnum):
@@ -271,10 +269,8 @@ def start_threads(placements: Sequence[Placement]) -> int:
     threads = [thread for one in placements for thread in one.threads]
     if threads:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
-    before = threading.stack_size(STACK_BYTES)
     for thread in threads:
         thread.start()
-    threading.stack_size(before)  # it is a setting of the process
     return len(threads)
 
 

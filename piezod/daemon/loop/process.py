@@ -5,14 +5,16 @@ accepted, so that a loop that takes the place of another one starts soon.
 
 The supervisor starts it. It accepts the configuration and writes the copy (`loop.accept`). Then
 the supervisor makes the shared memory and lets it go on. It owns the devices and nothing else: no
-HTTP, no log, no disk. It ends on a request, or when the supervisor is lost, in both cases at the
-safe voltage: exit code 0. After any other exit code the last voltage is still in force, and
-`piezod safe` has to be run.
+HTTP, no log, and no file but the record of a play. It ends on a request, or when the supervisor is
+lost, in both cases at the safe voltage: exit code 0. After any other exit code the last voltage is
+still in force, and `piezod safe` has to be run.
 """
 
 import signal
 import sys
+import threading
 from collections.abc import Mapping, Sequence
+from functools import partial
 from os import getpid
 from pathlib import Path
 from typing import Final
@@ -23,7 +25,7 @@ from piezod.control.assembly import assemble
 from piezod.control.controller import StageController
 from piezod.control.faults.detection import Detection
 from piezod.control.warm_up import warm_up
-from piezod.daemon.clock import MonotonicClock
+from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop.accept import accept
@@ -37,6 +39,7 @@ from piezod.daemon.loop.placement import (
     rate_refusal,
     start_threads,
 )
+from piezod.daemon.loop.play_thread import play_threads
 from piezod.daemon.loop.rate import (
     kept_period_ns,
     measure_busy_ns,
@@ -47,7 +50,7 @@ from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
-from piezod.daemon.paths import IDENTITIES
+from piezod.daemon.paths import IDENTITIES, PLAYED
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.telemetry import requests_codec
@@ -59,6 +62,8 @@ from piezod.units import NS_PER_S
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
+STACK_BYTES: Final = 1 << 20
+"""Stack of each thread, also of those that drivers start; all of it will be locked in memory."""
 
 
 def main(
@@ -80,6 +85,7 @@ def main(
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    threading.stack_size(STACK_BYTES)
     prepare = _compile if warm else None
     config = accept(source, copy, strict_rt=strict_rt, prepare=prepare)
     if config is None:
@@ -96,12 +102,12 @@ def main(
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
+    plays = play_threads(config, channels, placements, clock, runtime / PLAYED)
     channels.use({one.name: one.device for one in placements})  # the wrappers, from here on
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
-    timed = TimedChannels(channels, clock, last_output)
-    capabilities = channels.capabilities()
-    controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
+    timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
+    controller = assemble(config, timed, able, partial(_forget, last_output, clock), plays)
     controller.stay_in_boot(True)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
@@ -120,6 +126,10 @@ def main(
     _run(loop, realtime, clock)
     # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
     channels.close()
+
+
+def _forget(last_output: LastOutputWriter, clock: Clock) -> None:
+    last_output.forget(clock.now_ns())
 
 
 def _run(loop: Loop, realtime: Realtime, clock: MonotonicClock) -> None:

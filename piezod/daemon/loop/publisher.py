@@ -8,7 +8,7 @@ from piezod.daemon.loop.pacer import Tick
 from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.telemetry.encoder import encode_axis, encode_cycle
 from piezod.telemetry.events import EventWriter
-from piezod.telemetry.learned import LearnedWriter
+from piezod.telemetry.learned_writer import LearnedWriter
 from piezod.telemetry.record import CycleHeader, CycleRecord, StageEvent
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.config.daemon import LoopConfig
+from piezod.daemon.loop.memory import lock_memory
 from piezod.telemetry.layout import PAGE
 from piezod.telemetry.shared_map import SharedMap
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _KEEP_BYTES: Final = 1 << 30
 _MMAP_BYTES: Final = 32 << 20  # the largest value that glibc accepts
-_MCL_CURRENT, _MCL_FUTURE = 1, 2
 _PR_SET_TIMERSLACK: Final = 29
 _THREAD_CHECKS: Final = 100
 _OWN_PARTS: Final = ("answers", "learned", "events", "ring")
@@ -98,10 +98,7 @@ class Realtime:
         return "kept"
 
     def _lock_memory(self) -> str:
-        # MCL_ONFAULT would not help: the kernel compares the same size with the same limit.
-        if self._libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
-            error = ctypes.get_errno()
-            raise OSError(error, f"{os.strerror(error)}; allow it by LimitMEMLOCK=infinity")
+        lock_memory(self._libc)
         return "locked"
 
     def _touch_shared(self) -> str:

@@ -126,6 +126,11 @@ class DeviceWorker(DeviceWrapper):
         self.thread = threading.Thread(target=self._work, name="device", daemon=True)
         """Thread that uses the device; the creator of this object starts it."""
 
+    @property
+    def idle(self) -> bool:
+        """Whether the thread has nothing to do; only while the loop requests nothing."""
+        return self._jobs.empty() and not self._began_ns
+
     # ------------------------------------------------------------------ the loop
 
     def read(self, now_ns: int) -> Sequence[Sample]:

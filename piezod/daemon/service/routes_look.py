@@ -1,5 +1,6 @@
 """Endpoints that report the state of the stage and of the daemon."""
 
+import asyncio
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query
@@ -64,6 +65,12 @@ async def config(context: ContextOf) -> JsonAnswer:
     return JsonAnswer(context.stage.config())
 
 
+@endpoint(router, "played")
+async def played(context: ContextOf) -> JsonAnswer:
+    """Return the record of the last play."""
+    return JsonAnswer(await context.stage.played())
+
+
 @endpoint(router, "audit")
 async def audit(
     context: ContextOf, limit: Annotated[int, Query(ge=1, le=1000)] = 100
@@ -92,4 +99,7 @@ async def telemetry(
         if name not in places:
             raise UnknownNameError(f"no axis {name[:32]!r}", f"axes: {', '.join(places)}")
     chosen = {name: places[name] for name in wanted}
-    return TelemetryAnswer(context.stage, chosen, rate_hz, connection_of(request.scope))
+    # In a thread: the first time, numpy is imported, and no other client should wait for that.
+    records = await asyncio.to_thread(context.stage.open_reader)
+    connection = connection_of(request.scope)
+    return TelemetryAnswer(records, context.stage.fault_ids, chosen, rate_hz, connection)

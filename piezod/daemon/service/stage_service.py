@@ -6,14 +6,15 @@ milliseconds unless it is `async`: all clients share one thread.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 from piezod.config.endpoints import Role
 from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.errors import PiezodError
+
+if TYPE_CHECKING:
+    from piezod.telemetry.arrays import Records
 
 Document: TypeAlias = dict[str, Any]
 """Becomes a JSON object; NaN and infinities become null."""
@@ -108,16 +109,16 @@ class AuditEntry(NamedTuple):
 
 
 class RecordReader(Protocol):
-    """A reader of the ring with its own position; `telemetry.ring.RingReader` is one."""
+    """A reader of the ring with its own position; `telemetry.arrays.RingReader` is one."""
 
-    def read(self, limit: int) -> tuple[np.ndarray, int]:
+    def read(self, limit: int) -> "tuple[Records, int]":
         """Return the records since the last call, and the number of lost records.
 
         Args:
             limit: Largest number of records; further records stay for the next call.
 
         Returns:
-            An array of `telemetry.layout.record_dtype`, shape (n,), oldest first; and the number.
+            An array of `telemetry.arrays.record_dtype`, shape (n,), oldest first; and the number.
         """
         ...
 
@@ -248,6 +249,14 @@ class StageService(Protocol):
 
     def audit(self, entry: AuditEntry) -> None:
         """Write an entry to the audit; must not block."""
+        ...
+
+    async def played(self) -> Document:
+        """Return the record of the last play.
+
+        Raises:
+            UnknownNameError: If nothing was played since the daemon started.
+        """
         ...
 
     async def audit_log(self, limit: int) -> list[Document]:

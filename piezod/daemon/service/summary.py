@@ -25,7 +25,7 @@ def summarise(
     """Summarise the records of an interval.
 
     Args:
-        records: Of `telemetry.layout.record_dtype`, shape (n,), n at least 1, oldest first.
+        records: Of `telemetry.arrays.record_dtype`, shape (n,), n at least 1, oldest first.
         lost: Number of further records, which were lost.
         axes: Names of the axes to report, and their places in a record.
         fault_ids: Returns the ids of the faults in a mask.

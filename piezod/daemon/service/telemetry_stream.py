@@ -1,7 +1,7 @@
 """Telemetry as server-sent events, one for each interval."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -10,8 +10,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from piezod.daemon.service.answers import dump
 from piezod.daemon.service.peer_protocol import PeerProtocol
-from piezod.daemon.service.stage_service import RecordReader, StageService
-from piezod.daemon.service.summary import summarise
+from piezod.daemon.service.stage_service import RecordReader
 
 _MOST_RECORDS: Final = 40_000
 """Most records in one event, 2 s of the fastest loop; further records go to the next event."""
@@ -24,29 +23,28 @@ class TelemetryAnswer(Response):
     While a client does not read, no event is made; its next event covers more cycles.
 
     Args:
-        stage: The stage.
+        records: Reader of the ring.
+        fault_ids: Returns the ids of the faults in a mask.
         axes: Names of the axes to report, and their places in a record.
         rate_hz: Events per second.
         connection: Connection of the client.
-
-    Raises:
-        UnavailableError: If there is no ring yet.
     """
 
     media_type = "text/event-stream"
 
     def __init__(
         self,
-        stage: StageService,
+        records: RecordReader,
+        fault_ids: Callable[[int], Sequence[str]],
         axes: Mapping[str, int],
         rate_hz: float,
         connection: PeerProtocol,
     ) -> None:
         super().__init__(headers={"cache-control": "no-store"})
         del self.headers["content-length"]
-        self._stage, self._axes, self._connection = stage, axes, connection
+        self._records, self._fault_ids = records, fault_ids
+        self._axes, self._connection = axes, connection
         self._interval_s = 1.0 / rate_hz
-        self._records: RecordReader = stage.open_reader()
 
     async def __call__(self, _scope: Scope, _receive: Receive, send: Send) -> None:
         """Send the events."""
@@ -64,9 +62,12 @@ class TelemetryAnswer(Response):
         await send({"type": "http.response.body", "body": b""})
 
     def _event(self) -> Message:
+        # Imported here, because it needs numpy, which `open_reader` has imported in a thread.
+        from piezod.daemon.service.summary import summarise  # noqa: PLC0415 - see above
+
         records, lost = self._records.read(_MOST_RECORDS)
         body = _NOTHING_NEW
         if len(records):
-            document = summarise(records, lost, self._axes, self._stage.fault_ids)
+            document = summarise(records, lost, self._axes, self._fault_ids)
             body = b"event: telemetry\ndata: " + dump(document) + b"\n\n"
         return {"type": "http.response.body", "body": body, "more_body": True}

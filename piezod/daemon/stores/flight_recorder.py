@@ -6,14 +6,15 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Lock
-from typing import Any, Final
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Final
 
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from piezod.telemetry.arrays import Records
 
 BEFORE_NS: Final = 10 * NS_PER_S
 AFTER_NS: Final = 2 * NS_PER_S
@@ -42,7 +43,7 @@ class FlightRecorder:
 
     def __init__(
         self,
-        last: Callable[[int], NDArray[Any]],
+        last: "Callable[[int], Records]",
         folder: Path,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:

@@ -2,16 +2,12 @@
 
 import errno
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Lock, Thread
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
-
-import numpy as np
-import numpy.typing as npt
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from piezod.daemon.logging import logger
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
@@ -19,7 +15,10 @@ from piezod.errors import PiezodError
 from piezod.records.telemetry_header import TelemetryHeader
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from piezod.records.telemetry_file import TelemetryWriter
+    from piezod.telemetry.arrays import Records
 
 DRAIN_S: Final = 0.025
 """Period in which the ring is read, in s; it holds the records of many periods."""
@@ -34,9 +33,9 @@ _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class RecordSource(Protocol):
-    """A source of records; `telemetry.ring.RingReader` is one."""
+    """A source of records; `telemetry.arrays.RingReader` is one."""
 
-    def read(self, limit: int) -> tuple[NDArray[Any], int]:
+    def read(self, limit: int) -> "tuple[Records, int]":
         """Return the records since the last call, at most `limit`, and the number of lost ones."""
         ...
 
@@ -88,7 +87,7 @@ class Recorder:
 
     Args:
         open_reader: Returns a new reader that begins with the next record.
-        dtype: dtype of its records, see `telemetry.layout.record_dtype`.
+        dtype: Returns the dtype of its records, see `telemetry.arrays.record_dtype`.
         folder: Folder of the recordings; made if it is absent.
         learned: Returns the present weights of the axes, by name.
         no_room: Returns why the disk of a folder is too full, or "".
@@ -100,9 +99,9 @@ class Recorder:
     def __init__(
         self,
         open_reader: Callable[[], RecordSource],
-        dtype: np.dtype[np.void],
+        dtype: "Callable[[], np.dtype[np.void]]",
         folder: Path,
-        learned: Callable[[], Mapping[str, npt.ArrayLike]] = dict,
+        learned: Callable[[], Mapping[str, Sequence[float]]] = dict,
         no_room: Callable[[Path], str] = no_room,
     ) -> None:
         self.folder = RecordingsFolder(folder)
@@ -144,8 +143,8 @@ class Recorder:
             if why := self._no_room(self.folder.path):
                 raise RecorderError(why)
             learned = self._learned()
-            widths = {axis: np.size(learned[axis]) for axis in header.axes if axis in learned}
-            writer = TelemetryWriter(path, replace(header, weights=widths), self._dtype)
+            widths = {axis: len(learned[axis]) for axis in header.axes if axis in learned}
+            writer = TelemetryWriter(path, replace(header, weights=widths), self._dtype())
         except OSError as error:
             raise RecorderError(f"the recording cannot be started: {error}") from error
         self._set_status(RecorderStatus(True, path.stem, 0, 0, ""))

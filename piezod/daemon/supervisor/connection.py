@@ -4,9 +4,6 @@ import time
 from collections.abc import Collection, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile, load_model
@@ -19,7 +16,7 @@ from piezod.daemon.supervisor.health import LoopHealth
 from piezod.daemon.supervisor.requests import LoopRequests
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.learned import LearnedReader
-from piezod.telemetry.ring import RingReader
+from piezod.telemetry.ring import Record, RecordReader
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
 from piezod.telemetry.succession import Succession, succession_of
@@ -49,7 +46,7 @@ class LoopConnection:
             name: axis.command_range_um or _range_um(self.models[name])
             for name, axis in config.axes.items()
         }
-        self._ring = RingReader(shared)
+        self._ring = RecordReader(shared)
         self._streams = StreamWriter(shared)
 
     @property
@@ -68,7 +65,7 @@ class LoopConnection:
             1 << place for place, fault in places if fault in faults
         )
 
-    def latest(self) -> np.void | None:
+    def latest(self) -> Record | None:
         """Return the newest record; None before the first."""
         return self._ring.latest()
 
@@ -83,20 +80,22 @@ class LoopConnection:
         A loop that never opened the devices, or never wrote, left them as they were: True, unless
         it replaced a loop that faults had stopped.
         """
-        ending = self.last(2)  # the last record is of STOPPING, the one before of the state before
-        if not len(ending):
+        ending = self._ring.last(
+            2
+        )  # the last record is of STOPPING, the one before of the state before
+        if not ending:
             return not self.succession().stopped
         if ending[-1]["shadow"]:
             return True
         # In BLIND the present voltage is unknown: the record has only the last written one.
         blind = any(STATES[record["state"]] is State.BLIND for record in ending)
-        drive_v = ending[-1]["axes"]["drive_v"]  # the read-back voltage, if nothing is driven
-        axes = self.config.axes.values()
-        off_v = np.abs(drive_v - [axis.safe_v for axis in axes])
-        allowed_v = [
-            read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes
-        ]
-        return not blind and bool(np.all(off_v <= allowed_v))
+        axes = zip(self.config.axes.values(), ending[-1]["axes"], strict=True)
+        return not blind and all(
+            # The read-back voltage, if nothing is driven; NaN is not safe.
+            abs(last["drive_v"] - axis.safe_v)
+            <= read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v)
+            for axis, last in axes
+        )
 
     def succession(self) -> Succession:
         """Return what a loop takes over that replaces this one; call it while this one runs."""
@@ -104,10 +103,6 @@ class LoopConnection:
         if record is None:
             return succession_of(self.shared) or Succession()
         return Succession(masks(record)[1], self.state is not State.SAFE)
-
-    def last(self, count: int) -> NDArray[Any]:
-        """Return the newest records, at most `count`, oldest first."""
-        return self._ring.last(count)
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
         """Set setpoints for the next cycle, in µm by axis.

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from typing import Any, Final
 
-import numpy as np
-
 from piezod.config.daemon import DaemonConfig
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
+from piezod.telemetry.ring import Record
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
@@ -23,7 +22,7 @@ GATES: Final = tuple(GateReason)
 _NUMBERS: Final = ("position_um", "command_um", "drive_v", "target_um", "read_back_v", "trim_um")
 
 
-def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> Document:
+def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Document:
     """Return the status of a stage.
 
     Args:
@@ -47,7 +46,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         "title": config.title,
         "state": STATES[shared.words[Word.LOOP_STATE]].value,
         "mode": modes.pop() if len(modes) == 1 else "mixed",
-        "shadow": record is not None and bool(record["shadow"]),
+        "shadow": record is not None and record["shadow"],
         "faults": faults_of(shared, record),
         "skipped_cycles": shared.words[Word.SKIPPED_CYCLES],
         "not_realtime": [step["name"] for step in obtained["steps"] if not step["ok"]],
@@ -56,29 +55,29 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
     }
 
 
-def _axis(record: np.void | None, config: DaemonConfig) -> Document:
+def _axis(record: Record | None, config: DaemonConfig) -> Document:
     if record is None:  # before the first cycle: the same keys, without values
         unknown = dict.fromkeys(_NUMBERS, float("nan"))
         return {**unknown, "mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
     return {
-        **{name: float(record[name]) for name in _NUMBERS},
+        **{name: record[name] for name in _NUMBERS},
         "mode": MODES[record["mode"]].value,
         "gate": str(GATES[record["gate"]].value),
-        "on_target": bool(record["on_target"]),
-        "motion": int(record["motion"]),
+        "on_target": record["on_target"],
+        "motion": record["motion"],
     }
 
 
-def masks(record: np.void) -> tuple[int, int]:
+def masks(record: Record) -> tuple[int, int]:
     """Return the masks of present and of latched faults of a record, one bit for each fault."""
     # Two fields of 64 bits each, because there are more than 64 faults.
     return (
-        int(record["present_lo"]) | int(record["present_hi"]) << 64,
-        int(record["latched_lo"]) | int(record["latched_hi"]) << 64,
+        record["present_lo"] | record["present_hi"] << 64,
+        record["latched_lo"] | record["latched_hi"] << 64,
     )
 
 
-def faults_of(shared: SharedMap, record: np.void | None) -> list[Document]:
+def faults_of(shared: SharedMap, record: Record | None) -> list[Document]:
     """Return the documents of the faults of a loop.
 
     Args:

@@ -235,7 +235,7 @@ def _with_weights(model: ModelFile | None, learned: LearnedAxis) -> ModelFile | 
     """Return a model with the learned weights."""
     if model is None:
         return None
-    return model.with_weights(learned.weights.tolist()).model_copy(
+    return model.with_weights(learned.weights).model_copy(
         update={
             "created_at": datetime.now(UTC).isoformat(timespec="seconds"),
             "created_by": f"piezod {piezod.__version__}, learned in the loop",

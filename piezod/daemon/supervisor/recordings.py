@@ -3,12 +3,10 @@
 import asyncio
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import lru_cache
-from typing import Any
-
-from numpy.typing import NDArray
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any
 
 from piezod.config.model_file import dump_model
 from piezod.daemon import accepted_config
@@ -22,8 +20,13 @@ from piezod.errors import DataError
 from piezod.records.repair import repair
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.descriptions import descriptions, mask_bits
-from piezod.telemetry.layout import enumerations, record_dtype
+from piezod.telemetry.layout import enumerations
 from piezod.telemetry.record import StageEvent
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from piezod.telemetry.arrays import Records
 
 Document = dict[str, Any]
 
@@ -49,11 +52,11 @@ class StageRecordings:
         paths: StagePaths,
         axes: int,
         open_reader: Callable[[], RecordSource],
-        last: Callable[[int], NDArray[Any]],
-        learned: Callable[[], Mapping[str, NDArray[Any]]],
+        last: "Callable[[int], Records]",
+        learned: Callable[[], Mapping[str, Sequence[float]]],
     ) -> None:
         self._name = paths.name
-        self._recorder = Recorder(open_reader, record_dtype(axes), paths.recordings, learned)
+        self._recorder = Recorder(open_reader, partial(_dtype, axes), paths.recordings, learned)
         self._flights = FlightRecorder(last, paths.flights)
         self._one_at_a_time = asyncio.Lock()  # `Recorder.start` and `stop` must not overlap
 
@@ -156,3 +159,10 @@ class StageRecordings:
             descriptions=descriptions(),
             bits=mask_bits(),
         )
+
+
+def _dtype(axes: int) -> "np.dtype[np.void]":
+    # Imported here: numpy takes 12 MB of memory, which only a supervisor that records needs.
+    from piezod.telemetry.arrays import record_dtype  # noqa: PLC0415 - see above
+
+    return record_dtype(axes)

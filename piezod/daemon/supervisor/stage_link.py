@@ -1,13 +1,12 @@
 """The stage as the HTTP service sees it: posts requests to the loop, reads the shared memory."""
 
 import asyncio
+import json
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from math import inf
 from pathlib import Path
-from typing import Any, Final
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Final
 
 from piezod.config.endpoints import TOWARDS_SAFETY
 from piezod.config.faults import Fault
@@ -22,6 +21,7 @@ from piezod.daemon.service.stage_service import (
     Peer,
     RecordReader,
     UnavailableError,
+    UnknownNameError,
 )
 from piezod.daemon.stores.audit import AuditLog
 from piezod.daemon.stores.audit_queue import AuditQueue
@@ -30,7 +30,9 @@ from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
-from piezod.telemetry.ring import RingReader
+
+if TYPE_CHECKING:
+    from piezod.telemetry.arrays import Records
 
 EXCHANGED_WITHIN_S: Final = 8.0
 """How long a request waits for the end of an exchange, in s; clients wait 10 s for an answer."""
@@ -59,6 +61,7 @@ class StageLink:
         reload: Callable[[Peer], Awaitable[Document]],
         shadow: bool,
     ) -> None:
+        self._played_file = paths.played
         self.loop = loop
         """Connection to the loop; a reload replaces it."""
         self.available = True
@@ -134,7 +137,10 @@ class StageLink:
 
     def open_reader(self) -> RecordReader:
         """Return a new reader of the ring; it begins with the next record."""
-        return _FollowingReader(self)
+        # Imported here: numpy takes 12 MB of memory, which not every supervisor needs.
+        from piezod.daemon.supervisor.following_reader import FollowingReader  # noqa: PLC0415
+
+        return FollowingReader(lambda: self.loop.shared)
 
     async def params(self) -> Document:
         """Return the parameters that the loop uses now."""
@@ -189,15 +195,27 @@ class StageLink:
             peer.uid, peer.user, peer.client, entry.what, entry.accepted, entry.why
         )
 
+    async def played(self) -> Document:
+        """Return the record of the last play."""
+        try:
+            text = await asyncio.to_thread(self._played_file.read_text, encoding="utf-8")
+        except FileNotFoundError:
+            what = "nothing was played since this machine started"
+            raise UnknownNameError(what, "`piezod play` plays a table") from None
+        document: Document = json.loads(text)
+        return document
+
     async def audit_log(self, limit: int) -> list[Document]:
         """Return the newest entries of the audit log, newest first."""
         entries = await asyncio.to_thread(self.stage_audit.last, limit)
         return [entry._asdict() for entry in entries]
 
-    def _last(self, count: int) -> NDArray[Any]:
-        return self.loop.last(count)
+    def _last(self, count: int) -> "Records":
+        from piezod.telemetry.arrays import RingReader  # noqa: PLC0415 - as in `open_reader`
 
-    def _weights(self) -> dict[str, NDArray[Any]]:
+        return RingReader(self.loop.shared).last(count)
+
+    def _weights(self) -> dict[str, Sequence[float]]:
         learned = {name: self.loop.learned.read(i) for i, name in enumerate(self.loop.axes)}
         return {name: axis.weights for name, axis in learned.items() if axis is not None}
 
@@ -212,19 +230,3 @@ class StageLink:
         if not self.available:
             raise UnavailableError("the loop is being exchanged or stopped", "try again soon")
         return self.loop
-
-
-class _FollowingReader:
-    """Reads the ring of the present loop, also after an exchange."""
-
-    def __init__(self, link: StageLink) -> None:
-        self._link, self._loop = link, link.loop
-        self._ring = RingReader(link.loop.shared)
-
-    def read(self, limit: int) -> tuple[NDArray[Any], int]:
-        """Return the records since the last call, and the number of lost ones."""
-        # An exchange makes a new ring; its records count from zero.
-        if self._loop is not self._link.loop:
-            self._loop = self._link.loop
-            self._ring = RingReader(self._loop.shared)
-        return self._ring.read(limit)

@@ -20,12 +20,19 @@ class Rig(Sensor, Amplifier, Protocol):
 class SharedRig:
     """The connectors of a rig, shared by emulators; thread-safe.
 
+    A device that plays a table moves the rig at the instants of its own clock, which may be a
+    little in the past, however late this process runs. An instant before the latest one is taken
+    as the latest one.
+
     Args:
         rig: The rig, open and active; its inputs are a displacement and a sensor voltage per
             output: x, x_v, y, y_v, …
         now_ns: The clock.
         trace: Records every accepted voltage; None for no record.
         identity: Identity of the rig, as returned by its `open`.
+
+    Attributes:
+        plays: Whether a device plays a table now: then `tick` leaves the time to its clock.
     """
 
     def __init__(
@@ -40,45 +47,60 @@ class SharedRig:
         self.axes, self.max_rate_hz = able.outputs, able.max_rate_hz
         self.n_axes = len(self.axes)
         self._drive_v: Sequence[float] = (0.0,) * self.n_axes
+        self.plays = False
+        self._latest_ns = 0
         self._lock = RLock()
 
     def position_um(self, axis: int) -> float:
         """Return the measured displacement of an axis, in µm; NaN if its sensor is saturated."""
         return self.positions_um()[axis]
 
-    def positions_um(self) -> list[float]:
-        """Return the measured displacement of each axis at one instant, in µm, as `position_um`."""
+    def positions_um(self, at_ns: int | None = None) -> list[float]:
+        """Return the measured displacement of each axis at one instant, in µm, as `position_um`.
+
+        Args:
+            at_ns: The instant; None for now.
+        """
         with self._lock:
-            samples = self._rig.read(self.now_ns())
+            samples = self._rig.read(self._instant_ns(at_ns))
         # Even inputs are displacements, odd ones sensor voltages.
         return [sample.position_um if sample.valid else nan for sample in samples[::2]]
 
     def sensor_v(self, axis: int) -> float:
         """Return the output of the fibre sensor of an axis, in V, not linearised."""
         with self._lock:
-            return self._rig.read(self.now_ns())[2 * axis + 1].position_um
+            return self._rig.read(self._instant_ns())[2 * axis + 1].position_um
 
     def conditioned_v(self, axis: int) -> float:
         """Return the linear output of a sensor's conditioner, in V: `UM_PER_V` µm per volt."""
         return self.position_um(axis) / UM_PER_V
 
-    def drive(self, axis: int, drive_v: float) -> bool:
-        """Set the voltage at the actuator of an axis, in V; return whether that is possible."""
+    def drive(self, axis: int, drive_v: float, at_ns: int | None = None) -> bool:
+        """Set the voltage at the actuator of an axis, in V; return whether that is possible.
+
+        Args:
+            axis: Index of the axis.
+            drive_v: The voltage.
+            at_ns: The instant; None for now.
+        """
         with self._lock:
             # A rig is written as a whole; the other axes keep their last voltage.
             wanted_v = [drive_v if i == axis else v for i, v in enumerate(self._drive_v)]
-            return self.drive_all(wanted_v)
+            return self.drive_all(wanted_v, at_ns=at_ns)
 
-    def drive_all(self, drive_v: Sequence[float], asked_ns: int = 0, pid: int = 0) -> bool:
+    def drive_all(
+        self, drive_v: Sequence[float], asked_ns: int = 0, pid: int = 0, at_ns: int | None = None
+    ) -> bool:
         """Set the voltage at every actuator, in V; return whether that is possible.
 
         Args:
             drive_v: A voltage for each axis.
             asked_ns: Instant of the caller, in ns; 0 if unknown.
             pid: Process id of the caller; 0 if unknown.
+            at_ns: The instant; None for now.
         """
         with self._lock:
-            t_ns = self.now_ns()
+            t_ns = self._instant_ns(at_ns)
             if not self._rig.write(drive_v, t_ns):
                 return False
             self._drive_v = tuple(drive_v)
@@ -90,11 +112,21 @@ class SharedRig:
         """Return the measured voltage at the actuator of an axis, in V."""
         return self.drives_v()[axis]
 
-    def drives_v(self) -> Sequence[float]:
-        """Return the measured voltage at the actuator of each axis at one instant, in V."""
+    def drives_v(self, at_ns: int | None = None) -> Sequence[float]:
+        """Return the measured voltage at the actuator of each axis at one instant, in V.
+
+        Args:
+            at_ns: The instant; None for now.
+        """
         with self._lock:
-            return self._rig.read_back(self.now_ns())
+            return self._rig.read_back(self._instant_ns(at_ns))
 
     def tick(self) -> None:
         """Advance the physics to now, so that a later request need not catch up."""
-        self.drives_v()
+        if not self.plays:
+            self.drives_v()
+
+    def _instant_ns(self, at_ns: int | None = None) -> int:
+        """Return an instant of the rig, which never goes back; None is now."""
+        self._latest_ns = max(self.now_ns() if at_ns is None else at_ns, self._latest_ns)
+        return self._latest_ns

@@ -33,6 +33,23 @@ class HearsConnections(Protocol):
         ...
 
 
+@runtime_checkable
+class Streams(Protocol):
+    """An emulator that sends a stream of bytes at a second TCP port."""
+
+    def stream_connected(self) -> None:
+        """Start with a whole packet: a client has connected to the second port."""
+        ...
+
+    def stream_waiting(self) -> bytes:
+        """Return bytes to send at the second port, the same ones until some are sent."""
+        ...
+
+    def stream_sent(self, n_bytes: int) -> None:
+        """Drop the first of the waiting bytes: the client has accepted them."""
+        ...
+
+
 Serve: TypeAlias = Callable[
     [SharedRig, str, WireFaults, str, Callable[[str], None], Callable[[], bool]], None
 ]
@@ -58,6 +75,8 @@ class EmulatorPlugin:
             number, "" for the default. None if the wire carries no byte stream.
         channels: Default number of axes of the rig.
         serve: Serves the device if the wire carries no byte stream.
+        stream_port: Distance from the first TCP port to the second one, at which the device sends a
+            stream; 0 if there is none.
     """
 
     name: str
@@ -66,3 +85,4 @@ class EmulatorPlugin:
     create: Callable[[SharedRig, str], Emulator] | None = None
     channels: int = 1
     serve: Serve | None = None
+    stream_port: int = 0

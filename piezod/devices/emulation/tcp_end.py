@@ -64,12 +64,17 @@ class TcpEnd:
 
     def send(self, data: bytes) -> None:
         """Send as many bytes as there is room for; none if no client is connected."""
+        self.send_some(data)
+
+    def send_some(self, data: bytes) -> int:
+        """Send as many bytes as there is room for; return their number."""
         if self._client is not None:
             with suppress(BlockingIOError):
                 try:
-                    self._client.send(data)
+                    return self._client.send(data)
                 except (ConnectionError, TimeoutError):
                     self._drop()
+        return 0
 
     def take_connected(self) -> bool:
         """Return once whether a new client has connected."""

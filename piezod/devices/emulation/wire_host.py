@@ -3,11 +3,12 @@
 from collections.abc import Callable
 
 from piezod.devices.emulation.bench import SharedRig
-from piezod.devices.emulation.emulator import Emulator, HearsConnections
+from piezod.devices.emulation.emulator import Emulator, HearsConnections, Streams
 from piezod.devices.emulation.far_end import FarEnd
 from piezod.devices.emulation.faults import ON_A_BUS, ActiveFault, WireFaults
 from piezod.devices.emulation.host import Host
 from piezod.devices.emulation.outbox import Outbox
+from piezod.devices.emulation.two_port_end import TwoPortEnd
 
 
 class WireHost(Host[FarEnd, Emulator]):
@@ -37,6 +38,8 @@ class WireHost(Host[FarEnd, Emulator]):
             return
         replies = self._device.receive(data) if data else []
         replies += self._device.due()
+        if isinstance(self._end, TwoPortEnd) and isinstance(self._device, Streams):
+            self._end.pass_on(self._device)
         if not data:  # idle: use the time for the physics
             self._bench.tick()
         now_ns = self._bench.now_ns()

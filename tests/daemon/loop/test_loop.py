@@ -15,13 +15,14 @@ from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Wiring
 from piezod.devices.wiring import ChannelPair
+from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.learned import LearnedReader
 from piezod.telemetry.mailbox import MailboxWriter
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import encode
-from piezod.telemetry.ring import RingReader
+from piezod.telemetry.ring import RecordReader
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.stream import StreamWriter
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
@@ -95,7 +96,7 @@ def test_phases_of_a_cycle_are_recorded(rig: Rig) -> None:
 
     rig.run(1)
 
-    record = RingReader(rig.shared).latest()
+    record = RecordReader(rig.shared).latest()
     assert record is not None
     assert 0 < record["read_ns"] < 1000
     assert 0 < record["write_ns"] < 1000
@@ -109,7 +110,7 @@ def test_cycle_that_writes_nothing_records_no_write(rig: Rig) -> None:
 
     rig.run(1)
 
-    record = RingReader(rig.shared).latest()
+    record = RecordReader(rig.shared).latest()
     assert record is not None
     assert (record["write_late_ns"], record["write_ns"]) == (NOT_WRITTEN, 0)
 

@@ -12,7 +12,7 @@ import pytest
 
 from piezod.config.states import State
 from piezod.daemon.supervisor.documents import STATES
-from piezod.telemetry.ring import RingReader
+from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from tests.daemon.conftest import StartDaemon

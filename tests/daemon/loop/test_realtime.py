@@ -85,3 +85,65 @@ def test_priority_is_raised_last_and_memory_locked_after_the_heap(map_file: Path
 
     assert names[-1] == "scheduling"
     assert names.index("heap") < names.index("memory") < names.index("garbage collection")
+
+
+PARTS = """
+import ctypes, mmap
+import llvmlite.binding
+
+private = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
+# No other part is executable, and the kernel joins only equal ones.
+apart = mmap.PROT_READ | mmap.PROT_WRITE | mmap.PROT_EXEC
+made = {
+    "reserved": mmap.mmap(-1, 32 << 20, private, apart),
+    "small": mmap.mmap(-1, 8 << 20, private),
+}
+"""
+RESIDENT = """
+from piezod.daemon.loop.memory import mappings
+
+made["future"] = mmap.mmap(-1, 4 << 20, private)
+parts = list(mappings())
+
+def resident(memory):
+    address = ctypes.addressof(ctypes.c_char.from_buffer(memory))
+    part = next(each for each in parts if each.begin <= address < each.begin + each.size)
+    return part.resident_kb * 1024 / part.size
+
+found = {name: resident(memory) for name, memory in made.items()}
+compiler = [each for each in parts if "llvmlite" in each.file]
+found["compiler"] = sum(each.resident_kb for each in compiler if not each.changed_kb)
+found["compiler data"] = sum(each.resident_kb for each in compiler if each.changed_kb)
+print(json.dumps(found))
+"""
+
+
+def test_memory_that_no_cycle_uses_is_left_out(map_file: Path) -> None:
+    """The compiler and large untouched memory are not in RAM; all other memory is, used or not."""
+    command = [sys.executable, "-c", PARTS + SET_UP + RESIDENT, str(map_file), "as it is"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+
+    report, found = (json.loads(line) for line in done.stdout.splitlines())
+
+    if not report["steps"]["memory"]["ok"]:
+        pytest.skip("this user may not lock memory")
+    assert (found["reserved"], found["compiler"]) == (0.0, 0)
+    assert (found["small"], found["future"]) == (1.0, 1.0)
+    assert found["compiler data"] > 0
+
+
+STACK = """
+import sys, threading
+from pathlib import Path
+from piezod.daemon.loop import process
+
+process.main(*map(Path, ["absent"] * 4), strict_rt=False, warm=False)
+print(threading.stack_size(), file=sys.stderr)
+"""
+
+
+def test_stacks_of_threads_are_small() -> None:
+    """Every thread of the loop process has a stack of 1 MB, because all of it is locked in RAM."""
+    done = subprocess.run([sys.executable, "-c", STACK], capture_output=True, check=True)
+
+    assert done.stderr == b"1048576\n"

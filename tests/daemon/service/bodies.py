@@ -26,6 +26,7 @@ BODIES: Final[dict[str, Any]] = {
     "mode": {"mode": "adaptive"},
     "goto": {"position_um": 12.5},
     "wave": {"command_um": {"x": WAVE}, "duration_s": 1.0},
+    "play": {"drive_v": [1.0, 2.0], "interval_s": 1e-3, "cycles": 2},
     "identify": {"drive_v": {"x": WAVE}, "duration_s": 1.0},
     "model": {"model": MODEL},
     "stream": {"x": 1.0},

@@ -31,7 +31,7 @@ from piezod.daemon.service.stage_service import (
     UnknownNameError,
 )
 from piezod.daemon.service.urgent_notes import UrgentNotes
-from piezod.telemetry.layout import record_dtype
+from piezod.telemetry.arrays import record_dtype
 from tests.daemon.daemons import NO_TLS
 
 NAN = float("nan")
@@ -142,6 +142,9 @@ class FakeStage:
 
     def audit(self, entry: AuditEntry) -> None:
         self.audited.append(entry)
+
+    async def played(self) -> Document:
+        return {"number": 3, "position_um": [1.0, None]}
 
     async def audit_log(self, limit: int) -> list[Document]:
         return [{"what": entry.what} for entry in self.audited[::-1][:limit]]

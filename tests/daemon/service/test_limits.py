@@ -11,7 +11,7 @@ from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.rate_limit import CLIENT_BURST, TOTAL_BURST, RateLimit
 from piezod.daemon.service.route_table import ROUTES, URGENT
 from piezod.daemon.service.urgent_notes import BURST
-from piezod.telemetry.layout import record_dtype
+from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import FakeNow, Served
 from tests.daemon.service.raw import HEAD, connected, read_to_end, wait_for_hang_up
@@ -87,7 +87,7 @@ def test_only_waveforms_and_models_are_large() -> None:
     """Only bodies with waveforms or models may be large; urgent bodies are small."""
     large = {path for (_, path), row in ROUTES.items() if row.access.most_bytes > SMALL_BODY}
 
-    assert large == {"/v1/wave", "/v1/identify", "/v1/model"}
+    assert large == {"/v1/wave", "/v1/identify", "/v1/model", "/v1/play"}
 
 
 @pytest.mark.fault("C2")

@@ -41,7 +41,16 @@ def test_the_table_gives_these_rights() -> None:
     others = {row.name for row in ROUTES.values() if row.method == "GET" and row.access != LOOK}
 
     assert {path for path, access in post.items() if access.role is Role.ENGINEER} == {
-        *("condition", "identify", "model", "params/load", "params/restore", "reload", "shutdown")
+        *(
+            "condition",
+            "identify",
+            "play",
+            "model",
+            "params/load",
+            "params/restore",
+            "reload",
+            "shutdown",
+        )
     }
     assert {path for path, access in post.items() if access.role is Role.VIEWER} == {"estop"}
     assert {path for path, access in post.items() if access.urgent} == {

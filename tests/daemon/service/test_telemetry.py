@@ -11,7 +11,7 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.stage_service import Document
-from piezod.telemetry.layout import record_dtype
+from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import NAN, Served
 from tests.daemon.waiting import eventually

@@ -50,7 +50,7 @@ def disk() -> Disk:
 def recorder(ring: FakeRing, disk: Disk, tmp_path: Path) -> Iterator[Recorder]:
     """Return a recorder, which is stopped at the end."""
     folder = tmp_path / "recordings"
-    recorder = Recorder(ring.open_reader, record_dtype(), folder, ring.learned, disk)
+    recorder = Recorder(ring.open_reader, record_dtype, folder, ring.learned, disk)
     yield recorder
     recorder.stop()
 
@@ -259,7 +259,7 @@ from tests.daemon.fake_ring import EndlessReader
 from tests.daemon.waiting import eventually
 from tests.records.telemetry import header, record_dtype
 resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
-recorder = Recorder(EndlessReader, record_dtype(), Path(sys.argv[1]), no_room=lambda folder: "")
+recorder = Recorder(EndlessReader, record_dtype, Path(sys.argv[1]), no_room=lambda folder: "")
 recorder.start(header())
 eventually(lambda: not recorder.status.recording)
 print(recorder.status.why, recorder.status.disk_full)

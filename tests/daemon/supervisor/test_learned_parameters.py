@@ -20,7 +20,7 @@ from piezod.daemon.service.stage_service import (
     NotNowError,
     UnknownNameError,
 )
-from piezod.telemetry.learned import LearnedWriter
+from piezod.telemetry.learned_writer import LearnedWriter
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from tests.control.surface_rig import surface_file
 from tests.daemon.bench import PEER, Bench

@@ -31,8 +31,12 @@ class ConverterOutput:
         self._lowest, self._highest = lowest, highest
         self.value = 0.0
 
-    def set(self, value: float) -> None:
+    def set(self, value: float, at_ns: int | None = None) -> None:
         """Set the output; a value beyond the range is limited to it.
+
+        Args:
+            value: The value.
+            at_ns: The instant; None for now.
 
         Raises:
             ModbusRefusal: If it is not a number, or the amplifier refuses it.
@@ -44,7 +48,7 @@ class ConverterOutput:
         # The steps of the converter.
         value = self._lowest + round(part * self._n_codes) / self._n_codes * span
         drive_v = value / self._highest * FULL_V
-        if self._axis < self._bench.n_axes and not self._bench.drive(self._axis, drive_v):
+        if self._axis < self._bench.n_axes and not self._bench.drive(self._axis, drive_v, at_ns):
             raise ModbusRefusal(DEVICE_FAILURE)
         self.value = value
 

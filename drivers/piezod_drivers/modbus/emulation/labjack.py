@@ -1,16 +1,21 @@
 """Emulated LabJack T4, T7 and T8."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final, NamedTuple
 from zlib import crc32
 
 from piezod.devices.emulation.bench import SharedRig
 from piezod_drivers.modbus.codec import FEEDBACK
 from piezod_drivers.modbus.emulation.converter import ConverterOutput, measured_v
+from piezod_drivers.modbus.emulation.flash import Flash
 from piezod_drivers.modbus.emulation.servers import TcpServer
-from piezod_drivers.modbus.emulation.unit import EmulatedUnit
+from piezod_drivers.modbus.emulation.stream import Stream
+from piezod_drivers.modbus.emulation.stream_out import add_stream_outs
+from piezod_drivers.modbus.emulation.unit import DEVICE_FAILURE, EmulatedUnit, ModbusRefusal
 from piezod_drivers.modbus.emulation.watchdog import RUNNING, Watchdog
 from piezod_drivers.modbus.profiles import labjack
+from piezod_drivers.modbus.profiles.labjack_stream import IS_ACTIVE, LAST_ERROR, STREAM_PLANS
 from piezod_drivers.modbus.register import Table
 
 FUNCTIONS: Final = frozenset({3, 4, 6, 16, FEEDBACK})
@@ -18,6 +23,8 @@ _INVALID_V: Final = -9999.0
 _RANGE_V: Final = 10.1
 _LOW_RANGE_V: Final = 2.5
 _WRAPS_AT: Final = 1 << 32
+DAC: Final = 1000
+"""Address of the first output."""
 
 
 class LabJackModel(NamedTuple):
@@ -45,20 +52,65 @@ T7: Final = LabJackModel(7, 14, 0, 5.0, (1 << 12) - 1, 470_010_001)
 T8: Final = LabJackModel(8, 8, 0, 10.0, (1 << 16) - 1, 480_010_001)
 
 
-def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> TcpServer:
+class LabJackServer(TcpServer):
+    """A LabJack: implements `Emulator` for its requests, and `Streams`.
+
+    Args:
+        unit: Its registers.
+        on_request: Called with True for each request, and with False by `due`.
+        stream: Its stream.
+    """
+
+    def __init__(
+        self, unit: EmulatedUnit, on_request: Callable[[bool], None], stream: Stream
+    ) -> None:
+        super().__init__(unit, on_request)
+        self._stream = stream
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Make all scans that are due, then reply to every complete request."""
+        self._stream.advance()
+        return super().receive(data)
+
+    def due(self) -> list[bytes]:
+        """Send nothing; make all scans that are due, and let time pass for the watchdog."""
+        self._stream.advance()
+        return super().due()
+
+    def stream_connected(self) -> None:
+        """Start with a whole packet."""
+        self._stream.start_packet()
+
+    def stream_waiting(self) -> bytes:
+        """Return the rest of the packet that is being sent."""
+        return self._stream.waiting()
+
+    def stream_sent(self, n_bytes: int) -> None:
+        """Drop bytes that were sent."""
+        self._stream.sent(n_bytes)
+
+
+def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> LabJackServer:
     """Construct a LabJack: input and output i are sensor and amplifier of axis i."""
     unit = EmulatedUnit(FUNCTIONS)
     outputs = [ConverterOutput(bench, axis, model.highest_v, model.n_codes) for axis in range(2)]
+    plan = STREAM_PLANS[f"labjack-t{model.product}"]
+    flash = Flash(plan, model.n_inputs)
+    targets = {DAC + 2 * i: output for i, output in enumerate(outputs)}
+    stream = Stream(bench, plan, targets, model.n_inputs, flash.encode)
     for i in range(model.n_inputs):
         is_low = i >= model.n_inputs - model.n_low_inputs
-        value_v = (_low_input if is_low else _input)(bench, i)
+        value_v = partial(_unless_streaming, stream, (_low_input if is_low else _input)(bench, i))
         unit.add("holding", 2 * i, "float32", value_v)
         unit.add("input", 2 * i, "float32", value_v)
-    for i, output in enumerate(outputs):
-        unit.add("holding", 1000 + 2 * i, "float32", _value_of(output), output.set)
+    for address, output in targets.items():
+        unit.add("holding", address, "float32", _value_of(output), output.set)
+    unit.add("holding", LAST_ERROR, "uint16", lambda: unit.last_error)
     _add_identity(unit, model, bench, serial)
-    watchdog = _watchdog(unit, bench, outputs)
-    return TcpServer(unit, watchdog.update)
+    flash.add_to(unit)
+    stream.add_to(unit)
+    add_stream_outs(unit, stream.outs)
+    return LabJackServer(unit, _watchdog(unit, bench, outputs).update, stream)
 
 
 def _add_identity(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, serial: str) -> None:
@@ -106,6 +158,13 @@ def _watchdog(unit: EmulatedUnit, bench: SharedRig, outputs: list[ConverterOutpu
         lambda on: watchdog.start() if on else watchdog.stop(),
     )
     return watchdog
+
+
+def _unless_streaming(stream: Stream, value_v: Callable[[], float]) -> float:
+    """Read an input by a command, which a stream makes impossible."""
+    if stream.active:
+        raise ModbusRefusal(DEVICE_FAILURE, IS_ACTIVE)
+    return value_v()
 
 
 def _input(bench: SharedRig, axis: int) -> Callable[[], float]:

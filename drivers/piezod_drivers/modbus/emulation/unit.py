@@ -21,11 +21,12 @@ class ModbusRefusal(Exception):  # noqa: N818 - a reply of the device
 
     Args:
         code: Exception code.
+        detail: The device's own error code; 0 if it has none.
     """
 
-    def __init__(self, code: int) -> None:
-        super().__init__(f"exception {code}")
-        self.code = code
+    def __init__(self, code: int, detail: int = 0) -> None:
+        super().__init__(f"exception {code}, {detail}")
+        self.code, self.detail = code, detail
 
 
 class RegisterCell(NamedTuple):
@@ -42,16 +43,33 @@ class RegisterCell(NamedTuple):
     set: Callable[[float], None] | None
 
 
+class RegisterPort(NamedTuple):
+    """A register that takes or gives any number of words at its own address.
+
+    Attributes:
+        read: Returns this number of words; None if it cannot be read.
+        write: Takes words, or raises `ModbusRefusal`; None if it cannot be written.
+    """
+
+    read: Callable[[int], bytes] | None = None
+    write: Callable[[bytes], None] | None = None
+
+
 class EmulatedUnit:
     """Replies to requests from its registers.
 
     Args:
         functions: Function codes that it supports.
+
+    Attributes:
+        last_error: The device's own code of the last error; 0 if there was none.
     """
 
     def __init__(self, functions: frozenset[int]) -> None:
         self._functions = functions
         self._cells: dict[tuple[Table, int], RegisterCell] = {}
+        self._ports: dict[int, RegisterPort] = {}
+        self.last_error = 0
 
     def add(
         self,
@@ -72,6 +90,10 @@ class EmulatedUnit:
         self.add(table, address, kind, lambda: kept[0], lambda value: kept.__setitem__(0, value))
         return lambda: kept[0]
 
+    def add_port(self, address: int, port: RegisterPort) -> None:
+        """Add a holding register that takes or gives any number of words."""
+        self._ports[address] = port
+
     def answer(self, pdu: bytes) -> bytes:
         """Return the reply to any request. Never raises."""
         if not pdu:
@@ -82,6 +104,7 @@ class EmulatedUnit:
         try:
             return bytes((function,)) + self._run(function, pdu[1:])
         except ModbusRefusal as refusal:
+            self.last_error = refusal.detail or self.last_error
             return bytes((function | EXCEPTION_BIT, refusal.code))
 
     def _run(self, function: int, data: bytes) -> bytes:
@@ -139,6 +162,9 @@ class EmulatedUnit:
         return cell
 
     def _read(self, table: Table, address: int, count: int) -> bytes:
+        port = self._ports.get(address)
+        if port is not None and port.read is not None and table == "holding":
+            return port.read(count)
         words = b""
         while len(words) < 2 * count:
             cell = self._cell(table, address + len(words) // 2)
@@ -150,6 +176,10 @@ class EmulatedUnit:
 
     def _write(self, address: int, words: bytes) -> None:
         """Write numbers; none is written if one of them is refused."""
+        port = self._ports.get(address)
+        if port is not None and port.write is not None:
+            port.write(words)
+            return
         cells = []
         at = 0
         while at < len(words):

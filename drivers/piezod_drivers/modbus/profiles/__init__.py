@@ -1,6 +1,6 @@
 """Known devices, as data: `advantech.py`, `icp_das.py`, `labjack.py`, `wago.py`, `waveshare.py`.
 
-`profile.py` defines the form of this data.
+`profile.py` defines the form of this data. `labjack_stream.py` has the stream of LabJacks.
 """
 
 from typing import Final

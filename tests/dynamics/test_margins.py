@@ -9,8 +9,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from piezod.control.law import stability
-from piezod.control.law.stability import (
+from piezod.dynamics import Resonance, ResponseModel, margins
+from piezod.dynamics.loop import TrimLaw
+from piezod.dynamics.margins import (
     LEAST_GAIN_MARGIN,
     LEAST_LATE_GAIN_MARGIN,
     LEAST_MODULUS_MARGIN,
@@ -32,6 +33,21 @@ class Loop(NamedTuple):
     delay_s: float
     mode_hz: float | None = None
     mode_damping: float | None = None
+
+    @property
+    def stage(self) -> ResponseModel:
+        """From a voltage at the output to the sample."""
+        if self.mode_hz is None or self.mode_damping is None:
+            return ResponseModel(self.delay_s)
+        return ResponseModel(self.delay_s, (Resonance(self.mode_hz, self.mode_damping),))
+
+    def margins(self, gain_per_s: float) -> TrimMargins:
+        """Return the margins of an integral with this gain."""
+        return margins_of(TrimLaw(gain_per_s), self.period_s, self.stage)
+
+    def checked(self, gain_per_s: float) -> TrimMargins:
+        """Return the margins of an integral with this gain, unless they are too small."""
+        return refuse_unstable(TrimLaw(gain_per_s), self.period_s, self.stage)
 
     def later(self, delay_s: float) -> "Loop":
         """Return the loop with more delay."""
@@ -65,7 +81,7 @@ def loops(draw: st.DrawFn) -> Loop:
 
 def largest_stable(loop: Loop) -> float:
     """Return the gain at which the gain margin is 1."""
-    return margins_of(1.0, *loop).gain_margin
+    return loop.margins(1.0).gain_margin
 
 
 def rate_of_change(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArray:
@@ -162,7 +178,7 @@ def enough(margins: TrimMargins) -> bool:
 @given(loop=loops(), quarters=st.integers(0, 4))
 def test_late_margin_leaves_the_loop_stable_with_more_delay(loop: Loop, quarters: int) -> None:
     """The gain that it allows is stable with up to one more period of delay."""
-    gain_per_s = margins_of(1.0, *loop).late_gain_margin
+    gain_per_s = loop.margins(1.0).late_gain_margin
 
     assert growth(loop.later(quarters / 4 * loop.period_s), 0.998 * gain_per_s) < 1.0
 
@@ -172,11 +188,11 @@ def test_largest_gain_is_the_bound_of_the_allowed_gains(
     loop: Loop, part: float, beyond: float
 ) -> None:
     """Every gain below it has all margins; the gain just above it lacks one."""
-    largest = margins_of(1.0, *loop).largest_gain_per_s
+    largest = loop.margins(1.0).largest.gain_per_s
 
-    assert enough(margins_of(part * largest, *loop))
-    assert not enough(margins_of(1.001 * largest, *loop))
-    assert margins_of(beyond * largest, *loop).largest_gain_per_s == largest
+    assert enough(loop.margins(part * largest))
+    assert not enough(loop.margins(1.001 * largest))
+    assert loop.margins(beyond * largest).largest.gain_per_s == largest
 
 
 @given(loop=loops(), low=GAINS_PER_S, high=GAINS_PER_S)
@@ -184,7 +200,7 @@ def test_margins_shrink_with_the_gain(loop: Loop, low: float, high: float) -> No
     """A larger gain has no larger margin."""
     assume(low < high)
 
-    at_low, at_high = margins_of(low, *loop), margins_of(high, *loop)
+    at_low, at_high = loop.margins(low), loop.margins(high)
 
     assert at_low.gain_margin > at_high.gain_margin
     assert at_low.late_gain_margin > at_high.late_gain_margin
@@ -196,10 +212,10 @@ def test_delay_never_raises_the_limit(period_s: float, periods: float, more: flo
     """This holds without a mode; the grid of frequencies costs a thousandth."""
     loop = Loop(period_s, periods * period_s)
 
-    before, after = margins_of(1.0, *loop), margins_of(1.0, *loop.later(more * period_s))
+    before, after = loop.margins(1.0), loop.later(more * period_s).margins(1.0)
 
     assert after.gain_margin <= 1.001 * before.gain_margin
-    assert after.largest_gain_per_s <= 1.001 * before.largest_gain_per_s
+    assert after.largest.gain_per_s <= 1.001 * before.largest.gain_per_s
 
 
 @pytest.mark.parametrize(("periods", "largest"), [(0, 2.0), (1, 1.0), (2, (5**0.5 - 1) / 2)])
@@ -212,9 +228,9 @@ def test_limits_of_an_integrator_behind_a_delay_are_known(periods: int, largest:
 
 def test_stiff_mode_has_no_effect() -> None:
     """A mode that decays within a small part of a cycle makes no difference."""
-    with_mode = margins_of(50.0, 1e-3, 0.65e-3, 80_000.0, 1.0)
+    with_mode = Loop(1e-3, 0.65e-3, 80_000.0, 1.0).margins(50.0)
 
-    assert with_mode == pytest.approx(margins_of(50.0, 1e-3, 0.65e-3, None, None), rel=1e-3)
+    assert with_mode[:4] == pytest.approx(DELAY_ONLY.margins(50.0)[:4], rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -222,7 +238,7 @@ def test_stiff_mode_has_no_effect() -> None:
 )
 def test_default_gain_is_allowed_on_usual_stages(loop: Loop, largest: int) -> None:
     """At 1 kHz and the delay of a filtered sensor, two to nine times the gain is allowed."""
-    assert int(refuse_unstable(50.0, *loop).largest_gain_per_s) == largest
+    assert int(loop.checked(50.0).largest.gain_per_s) == largest
 
 
 @pytest.mark.parametrize(
@@ -265,7 +281,7 @@ def test_refusal_names_the_margins_and_the_largest_gain(
 ) -> None:
     """It names the margin, its value, its limit, the assumptions and the largest gain."""
     with pytest.raises(ModelError) as caught:
-        refuse_unstable(gain_per_s, *loop)
+        loop.checked(gain_per_s)
 
     assert str(caught.value) == text
 
@@ -274,19 +290,19 @@ def test_refusal_names_the_margins_and_the_largest_gain(
 def test_proposed_gain_is_allowed(loop: Loop) -> None:
     """The proposed gain is at least nine tenths of the largest one."""
     with pytest.raises(ModelError) as caught:
-        refuse_unstable(1e9, *loop)
+        loop.checked(1e9)
     proposed = float(str(caught.value).rpartition("at most ")[2].removesuffix(" 1/s"))
 
-    assert proposed >= 0.9 * refuse_unstable(proposed, *loop).largest_gain_per_s
+    assert proposed >= 0.9 * loop.checked(proposed).largest.gain_per_s
 
 
 def test_margins_of_a_loop_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """A model that a running loop takes over is checked at once, if its delay is not new."""
-    loop = 50.0, 1.1e-3, 0.65e-3, 700.0, 0.03
-    first = margins_of(*loop)
+    loop = Loop(1.1e-3, 0.65e-3, 700.0, 0.03)
+    first = loop.margins(50.0)
 
     def computed(*_: object) -> None:
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(stability, "loop_response", computed)
-    assert margins_of(*loop) is first
+    monkeypatch.setattr(margins, "loop_response", computed)
+    assert loop.margins(50.0) is first

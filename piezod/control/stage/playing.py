@@ -1,0 +1,131 @@
+"""A play: a device plays a table by its own clock, and the loop neither reads nor writes meanwhile.
+
+The devices are lent to a thread outside of the cycle, the `PlayRunner`. The cycle only looks
+whether they are back. A stop, an emergency stop or a fault aborts the play; the ramp to the safe
+voltage begins when the devices are back, at the voltage that they then report.
+"""
+
+from collections.abc import Sequence
+from math import isfinite, nan
+from typing import NamedTuple, Protocol
+
+from piezod.config.faults import Fault
+from piezod.control.faults.detection import Detection
+from piezod.control.stage.axis import StageAxis
+from piezod.control.stage.boundary import SILENT_CYCLES, DeviceBoundary, OutputKnowledge
+from piezod.devices.player import Table
+
+
+class PlayOutcome(NamedTuple):
+    """The end of a play.
+
+    Attributes:
+        drive_v: Voltage in force on the axis, in V; NaN if it is unknown.
+        failed: Why it failed; empty if it ended, or was aborted.
+    """
+
+    drive_v: float
+    failed: str = ""
+
+
+class PlayRunner(Protocol):
+    """Runs plays outside of the cycle; `daemon.loop.play_thread` implements it. Real-time safe."""
+
+    def refusal(self, axis: int) -> str:
+        """Return why an axis cannot play; empty if it can."""
+        ...
+
+    def begin(self, axis: int, table: Table) -> int:
+        """Begin a play, of a table in V; return its number. The runner has the devices now."""
+        ...
+
+    def abort(self) -> None:
+        """Abort the play; its outcome follows."""
+        ...
+
+    def outcome(self) -> PlayOutcome | None:
+        """Return the end of the play, once; None while the runner has the devices."""
+        ...
+
+
+class StagePlay:
+    """The play of a stage, as its state machine sees it. All methods are real-time safe.
+
+    Args:
+        runner: Runs the play; None if no device can.
+        boundary: The devices.
+        output: Whether the voltages in force are known.
+    """
+
+    def __init__(
+        self, runner: PlayRunner | None, boundary: DeviceBoundary, output: OutputKnowledge
+    ) -> None:
+        self._runner, self._boundary, self._output = runner, boundary, output
+        self._axis, self._silent_cycles = 0, 0
+        self._outcome: PlayOutcome | None = None
+        self.aborted = False
+        """Whether the last play was aborted."""
+
+    @property
+    def runs(self) -> bool:
+        """Whether the devices are lent, or their voltage is not yet known again."""
+        return self._boundary.lent or self._outcome is not None
+
+    def refusal(self, axis: int) -> str:
+        """Return why an axis cannot play now; empty if it can."""
+        if self._boundary.shadow:
+            return "in shadow nothing is driven: arm the stage without it"
+        if self._runner is None:
+            return "this stage has no device that plays tables"
+        return self._runner.refusal(axis)
+
+    def begin(self, axis: int, table: Table) -> None:
+        """Lend the devices and begin a play, of a table in V, which `refusal` has not refused."""
+        if self._runner is None:
+            return
+        self._axis, self.aborted, self._silent_cycles = axis, False, 0
+        self._output.lend()
+        self._boundary.lent = True
+        self._runner.begin(axis, table)
+
+    def abort(self) -> None:
+        """Abort the play, if there is one."""
+        if self._runner is not None and self._boundary.lent and not self.aborted:
+            self.aborted = True
+            self._runner.abort()
+
+    def advance(
+        self, axes: Sequence[StageAxis], read_back_v: Sequence[float]
+    ) -> PlayOutcome | Detection | None:
+        """Take the devices back when the play has ended; call once per cycle while it `runs`.
+
+        Args:
+            axes: The axes of the stage.
+            read_back_v: Voltage of each axis, in V; NaN if the amplifier does not report it.
+
+        Returns:
+            The end of the play when the voltages are known again; A1 if they stay unknown; None if
+            the play goes on.
+        """
+        if self._runner is not None and self._boundary.lent:
+            self._outcome = self._runner.outcome()
+            if self._outcome is not None:  # the next cycle reads and reads back
+                self._boundary.lent, self._boundary.returned = False, True
+            return None
+        outcome = self._outcome
+        if outcome is None:
+            return None
+        in_force_v = [axis.law.in_force_v for axis in axes]
+        in_force_v[self._axis] = outcome.drive_v
+        if self._boundary.reads_back:
+            in_force_v = list(read_back_v)
+        if not all(map(isfinite, in_force_v)):
+            self._silent_cycles += 1
+            if self._boundary.reads_back and self._silent_cycles < SILENT_CYCLES:
+                return None
+            self._outcome = None
+            return Detection(Fault.A1, self._axis, nan, nan)
+        for axis, drive_v in zip(axes, in_force_v, strict=True):
+            axis.track(drive_v)
+        self._output.known, self._outcome, self._boundary.returned = True, None, False
+        return outcome

@@ -1,0 +1,205 @@
+"""Plays tables in a thread: while it runs, it and not the loop has the device.
+
+Loading a table over a slow bus takes seconds, and a record takes as long to be read. The loop only
+asks whether the play has ended. The record goes to a file that the supervisor serves.
+"""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite, nan
+from pathlib import Path
+from typing import Final
+
+from piezod.config.daemon import DaemonConfig
+from piezod.control.stage.playing import PlayOutcome
+from piezod.daemon.clock import Clock
+from piezod.daemon.loop.placement import Placement
+from piezod.daemon.loop.worker import DeviceWorker
+from piezod.devices.axis_player import AxisPlayer
+from piezod.devices.channels import Channels
+from piezod.devices.player import AtEnd, PlayedRecord, Player, PlayState, Table
+from piezod.devices.wiring import pairs_of, wiring_of
+from piezod.errors import PiezodError
+from piezod.records.atomic import replacing
+from piezod.units import NS_PER_S
+
+POLL_S: Final = 0.01
+"""Period with which the progress is looked at, and so the longest delay of an abort, in s."""
+GRACE_NS: Final = 2 * NS_PER_S
+"""A play has failed if it takes this much longer than its table, in ns."""
+
+
+class PlayThreads:
+    """Implements `control.stage.playing.PlayRunner`: one thread for each play.
+
+    Args:
+        players: The player of each axis that has one, by index.
+        refusals: Why each other axis has none, by index.
+        idle: Returns whether no other thread uses the devices.
+        clock: The clock of the loop.
+        file: Where the record of the last play goes.
+    """
+
+    def __init__(
+        self,
+        players: Mapping[int, AxisPlayer],
+        refusals: Mapping[int, str],
+        idle: Callable[[], bool],
+        clock: Clock,
+        file: Path,
+    ) -> None:
+        self._players, self._refusals, self._idle = players, refusals, idle
+        self._clock, self._file = clock, file
+        self._number = 0
+        self._thread: _PlayThread | None = None
+
+    def refusal(self, axis: int) -> str:
+        """Return why an axis cannot play; empty if it can. Real-time safe."""
+        return self._refusals.get(axis, "")
+
+    def begin(self, axis: int, table: Table) -> int:
+        """Begin a play, of a table in V; return its number. Starts a thread."""
+        self._number += 1
+        player = self._players[axis]
+        job = _PlayThread(player, table, self._number, self._idle, self._clock, self._file)
+        self._thread = job
+        job.start()
+        return self._number
+
+    def abort(self) -> None:
+        """Abort the play. Real-time safe."""
+        if self._thread is not None:
+            self._thread.aborted.set()
+
+    def outcome(self) -> PlayOutcome | None:
+        """Return the end of the play, once; None while it goes on. Real-time safe."""
+        if self._thread is None or self._thread.is_alive():
+            return None
+        outcome, self._thread = self._thread.outcome, None
+        return outcome
+
+
+class _PlayThread(threading.Thread):
+    """Plays one table; `outcome` is valid when it has ended."""
+
+    def __init__(
+        self,
+        player: AxisPlayer,
+        table: Table,
+        number: int,
+        idle: Callable[[], bool],
+        clock: Clock,
+        file: Path,
+    ) -> None:
+        super().__init__(name="play", daemon=True)
+        self._player, self._table, self._number = player, table, number
+        self._idle, self._now_ns, self._file = idle, clock.now_ns, file
+        self.aborted = threading.Event()
+        self.outcome = PlayOutcome(nan, "the play did not end in order")
+
+    def run(self) -> None:
+        try:
+            self._wait_until_idle()
+            self.outcome = self._play()
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            why = str(error) if isinstance(error, PiezodError) else repr(error)
+            self.outcome = PlayOutcome(self._player.abort(self._now_ns()), why)
+            self._store(self._table, None, why)
+
+    def _wait_until_idle(self) -> None:
+        """Wait for the last round of a worker, which may still be under way."""
+        seen = 0
+        while seen < 2:  # twice in a row: a worker may just be taking its last job
+            time.sleep(POLL_S)
+            seen = seen + 1 if self._idle() else 0
+
+    def _play(self) -> PlayOutcome:
+        taken = self._player.load(self._table)
+        if not self.aborted.is_set():
+            self._player.start(self._now_ns())
+            self._wait(taken)
+        if self.aborted.is_set():
+            self._store(taken, None, "it was aborted")
+            return PlayOutcome(self._player.abort(self._now_ns()))
+        self._store(taken, self._player.recording(), "")
+        return PlayOutcome(self._end_v(taken))
+
+    def _wait(self, taken: Table) -> None:
+        """Wait until the play has ended, or is to be aborted.
+
+        Raises:
+            PlayError: If it fails or does not end.
+        """
+        end_ns = self._now_ns() + taken.duration_ns + GRACE_NS
+        while not self.aborted.wait(POLL_S):
+            progress = self._player.progress(self._now_ns())
+            if progress.state is PlayState.ENDED:
+                return
+            if progress.state is not PlayState.PLAYING:
+                raise PlayError(progress.reason or f"the device is {progress.state.value}")
+            if self._now_ns() > end_ns:
+                raise PlayError("the device plays on after the end of the table")
+
+    def _end_v(self, taken: Table) -> float:
+        """Return the voltage after the end, in V; NaN if no source says what the device does."""
+        holds = self._player.capabilities.at_end is AtEnd.HOLDS
+        return float(taken.period[-1, 0]) if holds else nan
+
+    def _store(self, taken: Table, record: PlayedRecord | None, failed: str) -> None:
+        document = {
+            "number": self._number,
+            "failed": failed,
+            "drive_v": taken.period[:, 0].tolist(),
+            "interval_s": taken.interval_ns / NS_PER_S,
+            "cycles": taken.cycles,
+            "position_um": [] if record is None else _with_null(record),
+            "first_point": 0 if record is None else record.first_point,
+            "lag_s": self._player.capabilities.lag_ns / NS_PER_S,
+        }
+        with replacing(self._file) as temporary:
+            temporary.write_text(json.dumps(document), encoding="utf-8")
+
+
+def play_threads(
+    config: DaemonConfig,
+    channels: Channels,
+    placements: Sequence[Placement],
+    clock: Clock,
+    file: Path,
+) -> PlayThreads:
+    """Return what runs the plays of a stage; its devices are open and not yet wrapped.
+
+    Args:
+        config: Configuration of the stage.
+        channels: Its devices.
+        placements: Where the loop uses them.
+        clock: The clock of the loop.
+        file: Where the record of the last play goes.
+    """
+    pairs, players, refusals = pairs_of(config.axes), dict[int, AxisPlayer](), dict[int, str]()
+    for i, (axis, pair) in enumerate(pairs.items()):
+        device, wiring = channels.devices[pair.amplifier], wiring_of(pair.amplifier, pairs)
+        if len(channels.devices) > 1 or pair.sensor is None:
+            refusals[i] = "a play needs a stage with one device, which drives and measures its axis"
+        elif not isinstance(device, Player):
+            refusals[i] = "its device plays no tables: docs/players.md has those that do"
+        elif len(wiring.outputs) > 1:
+            refusals[i] = "a play needs a device that drives this one axis and no other"
+        else:
+            players[i] = AxisPlayer(device, axis, pair, wiring, channels.output(axis))
+
+    def idle() -> bool:
+        workers = (each.device for each in placements if isinstance(each.device, DeviceWorker))
+        return all(worker.idle for worker in workers)
+
+    return PlayThreads(players, refusals, idle, clock, file)
+
+
+class PlayError(PiezodError):
+    """Raised when a device does not play as it was told."""
+
+
+def _with_null(record: PlayedRecord) -> list[float | None]:
+    return [each if isfinite(each) else None for each in record.positions[:, 0].tolist()]

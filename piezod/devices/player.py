@@ -1,0 +1,223 @@
+"""The interface of a device that plays a table of values by its own clock.
+
+A bus carries 30 to 1000 setpoints a second. A player takes a whole table beforehand, plays it with
+its own clock, and records the sensor beside it. A device that plays implements `Player` beside the
+interfaces in `piezod.devices.interface`. A play goes through these steps, in this order::
+
+    load ──► arm ──► start ──► progress … ──► recording
+                                └──► abort (at any time after `load`, any number of times)
+
+- From `start` until the play has ended or was aborted, the device refuses `write`.
+- A table begins with its lead-in, which is played once. Then its period is played `cycles` times.
+  The number of cycles is finite: the device plays on when its host dies.
+- `abort` never jumps: the outputs keep the value at which the play stops. A ramp to a safe voltage
+  follows by ordinary writes.
+- Only `progress` and `abort` are called in the loop. `load`, `arm`, `start`, `replace` and
+  `recording` may take seconds, and are called outside of it.
+- The device checks a table against its own range. The limits of an axis are checked before, for the
+  table as a whole.
+"""
+
+from enum import Enum
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+class AtEnd(Enum):
+    """What the outputs do when a play ends by itself."""
+
+    HOLDS = "holds"
+    """They keep the last value of the table."""
+    RESTS = "rests"
+    """They go to rest."""
+    UNKNOWN = "unknown"
+    """No source says."""
+
+
+class PlayerCapabilities(NamedTuple):
+    """Capabilities of the player of an open device.
+
+    Attributes:
+        shortest_interval_ns: Shortest time between two points, in ns.
+        interval_step_ns: Intervals are the shortest one plus multiples of this, in ns.
+        longest_interval_ns: Longest time between two points, in ns.
+        points: Largest number of points of a table, lead-in and period together, for each output.
+        points_shared: Whether all outputs together have that number.
+        resolution: Smallest step of each output, in its unit.
+        cycles: Largest number of cycles; 0 if only the host can end a play.
+        replaces: Whether a table can be replaced while it is played.
+        record_points: Largest number of recorded samples of each input.
+        records_with_play: Whether the record begins with the first point of the table.
+        lag_ns: Time from a point of the table to its output, relative to the record, in ns.
+        at_end: What the outputs do at the end.
+        watchdog_while_playing: Whether the device's own watchdog works while it plays.
+        pulse_lines: Number of digital outputs that can be set in step with the points.
+    """
+
+    shortest_interval_ns: int
+    interval_step_ns: int
+    longest_interval_ns: int
+    points: int
+    points_shared: bool
+    resolution: tuple[float, ...]
+    cycles: int
+    replaces: bool
+    record_points: int
+    records_with_play: bool
+    lag_ns: int = 0
+    at_end: AtEnd = AtEnd.UNKNOWN
+    watchdog_while_playing: bool = False
+    pulse_lines: int = 0
+
+    def legal_interval_ns(self, interval_ns: int) -> int:
+        """Return the shortest legal interval that is not shorter than the given one, in ns."""
+        wanted = max(interval_ns - self.shortest_interval_ns, 0)
+        steps = -(-wanted // self.interval_step_ns)
+        return min(
+            self.shortest_interval_ns + steps * self.interval_step_ns, self.longest_interval_ns
+        )
+
+
+class Table(NamedTuple):
+    """Values to play.
+
+    Attributes:
+        interval_ns: Time between two points, in ns.
+        lead_in: (m, outputs) values that are played once, before the period; m may be 0.
+        period: (n, outputs) values of one period, in the unit of each output.
+        cycles: Number of periods, at least 1.
+    """
+
+    interval_ns: int
+    lead_in: FloatArray
+    period: FloatArray
+    cycles: int
+
+    @property
+    def duration_ns(self) -> int:
+        """Duration of the whole play, in ns."""
+        return (len(self.lead_in) + len(self.period) * self.cycles) * self.interval_ns
+
+
+class PlayState(Enum):
+    """State of a play."""
+
+    IDLE = "idle"
+    """Nothing is loaded, or the last play has been read or aborted."""
+    LOADED = "loaded"
+    ARMED = "armed"
+    PLAYING = "playing"
+    ENDED = "ended"
+    """The play has ended by itself; the record is ready."""
+    FAILED = "failed"
+    """The device reports an error, or its answers do not fit the play."""
+
+
+class Progress(NamedTuple):
+    """Progress of a play.
+
+    Attributes:
+        state: Present state.
+        cycle: Complete cycles so far.
+        reason: What failed; empty if nothing did.
+    """
+
+    state: PlayState
+    cycle: int
+    reason: str = ""
+
+
+class PlayedRecord(NamedTuple):
+    """What the device recorded during a play.
+
+    Attributes:
+        interval_ns: Time between two samples, in ns.
+        positions: (k, inputs) samples, in the unit of each input; NaN if a sample was lost or is
+            not valid.
+        first_point: Index of the point of lead-in and period at which the first sample was taken.
+        outputs: (k, outputs) outputs that the device measured beside; of shape (k, 0) if it does
+            not measure them.
+    """
+
+    interval_ns: int
+    positions: FloatArray
+    first_point: int
+    outputs: FloatArray
+
+
+@runtime_checkable
+class Player(Protocol):
+    """A device that plays tables; see the docstring of this module for the order of the calls.
+
+    All methods raise `DeviceError` if the device is not open and active, and `load`, `arm`, `start`
+    and `replace` if they are called out of order or the device refuses.
+    """
+
+    def player_capabilities(self) -> PlayerCapabilities:
+        """Return the capabilities; they stay the same until the device is closed."""
+        ...
+
+    def load(self, table: Table) -> Table:
+        """Load a table; return it as the device will play it, with its own resolution.
+
+        It is read back and compared if the device can do that. The outputs do not change.
+
+        Raises:
+            DeviceError: If the table does not fit the capabilities or the range of an output; the
+                text names value and allowed range. Nothing is loaded then.
+        """
+        ...
+
+    def arm(self) -> None:
+        """Prepare the start: everything but the start itself. The outputs do not change."""
+        ...
+
+    def start(self, now_ns: int) -> None:
+        """Start the play and the record."""
+        ...
+
+    def replace(self, period: FloatArray) -> FloatArray:
+        """Replace the period at the end of the cycle in play; return it as it will be played.
+
+        Raises:
+            DeviceError: If `PlayerCapabilities.replaces` is False.
+        """
+        ...
+
+    def progress(self, now_ns: int) -> Progress:
+        """Return the progress. Call once per cycle. Real-time safe."""
+        ...
+
+    def abort(self, now_ns: int) -> tuple[float, ...]:
+        """Stop the play; return the value in force of each output, NaN if it is unknown.
+
+        Does nothing if nothing is played. Never raises. Real-time safe.
+        """
+        ...
+
+    def recording(self) -> PlayedRecord:
+        """Return the record of the play that has ended.
+
+        Raises:
+            DeviceError: If none has ended, or the record could not be read.
+        """
+        ...
+
+
+@runtime_checkable
+class KnowsTruePlay(Protocol):
+    """A simulated player that knows the true displacement during a play."""
+
+    def true_recording(self) -> FloatArray:
+        """Return the true displacements at the samples of `recording`, in µm, shape (k, inputs).
+
+        They are those of the mechanics from rest, before the sensor, as in `KnowsTruth`.
+
+        Raises:
+            DeviceError: If no play has ended.
+        """
+        ...

@@ -1,0 +1,132 @@
+"""Measured frequency responses: from whole periods of a multisine, or from any record."""
+
+from dataclasses import dataclass, fields
+from typing import Final, Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy import signal
+
+ComplexArray = npt.NDArray[np.complex128]
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+DISTORTION: Final = 1e-3
+"""Smallest relative uncertainty of a line: the scatter of a few periods may be small by chance, and
+the curvature of small loops does not scatter."""
+SEGMENTS: Final = 9
+"""Smallest number of segments of a record, without overlap; with overlap there are 17."""
+SEGMENT_S: Final = 1.0
+"""Longest segment, in s: lines then are 1 Hz apart."""
+SEGMENT: Final = 256
+"""A slow record has longer segments, of this many samples."""
+MOST_LINES: Final = 400
+"""Most lines of a record. Beyond, lines are left out, almost geometrically."""
+_HANN_OVERLAP: Final = 1.0 / 18.0
+"""Loss of averages by the correlation of segments that overlap by half, under a Hann window."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredResponse:
+    """A response at single frequencies.
+
+    Attributes:
+        frequency_hz: (n,) frequencies, in Hz, increasing.
+        response: (n,) output over input.
+        variance: (n,) variance of the response: mean square of the distance in the complex plane.
+        coherence: (n,) coherence of input and output, 0 to 1.
+    """
+
+    frequency_hz: FloatArray
+    response: ComplexArray
+    variance: FloatArray
+    coherence: FloatArray
+
+    @property
+    def relative_uncertainty(self) -> FloatArray:
+        """Standard uncertainty over magnitude, (n,)."""
+        return np.asarray(np.sqrt(self.variance) / np.maximum(np.abs(self.response), 1e-300))
+
+    def where(self, lines: npt.NDArray[np.bool_] | IntArray) -> Self:
+        """Return some of the lines."""
+        return type(self)(*(getattr(self, each.name)[lines] for each in fields(self)))
+
+
+def from_periods(
+    drive: FloatArray, position: FloatArray, harmonics: IntArray, period_s: float
+) -> MeasuredResponse:
+    """Return the response at the lines of a multisine; whole periods have no leakage.
+
+    Args:
+        drive: (periods, samples) input, at least two periods.
+        position: (periods, samples) output; its drift from period to period is removed.
+        harmonics: (n,) numbers of the lines.
+        period_s: Period, in s.
+    """
+    n = position.shape[1]
+    # The same signal in each period: a change of the mean is drift, and nothing else.
+    drift = np.gradient(position.mean(axis=1))
+    inside = (np.arange(n) - 0.5 * (n - 1)) / n
+    straight = position - drift[:, None] * inside
+    given, found = (np.fft.rfft(each, axis=1)[:, harmonics] for each in (drive, straight))
+    power = np.sum(np.abs(given) ** 2, axis=0)
+    cross = np.sum(found * given.conj(), axis=0)
+    response = cross / power
+    rest = np.sum(np.abs(found - response * given) ** 2, axis=0) / (drive.shape[0] - 1)
+    output = np.maximum(np.sum(np.abs(found) ** 2, axis=0), 1e-300)
+    return MeasuredResponse(
+        harmonics / period_s,
+        response,
+        rest / power + (DISTORTION * np.abs(response)) ** 2,
+        np.clip(np.abs(cross) ** 2 / (power * output), 0.0, 1.0),
+    )
+
+
+def from_record(drive: FloatArray, position: FloatArray, rate_hz: float) -> MeasuredResponse:
+    """Return the response of any record, by averages over segments (Welch, H1).
+
+    Args:
+        drive: (n,) input.
+        position: (n,) output.
+        rate_hz: Samples per second.
+    """
+    length = _segment(drive.size // SEGMENTS, rate_hz)
+    both = {"fs": rate_hz, "nperseg": length, "detrend": "linear"}
+    frequency_hz, cross = signal.csd(drive, position, **both)
+    given, found = (signal.welch(each, **both)[1] for each in (drive, position))
+    lines = _spread_lines(length // 2)
+    cross, given, found = cross[lines], given[lines], found[lines]
+    given = np.maximum(given, 1e-300)
+    response = cross / given
+    coherence = np.clip(np.abs(cross) ** 2 / (given * np.maximum(found, 1e-300)), 1e-12, 1.0)
+    averages = max(2 * drive.size // length - 1, 1) / (1.0 + _HANN_OVERLAP)
+    scatter = (1.0 - coherence) / (coherence * averages)
+    return MeasuredResponse(
+        frequency_hz[lines],
+        response,
+        np.abs(response) ** 2 * (scatter + DISTORTION**2),
+        coherence,
+    )
+
+
+def _segment(longest: int, rate_hz: float) -> int:
+    """Return the samples of a segment."""
+    return max(8, min(longest, max(SEGMENT, round(SEGMENT_S * rate_hz))))
+
+
+def _spread_lines(highest: int) -> IntArray:
+    """Return even numbers of lines below half the rate; neighbours under the window correlate."""
+    even = np.geomspace(1.0, max(highest // 2 - 1, 1), MOST_LINES).astype(np.int64)
+    return 2 * np.unique(even)
+
+
+def noise_density(values: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies in Hz, and the amplitude density of values, in their unit per √Hz.
+
+    Args:
+        values: (n,) samples, at least 8.
+        rate_hz: Samples per second.
+    """
+    length = _segment(values.size // 4, rate_hz)
+    frequency_hz, power = signal.welch(values, fs=rate_hz, nperseg=length, detrend="linear")
+    return frequency_hz[1:], np.sqrt(power[1:])

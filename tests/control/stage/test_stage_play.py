@@ -1,0 +1,170 @@
+"""Plays of a stage: the devices are lent to a runner, and come back at a voltage that is known."""
+
+from itertools import pairwise
+from math import nan
+
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.modes import Mode
+from piezod.control.stage.playing import PlayOutcome
+from piezod.devices.player import Table
+from tests.control.rig_stage import RigStage
+
+PERIOD_V = (20.0, 40.0, 60.0, 40.0)
+PLAY = rq.Play(drive_v=PERIOD_V, interval_s=0.01, cycles=5)
+
+
+class PlayedByHand:
+    """A runner whose play ends when the test says so."""
+
+    def __init__(self) -> None:
+        self.why, self.tables, self.aborts = "", list[Table](), 0
+        self._outcome: PlayOutcome | None = None
+
+    def refusal(self, axis: int) -> str:
+        """Refuse for the reason that the test gives."""
+        assert axis == 0
+        return self.why
+
+    def begin(self, axis: int, table: Table) -> int:
+        """Begin a play that does not end by itself."""
+        assert axis == 0
+        self.tables.append(table)
+        return len(self.tables)
+
+    def abort(self) -> None:
+        """Count the aborts."""
+        self.aborts += 1
+
+    def end(self, drive_v: float, failed: str = "") -> None:
+        """End the play at a voltage, in V."""
+        self._outcome = PlayOutcome(drive_v, failed)
+
+    def outcome(self) -> PlayOutcome | None:
+        """Return the end, once."""
+        outcome, self._outcome = self._outcome, None
+        return outcome
+
+
+class PlayingStage(RigStage):
+    """A stage that has begun a play.
+
+    Args:
+        reads_back: Whether the amplifier reports its voltage.
+    """
+
+    def __init__(self, *, reads_back: bool = True) -> None:
+        self.runner = PlayedByHand()
+        super().__init__(reads_back=reads_back, plays=self.runner)
+        self.cycle()
+        self.do(rq.Arm(confirm_output=not reads_back), PLAY)
+        for _ in range(5000):
+            if self.runner.tables:
+                break
+            self.cycle()
+
+    def end_at(self, drive_v: float, failed: str = "") -> None:
+        """Leave the rig at a voltage, and give the devices back."""
+        self.channels.devices["rig"].write([drive_v], self.t_ns)  # type: ignore[attr-defined]
+        self.run(0.05)
+        self.runner.end(drive_v, failed)
+
+
+def test_table_is_played_between_ramps() -> None:
+    """The axis ramps to the first voltage, lends the device, and ramps from its end to rest."""
+    stage = PlayingStage()
+    before_v = stage.x.drive_v
+    stage.channels.writes.clear()
+    lent = stage.run(0.5)
+    written = list(stage.channels.writes)
+    stage.end_at(40.0)
+    stage.until("READY")
+    stage.cycle()
+    first_v, last_v = stage.channels.writes[0][1][0], stage.x.drive_v
+
+    assert before_v == pytest.approx(PERIOD_V[0])
+    assert stage.runner.tables[0].period[:, 0].tolist() == list(PERIOD_V)
+    assert written == []
+    assert {record.state for record in lent} == {"IDENT"}
+    assert first_v == pytest.approx(40.0, abs=0.8)
+    assert last_v == pytest.approx(0.0)
+    assert stage.faults() == ["D10"]  # `piezod condition` makes the memory known again
+
+
+@pytest.mark.parametrize("request_", [rq.Stop(), rq.Estop(), rq.Hold(), rq.Shutdown()])
+def test_request_aborts_a_play(request_: rq.Request) -> None:
+    """Nothing is written before the device is back; then the voltage in force is the start."""
+    stage = PlayingStage()
+    stage.channels.writes.clear()
+    stage.do(request_)
+    stage.run(0.2)
+    before = list(stage.channels.writes)
+    stage.end_at(60.0)
+    stage.run(0.02)
+    steps_v = [60.0, *(drive_v for _, (drive_v,) in stage.channels.writes)]
+
+    assert before == []
+    assert stage.runner.aborts == 1
+    assert max(abs(b - a) for a, b in pairwise(steps_v)) < 0.8
+    assert set(stage.faults()) <= {"D10", "E1"}
+
+
+def test_failed_play_is_reported() -> None:
+    """The reason of the device is an event, and the axis returns to rest."""
+    stage = PlayingStage()
+    stage.end_at(20.0, failed="the device lost its table")
+    stage.until("READY")
+
+    assert any("lost its table" in event.text for event in stage.events)
+    assert stage.x.drive_v == pytest.approx(0.0)
+
+
+def test_unknown_voltage_is_not_driven() -> None:
+    """Without a read-back, a play that ends at an unknown voltage leaves the output alone."""
+    stage = PlayingStage(reads_back=False)
+    stage.channels.writes.clear()
+    stage.end_at(60.0)
+    stage.runner.end(nan)
+    stage.until("FAULT")
+
+    assert stage.channels.writes == []
+    assert "A1" in stage.faults()
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        (PLAY.model_copy(update={"drive_v": (0.0, 151.0)}), "allowed range 0 to 150 V"),
+        (PLAY.model_copy(update={"drive_v": (0.0, nan)}), "finite"),
+        (PLAY.model_copy(update={"interval_s": 1e-6}), "the slew rate of the axis"),
+        (PLAY.model_copy(update={"axis": "z"}), "no axis 'z'"),
+    ],
+)
+def test_table_beyond_a_limit_is_refused(request_: rq.Play, why: str) -> None:
+    """A table is refused as a whole, before anything moves."""
+    stage = RigStage(plays=PlayedByHand())
+    stage.cycle()
+    stage.do(rq.Arm())
+    answer = stage.ask(request_)
+
+    assert why in answer.why
+    assert stage.state == "READY"
+
+
+def test_play_is_refused_where_it_cannot_be() -> None:
+    """A stage without a player, in shadow, disarmed or moving says why it plays nothing."""
+    plain = RigStage()
+    plain.cycle()
+    plain.do(rq.Arm())
+    shadow, moving = RigStage(plays=PlayedByHand()), RigStage(plays=PlayedByHand())
+    shadow.cycle()
+    moving.cycle()
+    disarmed = moving.ask(PLAY).why
+    shadow.do(rq.Arm(shadow=True))
+    moving.do(rq.Arm(), rq.SelectMode(mode=Mode.FEEDFORWARD))
+
+    assert "no device that plays tables" in plain.ask(PLAY).why
+    assert "shadow" in shadow.ask(PLAY).why
+    assert "`piezod arm` first" in disarmed
+    assert "`piezod stop`" in moving.ask(PLAY).why

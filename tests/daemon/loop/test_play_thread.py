@@ -1,0 +1,176 @@
+"""A play in its thread: load, start, wait, record; aborted, failed, or without an end."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from piezod.config.channels import LineCalibration
+from piezod.control.stage.playing import PlayOutcome
+from piezod.daemon.loop import play_thread
+from piezod.daemon.loop.play_thread import PlayThreads
+from piezod.devices.axis_player import AxisPlayer
+from piezod.devices.interface import Wiring
+from piezod.devices.outputs import CalibratedOutput
+from piezod.devices.player import (
+    AtEnd,
+    FloatArray,
+    PlayedRecord,
+    PlayerCapabilities,
+    PlayState,
+    Progress,
+    Table,
+)
+from piezod.devices.wiring import ChannelPair
+from piezod.errors import DeviceError
+from piezod.testing.fake_clock import FakeClock
+from tests.daemon.waiting import eventually
+
+TEN_VOLTS_PER_VOLT = LineCalibration(kind="line", gain=10.0)
+TABLE = Table(1_000_000, np.empty((0, 1)), np.array([[20.0], [40.0], [30.0]]), 2)
+
+
+class FakePlayer:
+    """A player that is in the state which the test gives."""
+
+    def __init__(self, at_end: AtEnd = AtEnd.HOLDS) -> None:
+        self.state, self.reason, self.at_end = PlayState.LOADED, "", at_end
+        self.loaded: Table | None = None
+        self.refuses = ""
+
+    def player_capabilities(self) -> PlayerCapabilities:
+        return PlayerCapabilities(
+            *(1000, 1000, 10**9, 100), False, (0.001,), 10, False, 100, True, 0, self.at_end
+        )
+
+    def load(self, table: Table) -> Table:
+        if self.refuses:
+            raise DeviceError(self.refuses)
+        self.loaded = table
+        return table
+
+    def arm(self) -> None:
+        self.state = PlayState.ARMED
+
+    def start(self, now_ns: int) -> None:  # noqa: ARG002 - as the protocol has it
+        self.state = PlayState.PLAYING
+
+    def replace(self, period: FloatArray) -> FloatArray:
+        return period
+
+    def progress(self, now_ns: int) -> Progress:  # noqa: ARG002 - as the protocol has it
+        return Progress(self.state, 0, self.reason)
+
+    def abort(self, now_ns: int) -> tuple[float, ...]:  # noqa: ARG002 - as the protocol has it
+        self.state = PlayState.IDLE
+        return (2.5,)
+
+    def recording(self) -> PlayedRecord:
+        positions = np.array([[1.0], [np.nan], [2.0]])
+        return PlayedRecord(1_000_000, positions, 0, np.empty((3, 0)))
+
+
+class Played:
+    """One play with a fake player, whose channels are calibrated 10 V per V and 3 µm per unit."""
+
+    def __init__(self, folder: Path, player: FakePlayer) -> None:
+        pair = ChannelPair(
+            "dev",
+            "dev",
+            to_um=LineCalibration(kind="line", gain=3.0),
+            to_v=TEN_VOLTS_PER_VOLT,
+        )
+        axis = AxisPlayer(
+            player, "x", pair, Wiring(("x",), ("x",)), CalibratedOutput(TEN_VOLTS_PER_VOLT)
+        )
+        self.file, self.clock = folder / "play.json", FakeClock()
+        self.threads = PlayThreads({0: axis}, {1: "no player"}, lambda: True, self.clock, self.file)
+        self.threads.begin(0, TABLE)
+
+    def outcome(self) -> PlayOutcome:
+        """Wait for the end."""
+        found = eventually(self.threads.outcome)
+        assert found is not None
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """Return the stored record."""
+        document: dict[str, Any] = json.loads(self.file.read_text())
+        return document
+
+
+def test_table_and_record_are_calibrated(tmp_path: Path) -> None:
+    """The device gets its own units, the record has µm, and the end is that of the table."""
+    player = FakePlayer()
+    played = Played(tmp_path, player)
+    eventually(lambda: player.state is PlayState.PLAYING)
+    running = played.threads.outcome()
+    player.state = PlayState.ENDED
+    outcome, document = played.outcome(), played.document()
+
+    assert running is None
+    assert player.loaded is not None
+    assert player.loaded.period[:, 0].tolist() == pytest.approx([2.0, 4.0, 3.0])
+    assert outcome.drive_v == pytest.approx(30.0)
+    assert outcome.failed == ""
+    assert document["position_um"] == [pytest.approx(3.0), None, pytest.approx(6.0)]
+    assert document["drive_v"] == pytest.approx([20.0, 40.0, 30.0])
+    assert (document["number"], document["failed"], document["cycles"]) == (1, "", 2)
+
+
+def test_abort_ends_a_play(tmp_path: Path) -> None:
+    """The voltage is the one that the device reports after the abort."""
+    player = FakePlayer()
+    played = Played(tmp_path, player)
+    eventually(lambda: player.state is PlayState.PLAYING)
+    played.threads.abort()
+
+    assert played.outcome().drive_v == pytest.approx(25.0)
+    assert player.state is PlayState.IDLE
+    assert played.document()["failed"] == "it was aborted"
+
+
+def test_voltage_after_an_end_without_source_is_unknown(tmp_path: Path) -> None:
+    """If no source says what the device does at the end, the outcome has no voltage."""
+    player = FakePlayer(AtEnd.UNKNOWN)
+    played = Played(tmp_path, player)
+    eventually(lambda: player.state is PlayState.PLAYING)
+    player.state = PlayState.ENDED
+
+    assert np.isnan(played.outcome().drive_v)
+
+
+def test_failure_of_the_device_is_the_reason(tmp_path: Path) -> None:
+    """A refused table, and a play that fails, end with the words of the device."""
+    refusing, failing = FakePlayer(), FakePlayer()
+    refusing.refuses = "the table has too many points"
+    refused = Played(tmp_path, refusing).outcome()
+    played = Played(tmp_path, failing)
+    eventually(lambda: failing.state is PlayState.PLAYING)
+    failing.reason, failing.state = "samples were lost", PlayState.FAILED
+    failed = played.outcome()
+
+    assert refused.failed == "the table has too many points"
+    assert failed.failed == "samples were lost"
+    assert played.document()["failed"] == "samples were lost"
+
+
+def test_play_without_an_end_is_aborted(tmp_path: Path) -> None:
+    """A device that plays on long after the end of its table is stopped."""
+    player = FakePlayer()
+    played = Played(tmp_path, player)
+    eventually(lambda: player.state is PlayState.PLAYING)
+    played.clock.spend_ns(TABLE.duration_ns + 2 * play_thread.GRACE_NS)
+
+    assert "plays on" in played.outcome().failed
+    assert player.state is PlayState.IDLE
+
+
+def test_axis_without_player_says_why(tmp_path: Path) -> None:
+    """The refusal is that of the axis."""
+    played = Played(tmp_path, FakePlayer())
+
+    assert played.threads.refusal(0) == ""
+    assert played.threads.refusal(1) == "no player"
