@@ -96,8 +96,11 @@ def _describe_experiment(path: Path) -> _Description:
         check_gains(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
     except ModelError as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
-    cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
     axes = _count(len(config.axes), "axis", "axes")
+    if config.play is not None:
+        waves = _count(len(config.play.waves), "waveform")
+        return _Description(f"an experiment: {waves} played on {axes}")
+    cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
     contents = f"an experiment: {cases} in {modes} on {axes}"
     return _Description(
         contents,

@@ -149,11 +149,7 @@ def compensated_axis(
 
 
 def _identifier(
-    config: AxisConfig,
-    model: StageModel,
-    creep: CreepState,
-    history: DriveHistory,
-    period_ns: int,
+    config: AxisConfig, model: StageModel, creep: CreepState, history: DriveHistory, period_ns: int
 ) -> Identifier:
     pace = _pace(config, model.form, period_ns)
     return Identifier(
