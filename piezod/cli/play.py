@@ -84,7 +84,7 @@ def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "Learne
     from piezod.experiment.live.stage import LiveStage
 
     setup = read_setup(client)
-    name = setup.measured_axis(play.axis or None)
+    name = setup.measured_axis(play.axis or None, "learning")
 
     def report(done: "PassReport") -> None:
         if not quiet:

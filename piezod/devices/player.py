@@ -18,13 +18,17 @@ interfaces in `piezod.devices.interface`. A play goes through these steps, in th
   table as a whole.
 """
 
+from __future__ import annotations
+
+import typing
 from enum import Enum
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
-import numpy as np
-import numpy.typing as npt
+if typing.TYPE_CHECKING:  # `piezod safe` stops a play without numpy
+    import numpy as np
+    import numpy.typing as npt
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+    FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 
 class AtEnd(Enum):

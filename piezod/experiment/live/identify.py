@@ -67,7 +67,7 @@ def record_live(
         OSError: If the file cannot be written.
     """
     setup = read_setup(client)
-    name = setup.measured_axis(axis)
+    name = setup.measured_axis(axis, "an identification")
     live = setup.axes[name]
     drive = from_rest(settings or designed_drive(live), live)
     total_s, passed_s = drive.settle_s + ZERO_S + drive.duration_s, 0.0

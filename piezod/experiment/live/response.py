@@ -36,7 +36,7 @@ def response_live(
             used.
     """
     setup = read_setup(client)
-    name = setup.measured_axis(axis)
+    name = setup.measured_axis(axis, "a response")
     config = setup.axes[name].config
     try:
         plans = plan_response(wanted, config.limits, config.safety.ramp_v_per_s, setup.rate_hz)

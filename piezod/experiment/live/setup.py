@@ -83,11 +83,12 @@ class LiveSetup:
         """Whether all axes rest at their safe voltage."""
         return all(axis.safe_at_rest for axis in self.axes.values())
 
-    def measured_axis(self, name: str | None) -> str:
+    def measured_axis(self, name: str | None, what: str) -> str:
         """Return the name of an axis with a sensor.
 
         Args:
             name: Its name; None for the only axis.
+            what: What needs the sensor, for the message.
 
         Raises:
             DataError: If there is no such axis, or several, or it has no sensor.
@@ -100,8 +101,8 @@ class LiveSetup:
         chosen = name or names
         if self.axes[chosen].config.sensor is None:
             raise DataError(
-                f"axis {chosen} has no sensor, and this needs one: configure one, borrowed if need "
-                "be; the result remains when it is gone"
+                f"axis {chosen} has no sensor, and {what} needs one: configure one, borrowed if "
+                "need be; the result remains when it is gone"
             )
         return chosen
 

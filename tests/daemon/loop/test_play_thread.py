@@ -15,7 +15,6 @@ from piezod.devices.interface import Capabilities, Device
 from piezod.devices.played_axis import AxisTable, PlayedAxis
 from piezod.devices.player import (
     AtEnd,
-    FloatArray,
     PlayedRecord,
     PlayerCapabilities,
     PlayState,
@@ -24,6 +23,7 @@ from piezod.devices.player import (
 )
 from piezod.devices.wiring import ChannelPair
 from piezod.errors import DeviceError
+from piezod.hysteresis.memory import FloatArray
 from piezod.testing.fake_clock import FakeClock
 from tests.daemon.waiting import eventually
 
