@@ -4,6 +4,8 @@ import json
 from math import pi, sin
 from pathlib import Path
 
+import pytest
+
 from tests.daemon.conftest import StartDaemon
 
 WAVE = "command_um: {kind: sine, low: 8, high: 16, frequency_hz: 50}\n"
@@ -29,6 +31,7 @@ def test_table_is_played_and_its_record_is_served(rig_file: Path, start: StartDa
     assert max(position_um) - min(position_um) > 3.0
 
 
+@pytest.mark.stress
 def test_error_falls_from_pass_to_pass(rig_file: Path, start: StartDaemon) -> None:
     """`piezod play` learns on a running stage, prints the best table, and disarms the stage."""
     wave = rig_file.parent / "wave.yaml"
