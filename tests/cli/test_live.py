@@ -55,8 +55,11 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 
 @pytest.fixture
 def socket(rig: Daemon) -> tuple[str, str]:
-    """Return the option that names the stage, which is disarmed."""
+    """Return the option that names the stage, which is disarmed, and which nobody holds."""
     rig.until("SAFE")
+    # The session of a command that was interrupted ends a moment after the command.
+    eventually(lambda: rig.ask("POST", "lease", {}).status_code == 200)
+    rig.ask("DELETE", "lease")
     return "--socket", str(rig.paths.api_socket)
 
 
