@@ -42,8 +42,8 @@ class PlayRunner(Protocol):
         """Return the capabilities of the player of an axis that can play."""
         ...
 
-    def begin(self, axis: int, table: AxisTable) -> int:
-        """Begin a play, of a table in V; return its number. The runner has the devices now."""
+    def begin(self, axis: int, table: AxisTable) -> None:
+        """Begin a play, of a table in V. The runner has the devices now."""
         ...
 
     def abort(self) -> None:
@@ -70,8 +70,7 @@ class StagePlay:
         self._runner, self._boundary, self._output = runner, boundary, output
         self._axis, self._silent_cycles = 0, 0
         self._outcome: PlayOutcome | None = None
-        self.aborted = False
-        """Whether the last play was aborted."""
+        self._aborted = False
 
     def refusal(self, axis: int, of: StageAxis, table: AxisTable) -> str:
         """Return why a table cannot be played now; empty if it can.
@@ -99,15 +98,15 @@ class StagePlay:
         """Lend the devices and begin a play, of a table in V, which `refusal` has not refused."""
         if self._runner is None:
             return
-        self._axis, self.aborted, self._silent_cycles = axis, False, 0
+        self._axis, self._aborted, self._silent_cycles = axis, False, 0
         self._output.lend()
         self._boundary.lent = True
         self._runner.begin(axis, table)
 
     def abort(self) -> None:
         """Abort the play, if there is one."""
-        if self._runner is not None and self._boundary.lent and not self.aborted:
-            self.aborted = True
+        if self._runner is not None and self._boundary.lent and not self._aborted:
+            self._aborted = True
             self._runner.abort()
 
     def advance(

@@ -66,13 +66,12 @@ class PlayThreads:
         """Return the capabilities of the player of an axis that can play. Real-time safe."""
         return self._players[axis].capabilities
 
-    def begin(self, axis: int, table: AxisTable) -> int:
-        """Begin a play, of a table in V; return its number. Starts a thread."""
+    def begin(self, axis: int, table: AxisTable) -> None:
+        """Begin a play, of a table in V. Starts a thread."""
         self._number += 1
         job = _PlayJob(self._players[axis], table, self._number, self._zero_um(axis))
         self._thread = _PlayThread(job, self._idle, self._clock, self._file)
         self._thread.start()
-        return self._number
 
     def abort(self) -> None:
         """Abort the play. Real-time safe."""

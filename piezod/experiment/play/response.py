@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from piezod.config.response_file import ResponseFile
+from piezod.control.law.response_files import response_model
 from piezod.dynamics.fitting import fit_response
 from piezod.dynamics.learning import MEASURED_SHIFT, STORED_SHIFT
 from piezod.dynamics.measured import from_periods
-from piezod.dynamics.model import ComplexArray, Resonance, ResponseModel
+from piezod.dynamics.model import ComplexArray, ResponseModel
 from piezod.dynamics.multisine import low_peak_multisine, odd_harmonics
 from piezod.errors import DataError
 from piezod.experiment.play.command import points_of
@@ -80,11 +81,8 @@ def stored_response(response: ResponseFile, interval_ns: int) -> KnownResponse:
 
     The delay of a file does not contain the hold of the voltage; a point is held for an interval.
     """
-    model = ResponseModel(
-        response.delay_s,
-        tuple(Resonance(one.frequency_hz, one.damping, one.share) for one in response.resonances),
-    )
     nothing, hold_s = np.empty(0), interval_ns / NS_PER_S
+    model = response_model(response, 0.0)
     return KnownResponse(model, response.high_hz, nothing, nothing, STORED_SHIFT, hold_s)
 
 

@@ -34,11 +34,10 @@ class PlayedByHand:
         numbers = (1000, 1000, 10**9, 100)
         return PlayerCapabilities(*numbers, False, (0.0,), 0, False, 100, True, 0, AtEnd.HOLDS)
 
-    def begin(self, axis: int, table: AxisTable) -> int:
+    def begin(self, axis: int, table: AxisTable) -> None:
         """Begin a play that does not end by itself."""
         assert axis == 0
         self.tables.append(table)
-        return len(self.tables)
 
     def abort(self) -> None:
         """Count the aborts."""
