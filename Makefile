@@ -6,8 +6,8 @@ PEERS := build/peers/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
-# One worker more than the fewest cores: many tests wait for a device or a daemon most of the time.
-WORKERS := --numprocesses 3 --dist worksteal
+# More workers than the fewest cores: many tests wait for a device or a daemon most of the time.
+WORKERS := --numprocesses 5 --dist worksteal
 
 # Where it is set, each of the processes that tests start compiles anew whatever it imports.
 unexport PYTHONDONTWRITEBYTECODE

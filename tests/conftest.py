@@ -94,13 +94,18 @@ def shared_data() -> Path:
     return folder
 
 
-@pytest.fixture
-def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+def leave_figures_blank(patch: pytest.MonkeyPatch) -> None:
     """Have reports with blank figures: to make and draw them takes longer than the rest."""
     module = "piezod.records.report_figures"
     for kind in ("case", "identification", "mode", "overview"):
-        monkeypatch.setattr(f"{module}.{kind}_figure", lambda *_: None)
-    monkeypatch.setattr(f"{module}.png_bytes", lambda _: BLANK_PNG)
+        patch.setattr(f"{module}.{kind}_figure", lambda *_: None)
+    patch.setattr(f"{module}.png_bytes", lambda _: BLANK_PNG)
+
+
+@pytest.fixture
+def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have reports with blank figures."""
+    leave_figures_blank(monkeypatch)
 
 
 Figure = Callable[[str], None]

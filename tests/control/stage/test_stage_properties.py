@@ -72,7 +72,7 @@ def config() -> DaemonConfig:
     return shipped_config()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(sent=st.lists(steps, min_size=3, max_size=20))
 def test_requests_in_any_order_never_break_a_limit(
     config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]

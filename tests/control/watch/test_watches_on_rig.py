@@ -51,7 +51,7 @@ def test_healthy_stage_has_no_fault(mode: Mode) -> None:
     """Sines, triangles, steps at the slew rate, and rest; in every mode."""
     stage = RigStage()
     arm_in(stage, mode)
-    run_all(stage, 1.0, 3.0)
+    run_all(stage, 0.6, 1.5)
 
     assert stage.faults() == []
     assert stage.state == "RUN"

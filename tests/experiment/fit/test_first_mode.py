@@ -34,7 +34,7 @@ def fit() -> Fit:
     return fit_model(ringing_record(), SURFACE)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.stress)])
 @pytest.mark.parametrize(
     ("mode", "delay_s"),
     [(MODE, 0.0011), (FirstMode(60.0, 0.2), 0.0), (FirstMode(430.0, 0.008), 0.0003)],

@@ -11,8 +11,29 @@ from piezod.experiment.virtual.run import run_experiment
 from piezod.records.recording import Recording
 from tests.conftest import Figure
 from tests.experiment.beyond import EXPERIMENTS, without_response
-from tests.experiment.virtual.test_mode_rings import RECORD
 
+_FULL = {"kind": "triangle", "low": 0, "high": 150}
+BRIEF = {
+    "settle_s": 0.5,
+    "run_in_s": 0.5,
+    "duration_s": 3.5,
+    "drive_v": {
+        "kind": "sequence",
+        "parts": (
+            {"duration_s": 1.0, "waveform": {**_FULL, "frequency_hz": 1.0}},
+            {
+                "duration_s": 1.5,
+                "waveform": {
+                    **_FULL,
+                    "frequency_hz": 3.0,
+                    "envelope": {"kind": "decaying", "time_constant_s": 0.7},
+                },
+            },
+            {"duration_s": 1.0, "waveform": {**_FULL, "frequency_hz": 5.0}},
+        ),
+    },
+}
+"""Short identification."""
 LARGEST_PCT = {"1 Hz": 0.5, "10 Hz": 0.5, "50 Hz": 0.5, "100 Hz": 0.6, "200 Hz": 1.0}
 """Largest worst true error of any mode with the response, in % of the range."""
 
@@ -45,7 +66,7 @@ def test_sine_of_50_hz_is_followed_after_a_short_identification(figure: Figure) 
     config = config_of("50 Hz").model_copy(update={"modes": (Mode.ADAPTIVE,)})
     assert config.identification is not None
     brief = type(config.identification).model_validate(
-        {"method": config.identification.method, **RECORD}
+        {"method": config.identification.method, **BRIEF}
     )
     (recording,) = recordings_of(config.model_copy(update={"identification": brief}))
     figure(f"50 Hz, short identification, worst error: {worst_pct(recording):.2f} %")
