@@ -3,9 +3,15 @@
 `python -m benchmarks.ringing FOLDER` drives a stage at 10 kHz without an anti-alias filter with
 random voltages, each held for 0.5 to 5 ms (`random`, `random-test`) or for 20 to 80 ms (`steps`,
 `steps-test`), after a slow start with all loops, and writes a data file of each.
+
+`python -m benchmarks.ringing --seeds 20` finds the first mode of that many specimens in such
+records, and compares its deviations from the true mode with the stated uncertainty (half a minute
+for each specimen).
 """
 
 import argparse
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,11 +20,20 @@ import yaml
 
 from benchmarks.peers.simulated import BEYOND, FULL_V
 from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.control.law.first_mode import FirstMode
 from piezod.devices import registry
+from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.method import Method
+from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.uncertainty import SIGMAS_95, uncertainty_of
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, opened
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
 from piezod.units import NS_PER_S
+from piezod_drivers.simulated.axis import make_axis
+from piezod_drivers.simulated.options import SimulatedOptions
 
 RATE_HZ: Final = 10_000.0
 SLEW_V_PER_S: Final = 30_000.0
@@ -71,11 +86,52 @@ def experiment(folder: Path) -> ExperimentConfig:
     return load_experiment(path, registry)
 
 
+def true_mode(config: ExperimentConfig) -> FirstMode:
+    """Return the first mode of the specimen of an experiment."""
+    device = config.devices["rig"]
+    seed = np.random.SeedSequence(config.seed).spawn(1)[0]
+    stage = make_axis(SimulatedOptions(**device.options.model_dump()), seed).plant.parameters.stage
+    return FirstMode(stage.mode_hz, stage.mode_damping)
+
+
+def deviations(config: ExperimentConfig, held_s: tuple[float, float]) -> FloatArray:
+    """Return the deviations of frequency and damping, in stated standard errors, shape (2,)."""
+    columns = record(config, drive(held_s, config.seed))
+    found = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
+    fit = fit_model(found, FitSettings(method=Method.SURFACE, creep=True))
+    half = uncertainty_of(fit, cross_validate(fit)).mode
+    assert fit.model.mode is not None  # noqa: S101 - every such record shows it
+    assert half is not None  # noqa: S101 - as the mode
+    errors = np.array(fit.model.mode) - np.array(true_mode(config))
+    return np.asarray((SIGMAS_95 * errors / np.array(half))[:2])
+
+
+def lines(count: int) -> Iterator[str]:
+    """Yield the lines of the table: deviations of each specimen, and how many are small."""
+    with tempfile.TemporaryDirectory() as folder:
+        config = experiment(Path(folder))
+    yield "deviations of frequency and damping, in stated standard errors"
+    for name, held_s in HELD_S.items():
+        rows = []
+        for seed in range(1, count + 1):
+            rows.append(deviations(config.model_copy(update={"seed": seed}), held_s))
+            yield f"{name:8} seed {seed:2} {rows[-1][0]:6.2f} {rows[-1][1]:6.2f}"
+        for sigmas in (1, 2):
+            share = 100.0 * np.mean(np.abs(rows) <= sigmas, axis=0)
+            yield f"{name:8} within {sigmas} {share[0]:4.0f} % {share[1]:4.0f} %"
+
+
 def main() -> None:
-    """Write all records."""
+    """Write all records, or print the deviations."""
     parser = argparse.ArgumentParser("python -m benchmarks.ringing", description=__doc__)
-    parser.add_argument("folder", type=Path)
-    folder = parser.parse_args().folder
+    parser.add_argument("folder", type=Path, nargs="?", default=Path())
+    parser.add_argument("--seeds", type=int, metavar="N", help="compare the modes of N specimens")
+    arguments = parser.parse_args()
+    if arguments.seeds:
+        for line in lines(arguments.seeds):
+            print(line, flush=True)
+        return
+    folder = arguments.folder
     folder.mkdir(parents=True, exist_ok=True)
     config = experiment(folder)
     for name, held_s in HELD_S.items():

@@ -1,26 +1,36 @@
 """True errors of the experiment beyond the paper on every simulated stage, for several specimens.
 
     python -m benchmarks.variants [--seeds 1 2 3 4 5] [STAGE ...]
+    python -m benchmarks.variants --limits [--seeds 1] [STAGE ...]
 
 Prints for each stage and specimen the worst of the three cases in % of the range of a case, and at
-the end of each stage the worst of its specimens. One specimen takes about half a minute.
+the end of each stage the worst of its specimens. One specimen takes about half a minute. With
+`--limits` it prints the errors of the stages that miss a target, and those without the effect that
+limits them.
 """
 
 import argparse
 from collections.abc import Iterator
+from typing import Any
 
 from piezod.config.modes import Mode
 from piezod.experiment.virtual.run import run_experiment
 from piezod.plant.variants import VARIANTS
-from tests.experiment.beyond import experiment_of
+from tests.experiment.beyond import LIMITS, experiment_of
 
 MODES = (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
 METRIC = "true_tracking_max_pct"
 
 
-def worst_pct(variant: str, seed: int) -> list[float]:
-    """Return the worst true tracking error of each mode, in %."""
-    config = experiment_of(variant, seed).model_copy(update={"modes": MODES})
+def worst_pct(variant: str, seed: int, **rig: Any) -> list[float]:
+    """Return the worst true tracking error of each mode, in %.
+
+    Args:
+        variant: Name of the variant.
+        seed: Seed of the specimen.
+        rig: Further options of the rig.
+    """
+    config = experiment_of(variant, seed, **rig).model_copy(update={"modes": MODES})
     result = run_experiment(config, "", config.title, lambda _label, _share: None)
     return [
         max(each.metrics[METRIC] for each in result.recordings if each.mode == mode)
@@ -30,13 +40,36 @@ def worst_pct(variant: str, seed: int) -> list[float]:
 
 def lines(variants: list[str], seeds: list[int]) -> Iterator[str]:
     """Yield the lines of the table."""
-    yield f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in MODES)
+    yield _heading()
     for variant in variants:
         rows = []
         for seed in seeds:
             rows.append(worst_pct(variant, seed))
             yield _line(variant, str(seed), rows[-1])
         yield _line(variant, "worst", [max(column) for column in zip(*rows, strict=True)])
+
+
+def limits(variants: list[str], seeds: list[int]) -> Iterator[str]:
+    """Yield the lines of the table of the limits, each the worst of the specimens."""
+    yield f"{_heading()}  without the limit"
+    known: set[str] = set()
+    for limit in LIMITS:
+        if limit.variant not in variants:
+            continue
+        if limit.variant not in known:
+            yield _line(limit.variant, "worst", _worst_of(limit.variant, seeds))
+            known.add(limit.variant)
+        errors_pct = _worst_of(limit.variant, seeds, **limit.rig)
+        yield f"{_line('', 'worst', errors_pct)}  {limit.lifted}"
+
+
+def _worst_of(variant: str, seeds: list[int], **rig: Any) -> list[float]:
+    rows = [worst_pct(variant, seed, **rig) for seed in seeds]
+    return [max(column) for column in zip(*rows, strict=True)]
+
+
+def _heading() -> str:
+    return f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in MODES)
 
 
 def _line(variant: str, seed: str, errors_pct: list[float]) -> str:
@@ -46,10 +79,12 @@ def _line(variant: str, seed: str, errors_pct: list[float]) -> str:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5])
+    parser.add_argument("--seeds", type=int, nargs="+", help="1 2 3 4 5, with --limits 1")
+    parser.add_argument("--limits", action="store_true", help="without what limits the errors")
     parser.add_argument("variants", nargs="*", default=list(VARIANTS), metavar="STAGE")
     arguments = parser.parse_args()
-    for line in lines(arguments.variants, arguments.seeds):
+    table, seeds = (limits, [1]) if arguments.limits else (lines, [1, 2, 3, 4, 5])
+    for line in table(arguments.variants, arguments.seeds or seeds):
         print(line, flush=True)
 
 

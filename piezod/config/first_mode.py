@@ -14,3 +14,11 @@ class FirstModeConfig(ConfigModel):
         description="Undamped frequency, Hz."
     )
     damping: Annotated[float, Quantity(0.001, 1)] = Field(description="Damping ratio.")
+
+
+class FoundModeConfig(FirstModeConfig):
+    """The first mode in a model file, with the lag of amplifier and sensor in the record."""
+
+    lag_s: Annotated[float, Quantity(0, 1, "s")] = Field(
+        default=0.0, description="Time constant of a lag of first order, part of `delay_s`, s."
+    )

@@ -11,7 +11,7 @@ import yaml
 from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, raise_rules
-from piezod.config.first_mode import FirstModeConfig
+from piezod.config.first_mode import FoundModeConfig
 from piezod.config.quantities import DriveV, PercentOfRange, PositionUm
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
@@ -87,7 +87,7 @@ class ModelFile(ConfigModel):
     creep_weights: CreepWeights = Field(
         default=(), description="Contribution of each lag, as a fraction of the displacement."
     )
-    first_mode: FirstModeConfig | None = Field(
+    first_mode: FoundModeConfig | None = Field(
         default=None,
         description="First mode that the data show; the loop uses that of the axis.",
     )

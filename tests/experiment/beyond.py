@@ -1,7 +1,7 @@
 """The experiments beyond the paper, on any variant of the rig."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.devices import registry
@@ -17,8 +17,44 @@ _OTHER_FILES = {
 _LIGHTLY_DAMPED = "light-damping"
 _SLOW_TRIM_PER_S = 5.0
 """Gain of the trim for this variant; 50 per second is refused for its mode."""
+_UNCLOSED = "bouc-wen"
+"""Its loops do not close, so that the errors of any model exceed the authority of the trim."""
 _UNFILTERED, _UNFILTERED_DELAY_S = "no-antialias", 0.00013
 """Without its filter the sensor has the delays of converter and bandwidth only."""
+
+
+class Limit(NamedTuple):
+    """What limits the errors of a variant.
+
+    Attributes:
+        variant: Name of the variant.
+        lifted: What is different, for people.
+        rig: Options of the rig with which it is.
+    """
+
+    variant: str
+    lifted: str
+    rig: dict[str, Any]
+
+
+_EXACT: Final = {"calibration": {"kind": "commissioned", "residual_pct": 0.0}}
+LIMITS: Final = (
+    Limit("stack", "exact sensor", _EXACT),
+    Limit(
+        "stack-uncalibrated",
+        "sensor calibrated to 0.05 %",
+        {"calibration": {"kind": "commissioned"}},
+    ),
+    Limit("flexure", "no drift of the return points", {"effects": {"drift": False}}),
+    Limit("flexure", "no drift, exact sensor", {"effects": {"drift": False}, **_EXACT}),
+    Limit("afm", "exact sensor", _EXACT),
+    Limit("thermal-relays", "no creep, no drift", {"effects": {"creep": False, "drift": False}}),
+    Limit("bouc-wen", "no hysteresis", {"effects": {"hysteresis": False}}),
+    Limit("light-damping", "exact sensor", _EXACT),
+    Limit("no-antialias", "no noise, no mode", {"effects": {"sensor_noise": False, "mode": False}}),
+    Limit("gain-drift", "constant gain", {"stage": {"gain_growth_per_s": 0.0}}),
+)
+"""The effects without which the errors that miss their target reach it, or show what remains."""
 
 
 def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
@@ -42,6 +78,8 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
                 "trim": axis.trim.model_copy(update={"gain_per_s": _SLOW_TRIM_PER_S}),
             }
         )
+    if variant == _UNCLOSED:
+        axis = axis.model_copy(update={"trim": axis.trim.model_copy(update={"base": "adaptive"})})
     if variant == _UNFILTERED:
         prompt = {"sensor_delay_s": _UNFILTERED_DELAY_S}
         axis = axis.model_copy(update={"compensator": axis.compensator.model_copy(update=prompt)})

@@ -1,11 +1,11 @@
 """The first mode of a stage: a second-order resonance between drive and displacement.
 
-A drive is held between two samples, and so is the displacement without the mode, from which the
-mode follows. The discretisation is exact for that. A delay that is no whole period splits the held
-value in two, as in `piezod.dynamics.loop`.
+Amplifier and sensor may add a lag of first order. A drive is held between two samples, and so is
+the displacement without the mode, from which the mode follows. The discretisation is exact for
+that. A delay that is no whole period splits the held value in two, as in `piezod.dynamics.loop`.
 """
 
-from math import floor
+from math import exp, floor
 from typing import NamedTuple
 
 import numpy as np
@@ -22,37 +22,49 @@ class FirstMode(NamedTuple):
     Attributes:
         frequency_hz: Undamped frequency, in Hz.
         damping: Damping ratio, in (0, 1).
+        lag_s: Time constant of the lag of first order beside it, in s.
     """
 
     frequency_hz: float
     damping: float
+    lag_s: float = 0.0
 
     def free_motion(self, over_s: float) -> FloatArray:
-        """Return the transition matrix of displacement and speed (per radian), shape (2, 2)."""
-        return free_motion(Resonance(self.frequency_hz, self.damping), over_s)
+        """Return the transition matrix, shape (3, 3).
+
+        The state is the displacement, its speed (per radian), and the lag, which drives both.
+        """
+        motion = np.zeros((3, 3))
+        motion[:2, :2] = free_motion(Resonance(self.frequency_hz, self.damping), over_s)
+        if self.lag_s > 0.0:
+            # While the lag decays, the mode follows it at a constant ratio; the rest moves freely.
+            rate = 1.0 / (2.0 * np.pi * self.frequency_hz * self.lag_s)
+            ratio = np.array([1.0, -rate]) / (1.0 - 2.0 * self.damping * rate + rate**2)
+            motion[2, 2] = exp(-over_s / self.lag_s)
+            motion[:2, 2] = motion[2, 2] * ratio - motion[:2, :2] @ ratio
+        return motion
 
     def shown(self, values: FloatArray, delay_s: float, period_s: float) -> FloatArray:
         """Return the motion of the mode at the samples, for held values; same shape.
 
-        The mode has settled at the first values before. The delay is that of the middle of a held
-        value, half a period after its start: a slow motion is then shown as late as by linear
-        interpolation.
+        The mode has settled at the first values before. The delay includes the lag, and is that of
+        the middle of a held value, half a period after its start: a slow motion is then shown as
+        late as by linear interpolation.
 
         Args:
             values: (n,) or (n, p) displacement without the mode, evenly in time.
             delay_s: Delay of either sign, in s.
             period_s: Sample period, in s.
         """
-        late = delay_s / period_s - 0.5
+        late = (delay_s - self.lag_s) / period_s - 0.5
         whole = floor(late)
         after = self.free_motion(period_s * (1.0 - (late - whole)))
-        settled = np.array([1.0, 0.0])  # final state of a held value of 1; the rest decays freely
+        settled = np.array([1.0, 0.0, 1.0])  # for a held value of 1; the rest decays freely
         free = self.free_motion(period_s)
         old, new = (after - free) @ settled, settled - after @ settled
         columns = np.ascontiguousarray(values.reshape(values.shape[0], -1))
         motion = np.empty_like(columns)
-        state = np.zeros((2, columns.shape[1]))
-        state[0] = columns[0]
+        state = settled[:, np.newaxis] * columns[0]
         _follow(columns, whole, free, old, new, state, motion)
         return motion.reshape(values.shape)
 
@@ -67,15 +79,15 @@ def _follow(
     state: FloatArray,
     motion: FloatArray,
 ) -> None:
-    """Fill the motion; the state of each column is a displacement and a speed.
+    """Fill the motion; the state of each column is a displacement, a speed and a lag.
 
     Args:
         values: (n, p) held values.
         whole: Whole periods of the delay.
-        free: (2, 2) transition over a period.
-        old: (2,) effect of the held value before, in a period.
-        new: (2,) effect of the present one.
-        state: (2, p) state at the first sample; it advances in place.
+        free: (3, 3) transition over a period.
+        old: (3,) effect of the held value before, in a period.
+        new: (3,) effect of the present one.
+        state: (3, p) state at the first sample; it advances in place.
         motion: (n, p) displacement at the samples.
     """
     last = values.shape[0] - 1
@@ -84,8 +96,9 @@ def _follow(
         here = min(max(k - whole - 1, 0), last)
         for j in range(values.shape[1]):
             if k > 0:
-                x, speed = state[0, j], state[1, j]
+                x, speed, lag = state[0, j], state[1, j], state[2, j]
                 a, b = values[before, j], values[here, j]
-                state[0, j] = free[0, 0] * x + free[0, 1] * speed + old[0] * a + new[0] * b
-                state[1, j] = free[1, 0] * x + free[1, 1] * speed + old[1] * a + new[1] * b
+                for i in range(3):
+                    moved = free[i, 0] * x + free[i, 1] * speed + free[i, 2] * lag
+                    state[i, j] = moved + old[i] * a + new[i] * b
             motion[k, j] = state[0, j]

@@ -43,8 +43,7 @@ not describe the loops; if they predict the position of one record best, that is
 so on two records, and were worse on the tests."""
 LARGEST_LOSS = 1.02
 """Largest rms error of the chosen model, as a multiple of that of the best one."""
-_SLOW_PARAMETERS = 3  # creep, offset, stretch
-_OFFSET, _MODE = 1, 2  # of a surface; a mode has a frequency and a damping
+_OFFSET, _MODE = 1, 3  # of a surface; a mode has a frequency, a damping and a lag
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
 
@@ -88,7 +87,7 @@ class Candidate:
         if settings.method is Method.SURFACE:
             slow = TIME_CONSTANTS_S.size * settings.creep
             return settings.n_weights + _OFFSET + slow + _MODE * (self.fit.shows_mode is not None)
-        return settings.n_weights + _SLOW_PARAMETERS * settings.creep
+        return settings.n_weights + settings.creep
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, has_one_frequency
-from piezod.experiment.fit.least_squares import SlowParameters, search_slow_parameters
+from piezod.experiment.fit.least_squares import search_creep
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.mode_search import ShownMode
 from piezod.experiment.fit.prediction import predicted_um, predicted_v
@@ -126,17 +126,17 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
     if settings.method is Method.SURFACE:
         return _fit_surface(record, settings)
     problem = StopProblem(settings.as_fitted(record), settings)
-    bank, slow_parameters, linearised = problem.bank(), SlowParameters(), None
+    bank, creep, linearised = problem.bank(), 0.0, None
     # Creep looks like a delay, so both are searched together. With one frequency they cannot be
     # separated.
     if settings.creep and settings.delay_s is None and not has_one_frequency(record.drive_v):
-        slow_parameters = search_slow_parameters(bank, problem.series)
-    estimate, delay_s = problem.delay(bank, slow_parameters)
+        creep = search_creep(bank, problem.series)
+    estimate, delay_s = problem.delay(bank, creep)
     if settings.method is Method.LMS:
         weights = problem.lms(bank, delay_s)
     else:
-        weights, slow_parameters, linearised = problem.least_squares(bank, delay_s)
-    model = problem.model(bank, weights, slow_parameters, delay_s)
+        weights, creep, linearised = problem.least_squares(bank, delay_s)
+    model = problem.model(bank, weights, creep, delay_s)
     slope = model.form.smallest_slope(model.weights)
     return Fit(model, settings, estimate, slope, problem, linearised)
 
@@ -145,7 +145,7 @@ def _fit_surface(record: Record, settings: FitSettings) -> Fit:
     estimate, start_s, smoothed = None, settings.delay_s, settings.as_fitted(record)
     if start_s is None:
         stops = StopProblem(smoothed, replace(settings, spacing=Spacing.GRADED))
-        estimate, start_s = stops.delay(stops.bank(), SlowParameters())
+        estimate, start_s = stops.delay(stops.bank(), 0.0)
     one_frequency = has_one_frequency(record.drive_v)
     found = search_surface(record, settings, start_s, one_frequency=one_frequency)
     problem, linearised = found.problem, found.linearised

@@ -1,14 +1,13 @@
 """Least squares over a whole record: the weights, and with them the creep, if requested.
 
-The drive of the model is linear in its weights, paper eq. (16). It is not linear in the slow
-parameters, so that the fit is repeated around its last result (Gauss-Newton), each time as one
-constrained problem. The slow parameters are beyond the paper.
+The drive of the model is linear in its weights, paper eq. (16). It is not linear in the creep, so
+that the fit is repeated around its last result (Gauss-Newton), each time as one constrained
+problem. Creep is beyond the paper.
 
-With y the displacement without creep, normalised so that the largest drive belongs to y = 1:
-
-    y = (1 + stretch) (x - creep) - offset
-
-The offset is the drift of the stage between its zero and the end of the run-in.
+The displacement without creep is normalised by its own range, as eq. (28) does it without creep. A
+range that is searched, too, is hardly determined by the drive: the weights make up for one that is
+too large by branches that are flat at their ends. On a measured stage it was 1 % too large, and so
+were the errors of the position just after each turn.
 """
 
 from collections.abc import Callable
@@ -17,11 +16,11 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from piezod.control.law.creep import LAGS_PER_DECADE, NO_CREEP, logarithmic
+from piezod.control.law.creep import LAGS_PER_DECADE, NO_CREEP, TIME_CONSTANTS_S, logarithmic
 from piezod.errors import DataError, ModelError
 from piezod.experiment.fit.prediction import without_creep
 from piezod.experiment.fit.record import Rows
-from piezod.hysteresis import stop_regressors
+from piezod.hysteresis import AffineRange, stop_regressors
 from piezod.hysteresis.least_squares import parameter_covariance, ridge_penalty, solve_constrained
 from piezod.hysteresis.memory import FloatArray
 
@@ -30,23 +29,8 @@ RIDGE = 1e-6
 _ROUNDS = 12
 _STEP = 1e-4  # step of the differences
 _SETTLED = 1e-5
-_MAX_DRIFT = 0.5  # limit of offset and stretch, in units of the range
 _MAX_CREEP = 0.1  # limit for each lag: all eight would make most of a displacement
 _PARTS = (1.0, 0.5, 0.25, 0.125)  # fractions of a step that are tried
-
-
-class SlowParameters(NamedTuple):
-    """Parameters of the map from the measured displacement to that of the hysteresis, y.
-
-    Attributes:
-        creep: Weight of each lag.
-        offset: Drift, in units of the range.
-        stretch: Relative growth of the range.
-    """
-
-    creep: float = 0.0
-    offset: float = 0.0
-    stretch: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,14 +51,36 @@ class Series:
     from_rest: bool
     counted: Rows
 
-    def quick(self, slow: SlowParameters) -> FloatArray:
-        """Return y, shape (n,)."""
-        x = (1.0 + slow.stretch) * self.positions - slow.offset
-        law = logarithmic(slow.creep) if slow.creep else NO_CREEP
-        return without_creep(x, law, self.period_s, from_rest=self.from_rest)
+    def quick(self, creep: float) -> FloatArray:
+        """Return the displacement without creep, in units of its own range, shape (n,).
+
+        The operators are defined on [0, 1]; samples that do not count may leave their range.
+
+        Args:
+            creep: Weight of each lag.
+        """
+        without = self._without(creep)
+        return np.clip(self._range_of(without).to_unit(without), 0.0, 1.0)
+
+    def range_of(self, creep: float) -> AffineRange:
+        """Return the range of the displacement without creep, in units of that with creep.
+
+        A constant has all its creep after a long rest: the zero of the range includes it.
+        """
+        quick = self._range_of(self._without(creep))
+        low = quick.low * (1.0 + creep * TIME_CONSTANTS_S.size)
+        return AffineRange.checked(low, low + quick.width)
+
+    def _without(self, creep: float) -> FloatArray:
+        law = logarithmic(creep) if creep else NO_CREEP
+        return without_creep(self.positions, law, self.period_s, from_rest=self.from_rest)
+
+    def _range_of(self, values: FloatArray) -> AffineRange:
+        counted = values[self.counted]
+        return AffineRange(float(counted.min()), float(counted.max()))
 
 
-_MUCH_CREEP = SlowParameters(creep=0.01, stretch=0.04)  # 2 % per decade
+_MUCH_CREEP = 0.01  # 2 % per decade
 
 SeriesAt: TypeAlias = Callable[[float], Series]
 """Returns a record aligned by a delay in s."""
@@ -86,7 +92,8 @@ class Linearised:
 
     Attributes:
         bank: (2, 2 M) thresholds and gains of the stops.
-        regressors: (n, 2 M + E) regressors of the weights and of the slow parameters.
+        regressors: (n, 2 M + E) regressors of the weights, of the creep and of the delay, as far as
+            they are searched.
         target: (n,) values that they must add up to.
         counted: (n,) mask of the rows that count.
         parameters: (2 M + E,) solution.
@@ -136,46 +143,41 @@ class LeastSquaresFit(NamedTuple):
 
     Attributes:
         weights: (2 M,) weights [a^l, a^r].
-        slow: Slow parameters; zero if they were not requested.
+        creep: Weight of each lag; zero if it was not requested.
         linearised: The problem around this solution.
     """
 
     weights: FloatArray
-    slow: SlowParameters
+    creep: float
     linearised: Linearised
 
 
 def fit_least_squares(bank: FloatArray, series: Series, *, creep: bool) -> LeastSquaresFit:
-    """Fit the weights, and the slow parameters if requested.
+    """Fit the weights, and the creep if requested.
 
     Args:
         bank: (2, 2 M) thresholds and gains of the stops.
         series: The record.
-        creep: Whether creep, offset and stretch are fitted, too.
+        creep: Whether creep is fitted, too.
 
     Raises:
         DataError: If the search for the creep does not converge to a plausible result.
     """
-    point = _Point.at(bank, series, SlowParameters())
+    point = _Point.at(bank, series, 0.0)
     if not creep:
-        return LeastSquaresFit(point.linear.parameters, point.slow, point.linear)
+        return LeastSquaresFit(point.linear.parameters, 0.0, point.linear)
     point, _ = _search(bank, lambda _: series, point, 0.0, with_delay=False)
-    slow = point.slow
-    if not slow.creep <= _MAX_CREEP:
+    if not point.creep <= _MAX_CREEP:
         raise DataError(
-            f"no creep could be fitted: the search went to {slow.creep:.2g} for each lag, allowed "
+            f"no creep could be fitted: the search went to {point.creep:.2g} for each lag, allowed "
             f"is up to {_MAX_CREEP:g}; fit without creep, or record for longer"
         )
-    if not (abs(slow.stretch) < _MAX_DRIFT and abs(slow.offset) < _MAX_DRIFT):
-        raise DataError(
-            f"no creep could be fitted: the search went to a stretch of {slow.stretch:.2g} and an "
-            f"offset of {slow.offset:.2g} of the range; fit without creep, or record for longer"
-        )
-    return LeastSquaresFit(point.linear.parameters, slow, _around(bank, point, with_delay=False))
+    linearised = _around(bank, point, with_delay=False)
+    return LeastSquaresFit(point.linear.parameters, point.creep, linearised)
 
 
-def search_slow_parameters(bank: FloatArray, series_at: SeriesAt) -> SlowParameters:
-    """Return the slow parameters, searched together with the delay.
+def search_creep(bank: FloatArray, series_at: SeriesAt) -> float:
+    """Return the weight of each lag of the creep, searched together with the delay.
 
     One after the other, each would falsify the other, because fast creep looks like a delay. The
     search starts without delay, because too long a delay hides the creep. It starts once without
@@ -186,27 +188,26 @@ def search_slow_parameters(bank: FloatArray, series_at: SeriesAt) -> SlowParamet
         series_at: Returns the record aligned by a delay in s.
     """
     series, found = series_at(0.0), []
-    for start in (SlowParameters(), _MUCH_CREEP):
+    for start in (0.0, _MUCH_CREEP):
         point = _Point.at(bank, series, start)
         found.append(_search(bank, series_at, point, 0.0, with_delay=True)[0])
-    return min(found, key=lambda point: point.rms).slow
+    return min(found, key=lambda point: point.rms).creep
 
 
 class _Point(NamedTuple):
-    """The best weights for given slow parameters, and their rms error."""
+    """The best weights for a given creep, and their rms error."""
 
     series: Series
-    slow: SlowParameters
+    creep: float
     linear: Linearised
     rms: float
 
     @classmethod
-    def at(cls, bank: FloatArray, series: Series, slow: SlowParameters) -> "_Point":
-        y = np.clip(series.quick(slow), 0.0, 1.0)
+    def at(cls, bank: FloatArray, series: Series, creep: float) -> "_Point":
+        y = series.quick(creep)
         linear = _solved(bank, stop_regressors(bank, y), series.drives - y, series.counted)
-        return cls(
-            series, slow, linear, float(np.sqrt(np.mean(linear.misses[series.counted] ** 2)))
-        )
+        misses = linear.misses[series.counted]
+        return cls(series, creep, linear, float(np.sqrt(np.mean(misses**2))))
 
 
 def _search(
@@ -217,33 +218,29 @@ def _search(
     for _ in range(_ROUNDS):
         parameters = _around(bank, point, with_delay=with_delay).parameters[n_weights:]
         delay_step_s = float(parameters[-1]) * point.series.period_s if with_delay else 0.0
-        step = parameters[: len(point.slow)] - np.array(point.slow)
+        step = float(parameters[0]) - point.creep
         for part in _PARTS:
             there_s = max(0.0, delay_s + part * delay_step_s)
-            slow = SlowParameters(*(np.array(point.slow) + part * step))
-            there = _Point.at(bank, series_at(there_s), slow)
+            there = _Point.at(bank, series_at(there_s), point.creep + part * step)
             if there.rms < point.rms:
                 break
         else:
             break
         point, delay_s = there, there_s
-        if np.max(np.abs(step)) < _SETTLED:
+        if abs(step) < _SETTLED:
             break
     return point, delay_s
 
 
 def _around(bank: FloatArray, point: _Point, *, with_delay: bool) -> Linearised:
-    """Return the problem around a point, linear in the slow parameters and in the delay."""
-    series, slow = point.series, point.slow
+    """Return the problem around a point, linear in the creep and in the delay."""
+    series, creep = point.series, point.creep
     drives = series.drives + point.linear.misses
-    columns = []
-    for i in range(len(slow)):
-        # Derivative of the predicted drive to each slow parameter, by a small difference.
-        moved = SlowParameters(*(value + _STEP * (i == j) for j, value in enumerate(slow)))
-        y = np.clip(series.quick(moved), 0.0, 1.0)
-        there = y + stop_regressors(bank, y) @ point.linear.parameters
-        columns.append((there - drives) / _STEP)
-    target = point.linear.target + np.stack(columns, axis=1) @ np.array(slow)
+    # Derivative of the predicted drive to the creep, by a small difference.
+    y = series.quick(creep + _STEP)
+    there = y + stop_regressors(bank, y) @ point.linear.parameters
+    columns = [(there - drives) / _STEP]
+    target = point.linear.target + columns[0] * creep
     if with_delay:
         # A delay of one period shifts the drive by its change per sample.
         columns.append(np.gradient(series.drives))

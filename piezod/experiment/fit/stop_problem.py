@@ -8,7 +8,6 @@ from piezod.experiment.fit.delay import DelayEstimate, estimate_delay
 from piezod.experiment.fit.least_squares import (
     LeastSquaresFit,
     Series,
-    SlowParameters,
     fit_least_squares,
 )
 from piezod.experiment.fit.lms_passes import repeated_lms
@@ -40,10 +39,10 @@ class StopProblem(Problem):
         assert isinstance(model.form, StopForm)  # noqa: S101 - this problem makes no other
         bank, delay_s = model.form.bank, model.delay_s
         if linearised is None:
-            return self.model(bank, self.lms(bank, delay_s, held_out), SlowParameters(), delay_s)
+            return self.model(bank, self.lms(bank, delay_s, held_out), 0.0, delay_s)
         parameters = linearised.solved(linearised.counted & ~held_out)
-        weights, slow = np.split(parameters, [bank.shape[1]])
-        return self.model(bank, weights, SlowParameters(*slow), delay_s)
+        weights, creep = np.split(parameters, [bank.shape[1]])
+        return self.model(bank, weights, float(np.sum(creep)), delay_s)
 
     def series(self, delay_s: float) -> Series:
         """Return the normalised record, with each displacement beside its voltage."""
@@ -56,14 +55,11 @@ class StopProblem(Problem):
             counted=record.counted(delay_s),
         )
 
-    def delay(
-        self, bank: FloatArray, slow_parameters: SlowParameters
-    ) -> tuple[DelayEstimate | None, float]:
-        """Return the delay, estimated with these slow parameters if it was not given."""
+    def delay(self, bank: FloatArray, creep: float) -> tuple[DelayEstimate | None, float]:
+        """Return the delay, estimated with this weight of each lag if it was not given."""
         if self._settings.delay_s is not None:
             return None, self._settings.delay_s
-        # The operators are defined on [0, 1].
-        y = np.clip(self.series(0.0).quick(slow_parameters), 0.0, 1.0)
+        y = self.series(0.0).quick(creep)
         estimate = estimate_delay(self.record, stop_regressors(bank, y), y, self.drive_v)
         return estimate, estimate.delay_s
 
@@ -77,11 +73,11 @@ class StopProblem(Problem):
             thresholds = graded_thresholds(order)
             return new_bank(thresholds, thresholds)
         fine = new_bank(graded_thresholds(FINE_ORDER), graded_thresholds(FINE_ORDER))
-        _, delay_s = self.delay(fine, SlowParameters())
+        _, delay_s = self.delay(fine, 0.0)
         return placed_thresholds(fine, self.least_squares(fine, delay_s).weights, order)
 
     def least_squares(self, bank: FloatArray, delay_s: float) -> LeastSquaresFit:
-        """Return the weights, and the slow parameters if `creep` is set, all at once."""
+        """Return the weights, and the creep if it is set, all at once."""
         return fit_least_squares(bank, self.series(delay_s), creep=self._settings.creep)
 
     def lms(self, bank: FloatArray, delay_s: float, held_out: Rows | None = None) -> FloatArray:
@@ -98,17 +94,16 @@ class StopProblem(Problem):
         return repeated_lms(bank, series.positions, drives, settings.lms_gain, settings.deadband)
 
     def model(
-        self, bank: FloatArray, weights: FloatArray, slow_parameters: SlowParameters, delay_s: float
+        self, bank: FloatArray, weights: FloatArray, creep: float, delay_s: float
     ) -> StageModel:
         """Return the model of normalised parameters, in V and µm."""
-        # [0, 1] is then the range of y, the displacement without creep.
-        width_um = self.position_um.width / (1.0 + slow_parameters.stretch)
-        low_um = self.position_um.low + slow_parameters.offset * width_um
+        quick = self.series(delay_s).range_of(creep)
         return StageModel(
             StopForm(bank),
             weights,
             self.drive_v,
-            AffineRange.checked(low_um, low_um + width_um),
+            # [0, 1] is then the range of the displacement without creep.
+            AffineRange.checked(*map(self.position_um.from_unit, quick)),
             delay_s,
-            logarithmic(slow_parameters.creep) if slow_parameters.creep else NO_CREEP,
+            logarithmic(creep) if creep else NO_CREEP,
         )

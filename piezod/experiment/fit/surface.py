@@ -30,8 +30,10 @@ from piezod.experiment.fit.surface_parameters import (
     DELAY,
     FREQUENCY,
     MODE,
+    MODE_LAG,
     OFFSET,
     PROMPT,
+    START_MODE_LAG,
     penalised,
     solved,
 )
@@ -47,7 +49,8 @@ _ROUNDS = 12
 _SETTLED = 1e-5
 _PARTS = (1.0, 0.5, 0.25, 0.125)  # fractions of a step that are tried
 _ACTIVATION_STEP = 2e-4
-_MODE_STEPS = {DELAY: 1e-3, FREQUENCY: 1e-6, DAMPING: 1e-5}  # steps of differences
+_MODE_STEPS = {DELAY: 1e-3, FREQUENCY: 1e-6, DAMPING: 1e-5, MODE_LAG: 1e-3}
+"""Steps of differences."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +58,11 @@ class LinearisedSurface:
     """The problem around its solution: linear in all parameters.
 
     Attributes:
-        regressors: (n, 38) regressors of all parameters.
+        regressors: (n, 39) regressors of all parameters.
         target: (n,) values that they must add up to.
         counted: (n,) mask of the rows that count.
-        fixed: (38,) mask of the parameters that are not searched.
-        parameters: (38,) solution; the delay is in sample periods.
+        fixed: (39,) mask of the parameters that are not searched.
+        parameters: (39,) solution; the delay is in sample periods.
         drives: (n,) drives of the record, delayed.
         period_s: Sample period, in s.
     """
@@ -85,7 +88,7 @@ class LinearisedSurface:
 
     @property
     def creep_gradient(self) -> FloatArray | None:
-        """Change of the creep per decade with each parameter, shape (38,); None without creep."""
+        """Change of the creep per decade with each parameter, shape (39,); None without creep."""
         if self.fixed[CREEP]:
             return None
         gradient = np.zeros(self.fixed.size)
@@ -99,7 +102,7 @@ class LinearisedSurface:
         return searched
 
     def covariance(self, residual_variance: float) -> FloatArray:
-        """Return the covariance of the parameters without active constraints, shape (38, 38).
+        """Return the covariance of the parameters without active constraints, shape (39, 39).
 
         Args:
             residual_variance: Mean squared residual per independent sample.
@@ -111,7 +114,7 @@ class LinearisedSurface:
         return covariance
 
     def solved(self, rows: Rows) -> FloatArray:
-        """Return the parameters that fit these rows best, shape (38,)."""
+        """Return the parameters that fit these rows best, shape (39,)."""
         return solved(self.regressors[rows], self.target[rows], self.parameters, self.fixed)
 
 
@@ -147,12 +150,28 @@ def fit_surface(
     parameters[0] = 1.0  # displacement in proportion to the drive
     parameters[DELAY] = (start_delay_s if delay_s is None else delay_s) / record.period_s
     if mode is not None:
-        parameters[[*MODE]] = mode.frequency, mode.damping
+        parameters[[*MODE]] = mode.frequency, mode.damping, 0.0
     # First what is linear alone: any fit is a better start than a line.
     not_yet = np.ones_like(fixed)
     not_yet[:SIZE] = not_yet[OFFSET] = False
     not_yet[PROMPT] = not rate
     parameters = _around(record, parameters, not_yet).parameters
+    # A mode first without its lag: from far away, the lag would take its place.
+    fixed[MODE_LAG] = True
+    found = _searched(record, parameters, fixed)
+    if mode is None:
+        return found
+    with_lag = found.parameters.copy()
+    with_lag[MODE_LAG] = START_MODE_LAG
+    fixed = fixed.copy()
+    fixed[MODE_LAG] = False
+    lagging = _searched(record, with_lag, fixed)
+    both = [Point.at(record, each.parameters).rms for each in (found, lagging)]
+    return lagging if both[1] < both[0] else found
+
+
+def _searched(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> LinearisedSurface:
+    """Return the best fit downhill from a point (Gauss-Newton), with smaller steps if needed."""
     rms = Point.at(record, parameters).rms
     for _ in range(_ROUNDS):
         step = _around(record, parameters, fixed).parameters - parameters

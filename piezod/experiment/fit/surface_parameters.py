@@ -15,11 +15,11 @@ from piezod.hysteresis.memory import FloatArray
 
 PROMPT, CREEP = SIZE, SIZE + 1
 OFFSET = CREEP + TIME_CONSTANTS_S.size
-DELAY, ACTIVATION, FREQUENCY, DAMPING, COUNT = (OFFSET + i for i in range(1, 6))
+DELAY, ACTIVATION, FREQUENCY, DAMPING, MODE_LAG, COUNT = (OFFSET + i for i in range(1, 7))
 """Places of the prompt slope, the first lag, the offset, the delay in sample periods, the
-activation, and the frequency (in cycles per sample) and the damping ratio of the first mode, behind
-the 24 coefficients; and the number of all parameters."""
-MODE: Final = (FREQUENCY, DAMPING)
+activation, and the frequency (in cycles per sample), the damping ratio and the lag (in sample
+periods) of the first mode, behind the 24 coefficients; and the number of all parameters."""
+MODE: Final = (FREQUENCY, DAMPING, MODE_LAG)
 RIDGE = 1e-6
 """Penalty on the coefficients, relative to the mean power of their regressors."""
 CREEP_RIDGE = 1e-2
@@ -35,21 +35,26 @@ limit of sampling, and the motion of slower modes looks like that of the drive."
 LOWEST_DAMPING, HIGHEST_DAMPING = 0.001, 0.3
 """Bounds of the damping ratio of a mode. With more it hardly rings, and is rather a filter of the
 sensor."""
+START_MODE_LAG, HIGHEST_MODE_LAG = 0.5, 5.0
+"""Lag beside the mode at which its search begins, and its highest value, in sample periods. Near
+zero a lag is like a delay, which is fitted anyway."""
 _SCALAR_BOUNDS: Final = {
     PROMPT: (0.0, None),
     ACTIVATION: (0.0, MAX_ACTIVATION),
     FREQUENCY: FREQUENCIES,
     DAMPING: (LOWEST_DAMPING, HIGHEST_DAMPING),
+    MODE_LAG: (0.0, HIGHEST_MODE_LAG),
     **dict.fromkeys(range(CREEP, OFFSET), (0.0, MAX_LAG)),
 }
 """Lowest and highest value of a parameter; None for any."""
 
 
 def mode_of(parameters: FloatArray, period_s: float) -> FirstMode | None:
-    """Return the first mode of parameters, shape (38,); None if they have none."""
+    """Return the first mode of parameters, shape (39,); None if they have none."""
     if not parameters[FREQUENCY]:
         return None
-    return FirstMode(float(parameters[FREQUENCY]) / period_s, float(parameters[DAMPING]))
+    frequency, damping, lag = parameters[[*MODE]].tolist()
+    return FirstMode(frequency / period_s, damping, lag * period_s)
 
 
 def solved(
@@ -58,13 +63,13 @@ def solved(
     """Solve one linear problem for the parameters that are not fixed; the others stay.
 
     Args:
-        regressors: (n, 38) regressors of all parameters.
+        regressors: (n, 39) regressors of all parameters.
         target: (n,) values that they must add up to.
-        known: (38,) parameters; those that are fixed keep these values.
-        fixed: (38,) mask of the parameters that are not searched.
+        known: (39,) parameters; those that are fixed keep these values.
+        fixed: (39,) mask of the parameters that are not searched.
 
     Returns:
-        The parameters, shape (38,).
+        The parameters, shape (39,).
     """
     free = ~fixed
     rows, rest = regressors[:, free], target - regressors[:, fixed] @ known[fixed]
@@ -85,7 +90,7 @@ def penalised(rows: FloatArray, free: Rows) -> FloatArray:
 
     Args:
         rows: (n, f) regressors of the free parameters.
-        free: (38,) mask of these parameters.
+        free: (39,) mask of these parameters.
     """
     gram = rows.T @ rows
     power = np.zeros(COUNT)
@@ -102,7 +107,7 @@ def penalised(rows: FloatArray, free: Rows) -> FloatArray:
 
 
 def _constraints() -> tuple[FloatArray, FloatArray]:
-    """Return A and b for which A p ≥ b, shapes (k, 38) and (k,)."""
+    """Return A and b for which A p ≥ b, shapes (k, 39) and (k,)."""
     slopes, units = np.pad(slope_rows(), ((0, 0), (0, COUNT - SIZE))), np.eye(COUNT)
     rows, bounds = [*slopes], [LEAST_SLOPE] * len(slopes)
     for place, (low, high) in _SCALAR_BOUNDS.items():

@@ -51,7 +51,7 @@ class Point:
 
     Attributes:
         record: The record.
-        parameters: (38,) parameters.
+        parameters: (39,) parameters.
         quick: (n, 25) regressors of the coefficients and of the prompt slope, without creep.
         lags: (n, K) lags of the creep.
         started: (n,) creep that a start of all lags from one adds.
@@ -71,7 +71,7 @@ class Point:
 
     @classmethod
     def at(cls, record: SurfaceRecord, parameters: FloatArray) -> Self:
-        """Return the point of these parameters, shape (38,)."""
+        """Return the point of these parameters, shape (39,)."""
         period_s, weights = record.period_s, parameters[CREEP:OFFSET]
         rings = mode_of(parameters, period_s) is not None
         drives = record.drives_at(0.0 if rings else float(parameters[DELAY]) * period_s)
@@ -113,7 +113,7 @@ def shown(values: FloatArray, parameters: FloatArray, period_s: float) -> FloatA
 
     Args:
         values: (n,) or (n, p) values, evenly in time.
-        parameters: (38,) parameters.
+        parameters: (39,) parameters.
         period_s: Sample period, in s.
     """
     mode = mode_of(parameters, period_s)

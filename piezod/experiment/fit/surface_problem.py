@@ -96,7 +96,7 @@ class SurfaceProblem(Problem):
         )
 
     def model(self, parameters: FloatArray) -> StageModel:
-        """Return the model of fitted parameters, shape (38,), in V and µm."""
+        """Return the model of fitted parameters, shape (39,), in V and µm."""
         coefficients, weights = parameters[:SIZE], parameters[CREEP:OFFSET]
         # [0, 1] becomes the range of the displacement without creep at the drives [0, 1].
         top, _, _ = surface(coefficients, 1.0, 0.0)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from piezod.config.first_mode import FirstModeConfig
+from piezod.config.trim import TrimConfig
 from piezod.control.law.first_mode import FirstMode
 from piezod.errors import DataError
 from piezod.experiment.fit.breakdown import Breakdown
@@ -83,6 +84,23 @@ def mode_warnings(
             f"{found}; `first_mode` of the configuration, which the loop uses, has "
             f"{configured.frequency_hz:.4g} Hz and {configured.damping:.3g}. Correct it, if the "
             "record was made with the load of the stage."
+        )
+
+
+def trim_warnings(judged: Judgement, trim: TrimConfig) -> Iterator[str]:
+    """Yield the warning about a trim that cannot remove the errors of a model.
+
+    Args:
+        judged: The model and its errors.
+        trim: The trim that is added to it.
+    """
+    worst_pct = judged.validation.errors["position_error_max_pct"]
+    if trim.base == "feedforward" and worst_pct > trim.authority_pct:
+        yield (
+            f"The model predicts held-out positions to {worst_pct:.2g} % at worst, and the trim "
+            f"removes at most {trim.authority_pct:g} %, its `authority_pct`. The stage may be of a "
+            "class that the model does not describe. Use `base: adaptive` for the trim, which "
+            "keeps learning."
         )
 
 

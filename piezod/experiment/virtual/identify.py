@@ -24,7 +24,12 @@ from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.uncertainty import uncertainty_of
-from piezod.experiment.fit.warnings import fit_warnings, mode_warnings, quality_warnings
+from piezod.experiment.fit.warnings import (
+    fit_warnings,
+    mode_warnings,
+    quality_warnings,
+    trim_warnings,
+)
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, VirtualStage
 from piezod.hysteresis.memory import FloatArray
@@ -73,7 +78,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
     traces = _drive(stage, config.axes, settings)
     identified = {
         name: from_file.get(name)
-        or _from_record(name, axis, _record(name, stage, traces[name]), settings)
+        or _from_record(name, axis, _record(name, stage, traces[name]), settings, trimmed=trimmed)
         for name, axis in config.axes.items()
     }
     for name, one in identified.items():
@@ -113,7 +118,7 @@ def _record(name: str, stage: VirtualStage, trace: FloatArray) -> Record:
 
 
 def _from_record(
-    name: str, axis: AxisConfig, record: Record, settings: IdentificationConfig
+    name: str, axis: AxisConfig, record: Record, settings: IdentificationConfig, *, trimmed: bool
 ) -> IdentifiedAxis:
     compensator = axis.compensator
     with prefix_errors(name):
@@ -136,6 +141,8 @@ def _from_record(
         doubts = [*quality_warnings(judged, record, None)]
         if fit.model.mode and (half := uncertainty_of(fit, judged.validation).mode):
             doubts += mode_warnings(fit.model.mode, half, axis.first_mode)
+        if trimmed:
+            doubts += trim_warnings(judged, axis.trim)
     title = "recorded run of the identification"
     account = account_of(fit, record, judged.validation, axis=name, title=title)
     creeping = Creeping(model, record.period_s)

@@ -110,6 +110,15 @@ def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
     assert rich.taken.fit.model.delay_s == pytest.approx(-0.004, abs=2e-4)
 
 
+def test_a_surface_is_tried_with_creep_and_without() -> None:
+    """A stage without creep gets the surface without, which is as good and has fewer parameters."""
+    choice = choose(surface_record(), Wanted(), 0.0)
+
+    surfaces = [each for each in choice.candidates if each.fit.settings.method is Method.SURFACE]
+    assert [each.fit.settings.creep for each in surfaces] == [False, True]
+    assert choice.taken is surfaces[0]
+
+
 def test_a_surface_is_not_tried_if_the_axis_refuses_it() -> None:
     """A record with all loops is then described by operators."""
     choice = choose(surface_record(), Wanted(creep=False, surface=False), 0.0)

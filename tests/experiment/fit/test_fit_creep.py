@@ -22,6 +22,7 @@ from tests.experiment.made_up import (
     RATE_HZ,
     RIGHT_WEIGHTS,
     record_of,
+    sine,
     swells,
 )
 
@@ -50,11 +51,11 @@ def test_creep_and_delay_are_found_together(creep: float, noise: float) -> None:
 
     fit = fitted(record, delay_s=None)
 
-    assert creep_of(fit) == pytest.approx(creep, rel=0.03)
+    assert creep_of(fit) == pytest.approx(creep, rel=0.04)  # samples miss the ends of the range
     assert fit.model.delay_s * RATE_HZ == pytest.approx(2.34, abs=0.03)
-    assert fit.model.weights == pytest.approx([*LEFT_WEIGHTS, *RIGHT_WEIGHTS], abs=3e-3)
+    assert fit.model.weights == pytest.approx([*LEFT_WEIGHTS, *RIGHT_WEIGHTS], abs=4e-3)
     assert fit.model.position_um.low == pytest.approx(0.0, abs=0.03)
-    assert fit.model.position_um.high == pytest.approx(POSITION_UM, abs=0.03)
+    assert fit.model.position_um.high == pytest.approx(POSITION_UM, abs=0.045)
 
 
 def test_creep_that_is_not_there_is_not_found() -> None:
@@ -105,6 +106,20 @@ def test_offset_from_the_run_in_is_found(drift: float) -> None:
 
     assert fit.model.position_um.low == pytest.approx(drift * POSITION_UM, abs=0.05 * 0.3)
     assert creep_of(fit) == pytest.approx(CREEP, rel=0.05)
+
+
+def test_range_of_a_drifting_stage_is_that_of_its_samples() -> None:
+    """Position errors stay small: the voltage alone would allow a range that is 1 % too large."""
+    record = record_of(path=sine, duration_s=40.0, creep=CREEP, noise=5e-4)
+    drift_um = 0.01 * POSITION_UM * -np.expm1(-record.t_s / 10.0)
+    drifting = replace(record, position_um=record.position_um + drift_um, run_in_s=2.5)
+    settings = FitSettings(order=30, spacing=Spacing.GRADED, creep=True, delay_s=0.0)
+
+    errors = fit_model(drifting, settings).errors_pct(drifting)
+
+    assert errors["voltage_error_rms_pct"] < 0.15
+    assert errors["position_error_rms_pct"] < 0.15
+    assert errors["position_error_max_pct"] < 0.6
 
 
 def test_creep_of_a_record_that_does_not_start_at_rest() -> None:

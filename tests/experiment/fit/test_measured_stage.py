@@ -71,6 +71,21 @@ def test_surface_describes_a_record_that_starts_after_a_rest(
     assert any("does not have loops of all sizes" in warning for warning in fitted.warnings)
 
 
+def test_stops_with_creep_predict_the_position_of_held_out_blocks(
+    shared_data: Path, figure: Figure
+) -> None:
+    """A range that is fitted to the voltage alone gives 0.6 % rms."""
+    settings = FitSettings(order=30, spacing=Spacing.GRADED, creep=True)
+    errors = identified(shared_data, settings, 1.0).taken.validation.errors
+
+    figure(
+        f"measured stage, stops: held-out position {errors['position_error_max_pct']:.2f} % worst, "
+        f"{errors['position_error_rms_pct']:.3f} % rms"
+    )
+    assert errors["position_error_max_pct"] <= 0.9
+    assert errors["position_error_rms_pct"] <= 0.3
+
+
 @pytest.mark.stress
 def test_automatic_choice_holds_on_blocks_and_on_another_record(
     shared_data: Path, figure: Figure
