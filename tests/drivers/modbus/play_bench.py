@@ -5,7 +5,7 @@ from math import pi
 
 import numpy as np
 
-from piezod.devices.bus.playing_device import PlayingBusDevice
+from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.interface import Wiring
 from piezod.devices.player import PlayState, Progress, Table
@@ -37,7 +37,7 @@ class PlayBench:
         emulator: The emulated device.
     """
 
-    device: PlayingBusDevice
+    device: ExchangingPlayingBusDevice
     line: EmulatedLine
     stream: StreamLine
     rig: LinearRig
@@ -65,7 +65,7 @@ class PlayBench:
                 return found
         raise AssertionError("the play does not end")
 
-    def another_device(self, wiring: Wiring = ONE) -> PlayingBusDevice:
+    def another_device(self, wiring: Wiring = ONE) -> ExchangingPlayingBusDevice:
         """Return a device of another process for the same LabJack; it is not open."""
         options = ModbusOptions.model_validate({"profile": "labjack-t7", "host": "t7"})
         device = make_device(
@@ -74,7 +74,7 @@ class PlayBench:
             transactions_over(self.line, options),
             StreamLine(self.emulator, self.time),
         )
-        assert isinstance(device, PlayingBusDevice)
+        assert isinstance(device, ExchangingPlayingBusDevice)
         return device
 
 
@@ -93,7 +93,7 @@ def play_bench(
         {"profile": plugin.name, "host": "h", "watchdog": watchdog}
     )
     device = make_device(options, wiring, transactions_over(line, options), stream)
-    assert isinstance(device, PlayingBusDevice)
+    assert isinstance(device, ExchangingPlayingBusDevice)
     device.open()
     device.activate(time.t_ns)
     return PlayBench(device, line, stream, rig, time, server)

@@ -5,12 +5,12 @@ from math import pi
 
 import numpy as np
 
-from piezod.devices.bus.playing_device import PlayingBusDevice
+from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.player import PlayState, Progress, Table
 from piezod_drivers.serial_line.pi_gcs2.driver import make_device
 from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
-from piezod_drivers.serial_line.pi_gcs2.wave_arrays import FloatArray, first_points, n_points_of
+from piezod_drivers.serial_line.wave_arrays import FloatArray, first_points, n_points_of
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.pi_gcs2_bench import OPTIONS
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
@@ -20,7 +20,7 @@ from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 class PlayBench:
     """A device, active, with everything at its other end."""
 
-    device: PlayingBusDevice
+    device: ExchangingPlayingBusDevice
     line: EmulatedLine
     rig: LinearRig
     time: TestTime
@@ -47,10 +47,10 @@ class PlayBench:
                 return found
         raise AssertionError("the play does not end")
 
-    def another_device(self) -> PlayingBusDevice:
+    def another_device(self) -> ExchangingPlayingBusDevice:
         """Return a device of another process for the same controller; it is not open."""
         device = make_device(self.line, OPTIONS, Wiring((), ("1",)))
-        assert isinstance(device, PlayingBusDevice)
+        assert isinstance(device, ExchangingPlayingBusDevice)
         return device
 
 
@@ -61,7 +61,7 @@ def play_bench(n_axes: int = 1, **options: object) -> PlayBench:
     line = EmulatedLine(emulator, time)
     wiring = Wiring.both(str(i + 1) for i in range(n_axes))
     device = make_device(line, OPTIONS.model_copy(update=options), wiring)
-    assert isinstance(device, PlayingBusDevice)
+    assert isinstance(device, ExchangingPlayingBusDevice)
     device.open()
     device.activate(time.t_ns)
     return PlayBench(device, line, rig, time, emulator)

@@ -254,7 +254,7 @@ def test_other_voltages_than_those_of_the_table_are_refused() -> None:
         [position, 3 * drive_v, *others]
         for position, drive_v, *others in bench.emulator._waves.recorder._rows  # noqa: SLF001
     ]
-    with pytest.raises(DeviceError, match=r"differs from the table by \d+.* V: the unit"):
+    with pytest.raises(DeviceError, match=r"differs from the table by \d+.*: 34; the unit"):
         bench.device.recording()
 
 

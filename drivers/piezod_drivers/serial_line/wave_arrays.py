@@ -4,14 +4,18 @@ What brings a stage down must work without numpy.
 """
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from piezod.devices.player import Table
+from piezod.errors import DeviceError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+OTHER_UNIT: Final = 0.2
+"""Share of an output's range by which the recorded output may differ from the table."""
 
 
 def n_points_of(table: Table) -> int:
@@ -44,3 +48,23 @@ def first_points(table: Table, n_points: int) -> FloatArray:
 def rows_of(rows: Sequence[Sequence[float]]) -> FloatArray:
     """Return rows as an array."""
     return np.array(rows)
+
+
+def check_followed(differences: FloatArray, ranges: Sequence[tuple[float, float]]) -> None:
+    """Refuse a record of other outputs than those of the table: their unit may be another one.
+
+    Args:
+        differences: (n, outputs) recorded outputs minus those of the table.
+        ranges: Lowest and highest value of each output.
+
+    Raises:
+        DeviceError: If an output has not followed its table.
+    """
+    for i, (low, high) in enumerate(ranges):
+        most = float(np.abs(differences[:, i]).max(initial=0.0))
+        if not most <= OTHER_UNIT * (high - low):
+            raise DeviceError(
+                f"the recorded value of output {i} differs from the table by {most:.1f}, allowed: "
+                f"{OTHER_UNIT * (high - low):g}; the unit of its waves may be another one: do not "
+                "play on this controller"
+            )
