@@ -15,12 +15,20 @@ from piezod.errors import DeviceError
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 OTHER_UNIT: Final = 0.2
-"""Share of an output's range by which the recorded output may differ from the table."""
+"""Share of an output's range by which the recorded output may differ from the table; share of its
+motion by which a recorded position may begin elsewhere than the position before."""
+_LEAST_UM: Final = 0.5
+"""Such a difference is at least this large, in µm."""
 
 
 def n_points_of(table: Table) -> int:
     """Return the number of points of a whole play."""
     return len(table.lead_in) + len(table.period) * table.cycles
+
+
+def once_of(table: Table) -> FloatArray:
+    """Return lead-in and one period, shape (n, outputs)."""
+    return np.concatenate((table.lead_in, table.period))
 
 
 def wave_of(table: Table) -> FloatArray:
@@ -50,6 +58,11 @@ def rows_of(rows: Sequence[Sequence[float]]) -> FloatArray:
     return np.array(rows)
 
 
+def columns_of(columns: Sequence[Sequence[float]]) -> FloatArray:
+    """Return columns as an array, shape (n, columns)."""
+    return np.array(columns).T
+
+
 def check_followed(differences: FloatArray, ranges: Sequence[tuple[float, float]]) -> None:
     """Refuse a record of other outputs than those of the table: their unit may be another one.
 
@@ -68,3 +81,44 @@ def check_followed(differences: FloatArray, ranges: Sequence[tuple[float, float]
                 f"{OTHER_UNIT * (high - low):g}; the unit of its waves may be another one: do not "
                 "play on this controller"
             )
+
+
+def check_beginning(positions_um: FloatArray, first_um: float, before_um: float) -> None:
+    """Refuse a record of positions that does not begin at the position before: its scale differs.
+
+    Args:
+        positions_um: (n,) recorded positions, in µm.
+        first_um: The very first one, in µm.
+        before_um: Position before the start, in µm.
+
+    Raises:
+        DeviceError: If it begins elsewhere.
+    """
+    most_um = max(OTHER_UNIT * float(np.ptp(positions_um)), _LEAST_UM)
+    if not abs(first_um - before_um) <= most_um:
+        raise DeviceError(
+            f"the recorded position begins at {first_um:g} µm, the device reported {before_um:g} "
+            f"µm before, allowed: a difference of {most_um:.3g} µm; the record has another scale: "
+            "do not learn on this device"
+        )
+
+
+def closed_wave_of(table: Table, n_hold: int) -> FloatArray:
+    """Return a whole play that may be repeated, shape (n, outputs).
+
+    Behind the play its last value is held. Then it returns to its first value, with steps of the
+    size of the largest one in the play.
+
+    Args:
+        table: The table.
+        n_hold: Number of points for which the last value is held.
+    """
+    wave = first_points(table, n_points_of(table))
+    first, last = wave[0], wave[-1]
+    # The period is closed, and so is its step from the end to the beginning.
+    largest = np.abs(np.diff(wave, axis=0)).max(axis=0, initial=0.0)
+    way = np.abs(last - first)
+    steps = np.divide(way, largest, out=np.zeros_like(way), where=way > 0)
+    n_back = int(np.ceil(steps.max(initial=0.0)))
+    back = last + (first - last) * (np.arange(1, n_back + 1) / max(n_back, 1))[:, None]
+    return np.concatenate((wave, np.tile(last, (n_hold, 1)), np.trunc(back)))
