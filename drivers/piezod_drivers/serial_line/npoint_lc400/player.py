@@ -162,6 +162,7 @@ class Lc400Player:
         if not state.active:
             return self._failed("another program, or a trigger input, has stopped the wavetable")
         through = state.point >= self._n_play
+        # If it is held at the end of a later repetition, the record is that of the first one.
         if state.point >= self._n_play + self._n_hold or not (through or state.recording):
             hold_ms = HOLD_NS // 1_000_000
             return self._failed(
