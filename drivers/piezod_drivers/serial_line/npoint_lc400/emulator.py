@@ -50,6 +50,7 @@ class Lc400:
             self._words[codec.register_address(i + 1, Lc400Register.RANGE)] = RANGE_UM
             # The rig may already be driven, by an earlier emulator.
             counts = round((bench.drive_v(i) - MID_V) / V_PER_PCT / 100 * FULL_SCALE)
+            counts = max(-HALF_SCALE, min(counts, HALF_SCALE))
             self._words[codec.register_address(i + 1, Lc400Register.SETPOINT)] = counts
             scale = codec.register_address(i + 1, Lc400Register.INVERSE_SCALE)
             self._words[scale] = int.from_bytes(pack("<f", 1.0), "little")
