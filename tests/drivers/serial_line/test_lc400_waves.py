@@ -119,3 +119,49 @@ def test_a_cycle_delay_of_1_doubles_the_period() -> None:
         time.t_ns += 12 * CLOCK_NS - 1
         controller.due()
         assert len(rig.driven_v) == expected
+
+
+@pytest.mark.confirms(
+    "npoint_lc400",
+    "lc400",
+    part="a read sets the place of the next A3",
+    by="the manual, as quoted in PiezoNpoint.m",
+    kind="manual",
+)
+def test_a_read_between_sets_the_place_of_the_next_word() -> None:
+    """So no read may come between the frames that write a wavetable."""
+    table, _, _ = bench()
+    controller = Lc400(table, "")
+    send(controller, "a2 000000c0 01000000 55", "a0 001000c0 55", "a3 02000000 55")
+
+    def words(frame: str) -> tuple[int, ...]:
+        return codec.array_words(send(controller, frame))
+
+    assert words("a4 000000c0 02000000 55") == (1, 0)
+    assert words("a4 001000c0 02000000 55") == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("frame", "channel", "counts"),
+    [
+        ("a0341383110401000055", 1, 260),
+        ("a03413831112ffffff55", 1, -238),
+        ("a034238311f003000055", 2, 1008),
+        ("a034238311cd03000055", 2, 973),
+    ],
+)
+@pytest.mark.confirms(
+    "npoint_lc400",
+    "lc400",
+    part="frame of a reply, address and value of a sensor",
+    by="frames of a controller at a beamline, in pystxmcontrol (test_npt_read_framing.py)",
+    kind="capture",
+)
+def test_frames_of_a_beamline(frame: str, channel: int, counts: int) -> None:
+    """A reply has the command, the address, the value and the end."""
+    address = codec.register_address(channel, Lc400Register.POSITION)
+    assert codec.read_reply(address, counts) == bytes.fromhex(frame)
+    poll = codec.Poll([address])
+    got = codec.read_reply(codec.tag_address(7), 0) + bytes.fromhex(frame)
+    assert poll.length_of(got) == len(got)
+    assert poll.values(got) == (counts,)

@@ -86,6 +86,9 @@ class Lc400:
             request, address, value = codec.parse_request(frame)
         except Lc400FrameError:
             return []
+        if request in {Lc400Request.READ, Lc400Request.READ_ARRAY}:
+            # `WRITE_NEXT` would continue behind this word.
+            self._next = address + _WORD_BYTES & 0xFFFFFFFF
         if request is Lc400Request.READ:
             return [codec.read_reply(address, self._read(address))]
         if request is Lc400Request.READ_ARRAY:

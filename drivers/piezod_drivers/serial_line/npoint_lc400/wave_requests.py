@@ -74,9 +74,9 @@ class WaveState(NamedTuple):
 class WaveRequests:
     """Asks and sets wavetables and recorder.
 
-    Whether a wavetable adds to the command or replaces it, is not confirmed. Therefore the command
-    is 0 during a play, which starts and stops in one write together with the command. The loop
-    input is the value in force in both cases.
+    A wavetable seems to add to the command: others subtract it from their tables. If it replaces
+    the command, nothing changes here, because the command is 0 during a play. Wavetables start and
+    stop in one write together with it. The loop input is the value in force in both cases.
 
     All methods raise `LineFault` if the controller does not reply.
 
