@@ -11,7 +11,8 @@ from piezod.devices.player import Player, PlayState, Progress, Table
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 from tests.drivers.modbus import play_bench as modbus_bench
-from tests.drivers.serial_line import pi_play_bench as pi_bench
+from tests.drivers.play_bench import PlayBench
+from tests.drivers.serial_line import lc400_play_bench, nv200_play_bench, pi_play_bench
 
 _STEP_NS: Final = 10_000_000
 _REPORTED_NS: Final = 500_000_000
@@ -80,23 +81,16 @@ def simulated() -> Iterator[OpenPlayer]:
 
 
 @contextmanager
-def labjack() -> Iterator[OpenPlayer]:
-    """Open a LabJack T7 that is emulated in virtual time."""
-    bench = modbus_bench.play_bench()
-    yield OpenPlayer(bench.device, bench.time.now_ns, bench.wait, outside=5.1, settled=0.01)
-    bench.device.close()
-
-
-@contextmanager
-def pi_gcs2() -> Iterator[OpenPlayer]:
-    """Open a PI controller that is emulated in virtual time, and known to hold its last value."""
-    bench = pi_bench.play_bench(wave_end="holds")
-    yield OpenPlayer(bench.device, bench.time.now_ns, bench.wait, outside=151.0, settled=0.01)
+def emulated(bench: PlayBench, outside: float) -> Iterator[OpenPlayer]:
+    """Open a device that is emulated in virtual time."""
+    yield OpenPlayer(bench.device, bench.time.now_ns, bench.wait, outside, settled=0.01)
     bench.device.close()
 
 
 BENCHES: dict[str, Callable[[], AbstractContextManager[OpenPlayer]]] = {
     "simulated": simulated,
-    "labjack-t7": labjack,
-    "pi-gcs2": pi_gcs2,
+    "labjack-t7": lambda: emulated(modbus_bench.play_bench(), 5.1),
+    "pi-gcs2": lambda: emulated(pi_play_bench.play_bench(wave_end="holds"), 151.0),
+    "lc400": lambda: emulated(lc400_play_bench.play_bench(), 50.1),
+    "psj-nv200": lambda: emulated(nv200_play_bench.play_bench(wave_end="holds"), 151.0),
 }

@@ -1,5 +1,6 @@
 """Programs by others for serial devices, with our emulated devices: pylablib, nv200, psj-lib."""
 
+import numpy as np
 import pytest
 
 from tests.drivers.bus.bench import emulated
@@ -77,6 +78,36 @@ def test_nv200_library_drives_an_nv200() -> None:
     assert report["set"] == [20.0, 40.0]
     assert report["moved"][0] < report["moved"][1]
     assert report["closed"] is False
+
+
+@pytest.mark.confirms(
+    "psj",
+    "nv200",
+    part="waveform generator, data recorder, their commands and replies",
+    by="nv200 of piezosystem jena",
+    kind="client",
+)
+def test_nv200_library_plays_a_waveform() -> None:
+    """The maker's client writes a waveform in V, plays it, and reads both records."""
+    need_library("nv200")
+    with emulated("psj-nv200") as device:
+        report = run_peer("nv200_waveform_client.py", device.where[0])
+
+    wave = np.array(report["wave"])
+    assert report["held"] == pytest.approx(wave[:5], abs=2e-3)
+    assert report["loop"] == {"start_index": 0, "loop_start_index": 0, "loop_end_index": 99}
+    assert report["running"] is True
+    assert report["sources"] == [0, 2]
+    voltages, positions = np.array(report["voltages"]), np.array(report["positions"])
+    assert voltages.size == positions.size == 100.0 / report["sample_ms"]
+    # The amplifier of the rig lags a little behind its waveform, of two cycles.
+    points = (np.arange(voltages.size) * report["sample_ms"] / 0.5).astype(int) % wave.size
+    assert np.sqrt(np.mean((voltages - wave[points]) ** 2)) < 1.0
+    assert np.ptp(positions) > 5.0
+    assert report["value"] == pytest.approx(voltages[0])
+    # A generator that has ended holds, as emulated; the setpoint is the one before.
+    assert report["single"] == pytest.approx(wave[-1], abs=0.1)
+    assert report["setpoint"] == 40.0
 
 
 @pytest.mark.confirms(

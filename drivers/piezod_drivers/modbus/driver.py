@@ -4,7 +4,7 @@ from typing import Final
 
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.bus.line import Line
-from piezod.devices.bus.playing_device import PlayingBusDevice
+from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
 from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.bus.tcp_line import TcpLine
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
@@ -52,7 +52,7 @@ def make_device(
             stream = TcpLine(options.host or "", options.tcp_port + PORT_DISTANCE)
         labjack = LabJackDialogue(options, wiring, transactions, stream)
         if wiring.outputs:
-            return PlayingBusDevice(name, labjack, labjack.player)
+            return ExchangingPlayingBusDevice(name, labjack, labjack.player)
         return ExchangingBusDevice(name, labjack)
     dialogue = RegisterDialogue(options, wiring, transactions)
     return (ExchangingBusDevice if dialogue.exchanges else BusDevice)(name, dialogue)

@@ -1,7 +1,7 @@
 """Options of a serial port, or of a TCP port with the same protocol."""
 
 from collections.abc import Iterator
-from typing import Annotated, Final, Self, TypeAlias
+from typing import Annotated, Final, Literal, Self, TypeAlias
 
 from pydantic import Field, StringConstraints, model_validator
 
@@ -14,6 +14,13 @@ Port: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=4096
 Host: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=253)]
 Baud: TypeAlias = Annotated[int, Quantity(300, 4_000_000, "bit/s")]
 TimeoutMs: TypeAlias = Annotated[float, Quantity(1, 5000, "ms")]
+WaveEnd: TypeAlias = Annotated[
+    Literal["unknown", "holds"],
+    Field(
+        description="The output after the last cycle of a wave: `holds` if you have seen that it "
+        "keeps the last value. If it is unknown, tables must end at rest."
+    ),
+]
 
 _PORT: Final = "Path of the port: /dev/serial/by-id/…."
 

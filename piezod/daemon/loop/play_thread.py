@@ -7,7 +7,7 @@ asks whether the play has ended. The record goes to a file that the supervisor s
 import json
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isfinite, nan
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -194,14 +194,24 @@ def play_threads(
             players[i] = PlayedAxis(axis, channels.devices, pairs)
         except DeviceError as error:
             refusals[i] = str(error)
+            continue
         if len(channels.devices) > 1:
-            refusals[i] = "a play needs a stage with one device, and this one has several"
+            refusals[i] = _too_many(axis, pairs[axis].amplifier, channels.devices)
 
     def idle() -> bool:
         workers = (each.device for each in placements if isinstance(each.device, DeviceWorker))
         return all(worker.idle for worker in workers)
 
     return PlayThreads(players, refusals, idle, channels.zero_um, clock, file)
+
+
+def _too_many(axis: str, player: str, devices: Iterable[str]) -> str:
+    """Return why an axis cannot play on a stage with several devices, and what to do."""
+    return (
+        f"a play needs a stage with one device, because the loop pauses for it, and this one has "
+        f"{', '.join(sorted(devices))}: run axis {axis}, with {player} as its only device, from a "
+        "configuration of its own, and its other devices from another one"
+    )
 
 
 class PlayError(PiezodError):

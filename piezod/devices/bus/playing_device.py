@@ -3,11 +3,12 @@
 import typing
 from collections.abc import Callable, Sequence
 from math import nan
-from typing import Final, Protocol, TypeVar, TypeVarTuple
+from typing import Final, TypeVar, TypeVarTuple
 
-from piezod.devices.bus.bus_device import ExchangingBusDevice
-from piezod.devices.bus.dialogue import ExchangingDialogue, Reading
+from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
+from piezod.devices.bus.dialogue import Dialogue, ExchangingDialogue
 from piezod.devices.bus.line import LineFault
+from piezod.devices.bus.play_dialogue import PlayDialogue
 from piezod.devices.bus.table_check import check_table
 from piezod.devices.interface import Identity, Sample
 from piezod.devices.player import PlayedRecord, PlayerCapabilities, PlayState, Progress, Table
@@ -24,59 +25,8 @@ OVERDUE_NS: Final = 10 * NS_PER_S
 """A play has failed if its next cycle is later than its duration, 1 % of it, and this."""
 
 
-class PlayDialogue(Protocol):
-    """The exchanges of a play; a `PlayingBusDevice` calls them in the right order, one at a time.
-
-    All methods but `close` raise `LineFault` if an exchange fails; those outside of the loop also
-    `DeviceError` if the device refuses.
-    """
-
-    def capabilities(self) -> PlayerCapabilities:
-        """Return the capabilities; may ask the device."""
-        ...
-
-    def load(self, table: Table) -> Table:
-        """Load a checked table; return it as the device will play it."""
-        ...
-
-    def arm(self) -> None:
-        """Prepare the start."""
-        ...
-
-    def start(self) -> None:
-        """Start the play and the record."""
-        ...
-
-    def progress(self, now_ns: int) -> Progress:
-        """Return the progress of a play that was started. Real-time safe."""
-        ...
-
-    def stop(self) -> Sequence[float]:
-        """Stop a play, if one is going on; return the value in force of each output.
-
-        Real-time safe.
-        """
-        ...
-
-    def recording(self) -> PlayedRecord:
-        """Return the record of the play that has ended."""
-        ...
-
-    def sample(self, now_ns: int) -> Reading:
-        """Return the newest sample of each input during a play. Real-time safe."""
-        ...
-
-    def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the value of each output during a play. Real-time safe."""
-        ...
-
-    def close(self) -> None:
-        """Release what only a play needs. Never raises."""
-        ...
-
-
-class PlayingBusDevice(ExchangingBusDevice):
-    """An `ExchangingBusDevice` that implements `Player`.
+class PlayingBusDevice(BusDevice):
+    """A `BusDevice` that implements `Player`.
 
     A play that was begun counts as going on until its end or its stop is confirmed. Therefore
     writes are refused after a failure, too, until `abort` has reached the device, or the device was
@@ -88,7 +38,7 @@ class PlayingBusDevice(ExchangingBusDevice):
         play: Exchanges of a play.
     """
 
-    def __init__(self, name: str, dialogue: ExchangingDialogue, play: PlayDialogue) -> None:
+    def __init__(self, name: str, dialogue: Dialogue, play: PlayDialogue) -> None:
         super().__init__(name, dialogue)
         self._play = play
         self._player_able: PlayerCapabilities | None = None
@@ -291,6 +241,19 @@ class PlayingBusDevice(ExchangingBusDevice):
         except LineFault as fault:
             self._note_fault(fault)
             raise DeviceError(f"{self._name} cannot {what}: {fault}") from fault
+
+
+class ExchangingPlayingBusDevice(PlayingBusDevice, ExchangingBusDevice):
+    """A `PlayingBusDevice` that also implements `Exchanges`.
+
+    Args:
+        name: Name in messages.
+        dialogue: Exchanges of the protocol.
+        play: Exchanges of a play.
+    """
+
+    def __init__(self, name: str, dialogue: ExchangingDialogue, play: PlayDialogue) -> None:
+        super().__init__(name, dialogue, play)
 
 
 def _limit_ns(now_ns: int, duration_ns: int) -> int:

@@ -41,8 +41,10 @@ def check_table(
             f"a table has {n_points} points{for_outputs}, allowed: at most {able.points}"
             + (" together" if shared else "")
         )
-    if not 1 <= table.cycles <= able.cycles:
-        raise DeviceError(f"a table has {table.cycles} cycles, allowed: 1 to {able.cycles}")
+    # A device whose play only the host ends has no limit of its own.
+    if table.cycles < 1 or 0 < able.cycles < table.cycles:
+        allowed = f"1 to {able.cycles}" if able.cycles else "at least 1"
+        raise DeviceError(f"a table has {table.cycles} cycles, allowed: {allowed}")
 
 
 def _check_values(part: str, values: "FloatArray", ranges: Sequence[tuple[float, float]]) -> None:

@@ -12,6 +12,8 @@ from piezod.devices.emulation.places import hold
 from piezod.errors import DeviceUnavailableError
 
 _MOST_BYTES = 65_536
+_RETRY_NS = 1_000_000
+"""Time after which bytes for which there was no room are sent again."""
 _NEVER = threading.Event()
 """Never set: used as a plain wait."""
 
@@ -28,6 +30,7 @@ class PtyEnd:
 
     def __init__(self, path: Path) -> None:
         self._path, self._fd = path, -1
+        self._unsent = b""
         self._held: int | None = None
         self._poll = select.poll()
 
@@ -70,6 +73,7 @@ class PtyEnd:
 
     def vanish(self) -> None:
         """Remove the link and close the pty; a client reads end of file."""
+        self._unsent = b""
         if self._fd >= 0:
             with suppress(OSError):
                 self._path.unlink()
@@ -77,6 +81,9 @@ class PtyEnd:
 
     def receive(self, within_ns: int) -> bytes:
         """Return the received bytes, as soon as there are any; nothing if no client has it open."""
+        if self._unsent:
+            self.send(b"")
+            within_ns = min(within_ns, _RETRY_NS)
         for _, events in self._poll.poll(within_ns / 1e6):
             if events & select.POLLIN:
                 with suppress(OSError):  # the writer may have closed it meanwhile
@@ -85,11 +92,21 @@ class PtyEnd:
         return b""
 
     def send(self, data: bytes) -> None:
-        """Send these bytes, as far as there is room; none if no client has it open."""
+        """Send these bytes; none if no client has it open.
+
+        A kernel takes only some kilobytes at once: the rest follows when it has room again.
+        """
+        data, self._unsent = self._unsent + data, b""
         # Without this test the kernel would keep the bytes for the next client.
-        if not any(events & select.POLLHUP for _, events in self._poll.poll(0)):
-            with suppress(OSError):
-                os.write(self._fd, data)
+        if any(events & select.POLLHUP for _, events in self._poll.poll(0)):
+            return
+        try:
+            sent = os.write(self._fd, data)
+        except BlockingIOError:  # no room at all
+            sent = 0
+        except OSError:  # the client has closed it meanwhile
+            return
+        self._unsent = data[sent:][-_MOST_BYTES:]
 
     def take_connected(self) -> bool:
         """Return False: a device on a serial line cannot detect a client."""

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from piezod.config.channels import LineCalibration
+from piezod.config.daemon import DaemonConfig
 from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.loop import play_thread
 from piezod.daemon.loop.play_thread import PlayThreads
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Device
 from piezod.devices.played_axis import AxisTable, PlayedAxis
 from piezod.devices.player import (
@@ -21,13 +23,19 @@ from piezod.devices.player import (
     Progress,
     Table,
 )
-from piezod.devices.wiring import ChannelPair
+from piezod.devices.wiring import ChannelPair, pairs_of, wiring_of
 from piezod.errors import DeviceError
 from piezod.hysteresis.memory import FloatArray
 from piezod.testing.fake_clock import FakeClock
+from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.options import SimulatedOptions
 from tests.daemon.waiting import eventually
 
 TEN_VOLTS_PER_VOLT = LineCalibration(kind="line", gain=10.0)
+LIMITED = {
+    "limits": {"drive_min_v": 0.0, "drive_max_v": 150.0, "slew_v_per_s": 1000.0, "rest_v": 0.0},
+    "command_range_um": (0.0, 26.0),
+}
 TABLE = AxisTable(1_000_000, np.empty(0), np.array([20.0, 40.0, 30.0]), 2)
 
 
@@ -180,3 +188,30 @@ def test_axis_without_player_says_why(tmp_path: Path) -> None:
 
     assert played.threads.refusal(0) == ""
     assert played.threads.refusal(1) == "no player"
+
+
+def test_axis_of_a_stage_with_several_devices_says_what_to_do() -> None:
+    """It names all devices and the remedy; an axis that cannot play at all gives that reason."""
+    axis = {"amplifier": {"device": "rig"}, "sensor": {"device": "rig"}, **LIMITED}
+    mixed = {"amplifier": {"device": "rig"}, "sensor": {"device": "other"}, **LIMITED}
+    simulated, names = {"driver": "simulated", "options": SimulatedOptions()}, ("rig", "other")
+    config = DaemonConfig.model_validate(
+        {
+            "rate_hz": 100.0,
+            "devices": dict.fromkeys(names, simulated),
+            "axes": {"x": axis, "y": mixed},
+        }
+    )
+    pairs = pairs_of(config.axes)
+    devices = {name: SimulatedRig(SimulatedOptions(), wiring_of(name, pairs), 1) for name in names}
+    channels = Channels(devices, pairs)
+    channels.open()
+    threads = play_thread.play_threads(config, channels, (), FakeClock(), Path("unused"))
+
+    assert threads.refusal(0) == (
+        "a play needs a stage with one device, because the loop pauses for it, and this one has "
+        "other, rig: run axis x, with rig as its only device, from a configuration of its own, and "
+        "its other devices from another one"
+    )
+    assert "measured by other: a record beside a play needs a sensor" in threads.refusal(1)
+    channels.close()

@@ -14,17 +14,22 @@ from piezod.devices.outputs import CalibratedOutput
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import ChannelPair
+from piezod.hysteresis.memory import FloatArray
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 from tests.drivers.serial_line.scripted_line import MS, TestTime
 from tests.experiment.play.rig_axis import INTERVAL_NS, LIMITS, OPTIONS
 
+RAMP_NS, REST_NS = 100 * MS, 200 * MS
+"""Time of a ramp to 0 V, and of a rest there."""
+
 
 class TrueRig(SimulatedRig):
     """A simulated stage; it keeps its true displacement at each read."""
 
-    def __init__(self) -> None:
-        super().__init__(SimulatedOptions.model_validate(OPTIONS), Wiring(("x", "x_v"), ("x",)), 1)
+    def __init__(self, sub_step_us: int) -> None:
+        options = SimulatedOptions.model_validate({**OPTIONS, "sub_step_us": sub_step_us})
+        super().__init__(options, Wiring(("x", "x_v"), ("x",)), 1)
         self.true_um: list[float] = []
 
     def read(self, now_ns: int) -> Sequence[Sample]:
@@ -46,11 +51,19 @@ class TrueBench(SharedRig):
 
 
 class Connected(NamedTuple):
-    """A device, active, and its emulator."""
+    """A device, active, and its emulator.
+
+    Attributes:
+        device: The device.
+        emulator: The emulated device.
+        pair: Its channels.
+        held_ns: Time for which it holds the first point, and which it does not record.
+    """
 
     device: PlayingBusDevice
     emulator: Emulator
     pair: ChannelPair
+    held_ns: int = 0
 
 
 Connect = Callable[[SharedRig, TestTime], Connected]
@@ -61,33 +74,44 @@ class LearnedAxis:
 
     Args:
         connect: Connects a device to a rig.
+        interval_ns: Time between two points, in ns.
+        sub_step_us: Step of the rig, in µs.
     """
 
-    def __init__(self, connect: Connect) -> None:
-        self._time, self._rig = TestTime(), TrueRig()
+    def __init__(
+        self, connect: Connect, interval_ns: int = INTERVAL_NS, sub_step_us: int = 50
+    ) -> None:
+        self._time, self._rig = TestTime(), TrueRig(sub_step_us)
+        self._interval_ns = interval_ns
         self._rig.open()
         self._rig.activate(self._time.t_ns)
         connected = connect(TrueBench(self._rig, self._time), self._time)
         self._device, self._emulator = connected.device, connected.emulator
-        pair = connected.pair
+        pair, self._n_held = connected.pair, connected.held_ns // interval_ns
         self._to_v = CalibratedOutput(pair.to_v)
         self._played = PlayedAxis("x", {"device": self._device}, {"x": pair})
         able = self._played.capabilities
         self._guard = TableGuard(LIMITS, 0.0, able.at_end, able.cycles)
         self._zero = 0.0, 0.0
-        record = self._play_now(AxisTable(INTERVAL_NS, np.zeros(0), np.zeros(2000), 1))
+        record = self._play_now(self._table(np.zeros(0), np.zeros(1)))
         self._zero = float(np.mean(record.position_um)), float(np.mean(record.true_um))
 
     def rest(self) -> float:
         """Play a ramp to 0 V; return the voltage in force."""
-        down_v = self._in_force_v() * (0.5 + 0.5 * np.cos(np.pi * np.arange(2000) / 2000))
-        self._play_now(AxisTable(INTERVAL_NS, down_v, np.zeros(4000), 1))
+        n = round(RAMP_NS / self._interval_ns)
+        down_v = self._in_force_v() * (0.5 + 0.5 * np.cos(np.pi * np.arange(n) / n))
+        self._play_now(self._table(down_v, np.zeros(1)))
         return self._in_force_v()
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table that the guard accepts."""
         self._guard.check(table, self._in_force_v())
         return self._play_now(table)
+
+    def _table(self, lead_in_v: FloatArray, period_v: FloatArray) -> AxisTable:
+        """Return a table whose short period lasts for the time of a rest."""
+        cycles = round(REST_NS / self._interval_ns / period_v.size)
+        return AxisTable(self._interval_ns, lead_in_v, period_v, cycles)
 
     def _in_force_v(self) -> float:
         return self._to_v.voltage(self._device.read_back(self._time.t_ns)[0])
@@ -104,7 +128,7 @@ class LearnedAxis:
                 break
         assert progress.state is PlayState.ENDED, progress
         record = self._played.recording()
-        true_um = np.array(self._rig.true_um[: record.position_um.size])
+        true_um = np.array(self._rig.true_um[self._n_held :][: record.position_um.size])
         return record._replace(
             position_um=record.position_um - self._zero[0], true_um=true_um - self._zero[1]
         )

@@ -1,88 +1,43 @@
 """A LabJack and its player in one process, in virtual time."""
 
 from dataclasses import dataclass
-from math import pi
+from typing import Final
 
-import numpy as np
-
-from piezod.devices.bus.playing_device import PlayingBusDevice
+from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.interface import Wiring
-from piezod.devices.player import PlayState, Progress, Table
 from piezod_drivers.modbus import emulator
 from piezod_drivers.modbus.driver import make_device
 from piezod_drivers.modbus.emulation.labjack import LabJackServer
 from piezod_drivers.modbus.options import ModbusOptions
-from piezod_drivers.modbus.stream_arrays import FloatArray
 from tests.drivers.modbus.emulated import transactions_over
 from tests.drivers.modbus.stream_line import StreamLine
-from tests.drivers.serial_line.linear_rig import LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
+from tests.drivers.play_bench import PlayBench, Scale
+from tests.drivers.serial_line.linear_rig import bench
+from tests.drivers.serial_line.scripted_line import EmulatedLine
 
-ONE = Wiring(("AIN0",), ("DAC0",))
-STEP_NS = 10 * MS
-"""Time between two calls of `progress`."""
+ONE: Final = Wiring(("AIN0",), ("DAC0",))
+SCALE: Final = Scale(0.0, 2.0, 1.0, lambda value: value * 30, 50_000, 1e-3)
+sine = SCALE.sine
 
 
 @dataclass
-class PlayBench:
-    """A device, active, with everything at its other end.
+class LabJackBench(PlayBench):
+    """A LabJack, active, with everything at its other end."""
 
-    Attributes:
-        device: The device.
-        line: Its line for requests.
-        stream: Its line for the stream.
-        rig: The rig.
-        time: The clock.
-        emulator: The emulated device.
-    """
-
-    device: PlayingBusDevice
-    line: EmulatedLine
-    stream: StreamLine
-    rig: LinearRig
-    time: TestTime
-    emulator: LabJackServer
-
-    def start(self, table: Table) -> Table:
-        """Load a table and start it; return it as it is played."""
-        loaded = self.device.load(table)
-        self.device.arm()
-        self.device.start(self.time.t_ns)
-        return loaded
-
-    def wait(self, for_ns: int) -> None:
-        """Let time pass without requests."""
-        self.time.t_ns += for_ns
-        self.emulator.due()
-
-    def progress_to_end(self) -> Progress:
-        """Ask for the progress until the play has ended or failed."""
-        for _ in range(2000):
-            self.wait(STEP_NS)
-            found = self.device.progress(self.time.t_ns)
-            if found.state is not PlayState.PLAYING:
-                return found
-        raise AssertionError("the play does not end")
-
-    def another_device(self, wiring: Wiring = ONE) -> PlayingBusDevice:
-        """Return a device of another process for the same LabJack; it is not open."""
-        options = ModbusOptions.model_validate({"profile": "labjack-t7", "host": "t7"})
-        device = make_device(
-            options,
-            wiring,
-            transactions_over(self.line, options),
-            StreamLine(self.emulator, self.time),
-        )
-        assert isinstance(device, PlayingBusDevice)
-        return device
+    @property
+    def stream(self) -> StreamLine:
+        """The line of its stream."""
+        (stream,) = self.streams
+        assert isinstance(stream, StreamLine)
+        return stream
 
 
 def play_bench(
     plugin: EmulatorPlugin = emulator.LABJACK_T7,
     wiring: Wiring = ONE,
     watchdog: dict[str, float] | None = None,
-) -> PlayBench:
+) -> LabJackBench:
     """Return an active device."""
     rig_bench, rig, time = bench(max(len(wiring.inputs), len(wiring.outputs)))
     assert plugin.create is not None
@@ -92,21 +47,14 @@ def play_bench(
     options = ModbusOptions.model_validate(
         {"profile": plugin.name, "host": "h", "watchdog": watchdog}
     )
-    device = make_device(options, wiring, transactions_over(line, options), stream)
-    assert isinstance(device, PlayingBusDevice)
-    device.open()
-    device.activate(time.t_ns)
-    return PlayBench(device, line, stream, rig, time, server)
 
+    def connect(wiring: Wiring, its_stream: StreamLine | None = None) -> ExchangingPlayingBusDevice:
+        its_line = its_stream or StreamLine(server, time)
+        device = make_device(options, wiring, transactions_over(line, options), its_line)
+        assert isinstance(device, ExchangingPlayingBusDevice)
+        return device
 
-def sine(n: int = 100, cycles: int = 3, n_outputs: int = 1, interval_ns: int = 50_000) -> Table:
-    """Return a table: a ramp from 0 V to 2 V in 20 points, then a sine of 1 V around 2 V."""
-    ramp: FloatArray = np.tile(np.linspace(0.0, 2.0, 20)[:, None], n_outputs)
-    phase = 2 * pi * np.arange(n) / n
-    period = 2.0 + np.stack([np.sin(phase + k) for k in range(n_outputs)], axis=1)
-    return Table(interval_ns, ramp, period, cycles)
-
-
-def played(table: Table) -> FloatArray:
-    """Return every point of a play, in order."""
-    return np.concatenate((table.lead_in, *([table.period] * table.cycles)))
+    device = connect(wiring, stream)
+    opened = LabJackBench(device, line, rig, time, server, SCALE, connect, wiring, (stream,))
+    opened.opened()
+    return opened

@@ -1,10 +1,9 @@
 """A LabJack plays tables by its stream-outs and records its inputs by its stream."""
 
-from math import isnan
-
 import numpy as np
 import pytest
 
+from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.interface import Wiring
 from piezod.devices.player import AtEnd, PlayState, Table
@@ -17,8 +16,8 @@ from piezod_drivers.modbus.profiles.labjack_stream import (
     OUT_VALUES,
     SCAN_RATE_HZ,
 )
-from tests.drivers.modbus.play_bench import ONE, PlayBench, play_bench, played, sine
-from tests.drivers.serial_line.linear_rig import STEP_NS
+from tests.drivers.modbus.play_bench import ONE, LabJackBench, play_bench, sine
+from tests.drivers.play_bench import played
 from tests.drivers.serial_line.scripted_line import MS
 
 TWO = Wiring(("AIN1", "AIN0"), ("DAC1", "DAC0"))
@@ -28,7 +27,7 @@ SENSOR_PER_OUTPUT = 150 / 5 * 0.2 / 5
 """An output of 5 V drives 150 V, which move the rig by 0.2 µm/V; its sensor gives 1 V for 5 µm."""
 
 
-def written(bench: PlayBench) -> list[int]:
+def written(bench: LabJackBench) -> list[int]:
     """Return the registers that function 16 wrote, in order, without repetitions."""
     addresses = [int.from_bytes(f[8:10], "big") for f in bench.line.sent if f[7] == 16]
     return [a for i, a in enumerate(addresses) if not i or addresses[i - 1] != a]
@@ -55,17 +54,6 @@ def test_plays_and_records(plugin: EmulatorPlugin, highest_v: float, most_v: flo
     expected = np.concatenate(([0.0], points[:-1, 0])) * SENSOR_PER_OUTPUT * 5 / highest_v
     assert record.positions[:, 0] == pytest.approx(expected, abs=most_v)
     assert (record.interval_ns, record.first_point, record.outputs.shape) == (50_000, 0, (320, 0))
-
-
-@pytest.mark.parametrize("late_ns", [0, 300, 999])
-def test_points_are_at_the_steps_of_the_rig(late_ns: int) -> None:
-    """Each play has the same delay between its points and their effect."""
-    bench = play_bench()
-    bench.time.t_ns += late_ns
-    bench.start(sine())
-    bench.rig.driven_ns.clear()
-    bench.progress_to_end()
-    assert {t_ns % STEP_NS for t_ns in bench.rig.driven_ns} == {0}
 
 
 def test_two_outputs_are_played_in_step() -> None:
@@ -102,19 +90,6 @@ def test_registers_are_written_in_order() -> None:
     assert order[-1] == ENABLE
 
 
-def test_a_second_play_begins_with_its_first_point() -> None:
-    """After a stop in mid-table the next play does not go on there."""
-    bench = play_bench()
-    bench.start(sine())
-    bench.wait(7 * MS)
-    bench.device.abort(bench.time.t_ns)
-    bench.rig.driven_v.clear()
-    loaded = bench.start(sine())
-    bench.progress_to_end()
-    assert bench.rig.driven_v[0] == pytest.approx(played(loaded)[0] * 30)
-    assert len(bench.rig.driven_v) == 320
-
-
 def test_a_full_buffer_is_played() -> None:
     """A table of 8191 points fits; one point more does not."""
     bench = play_bench()
@@ -131,6 +106,7 @@ def test_writes_are_refused_while_playing() -> None:
     bench.start(sine())
     bench.wait(5 * MS)
     assert not bench.device.write([1.0], bench.time.t_ns)
+    assert isinstance(bench.device, ExchangingBusDevice)
     taken, _ = bench.device.exchange([1.0], bench.time.t_ns)
     assert not taken
     bench.wait(5 * MS)
@@ -142,23 +118,6 @@ def test_writes_are_refused_while_playing() -> None:
     assert bench.device.write([1.0], bench.time.t_ns)
     assert bench.device.read(bench.time.t_ns)[0].valid
     assert DeviceFlag.LOCAL_MODE not in frozenset().union(*bench.device.status(bench.time.t_ns))
-
-
-def test_abort_at_a_moving_point_holds_and_tells_the_voltage() -> None:
-    """The output keeps the point at which the play stops, and is read back."""
-    bench = play_bench()
-    bench.start(sine())
-    bench.wait(8 * MS)
-    (value_v,) = bench.device.abort(bench.time.t_ns)
-    held_v = list(bench.rig.drive_v)
-    assert value_v * 30 == pytest.approx(held_v[0], abs=1e-4)
-    assert bench.device.progress(bench.time.t_ns).state is PlayState.IDLE
-    bench.wait(50 * MS)
-    assert bench.rig.drive_v == held_v
-    assert bench.device.write([value_v], bench.time.t_ns)
-    assert frozenset().union(*bench.device.status(bench.time.t_ns)) == frozenset()
-    with pytest.raises(DeviceError, match="read a record: it is idle"):
-        bench.device.recording()
 
 
 def test_abort_after_the_end_tells_the_last_voltage() -> None:
@@ -239,55 +198,13 @@ def test_a_lost_stream_fails_the_play() -> None:
     assert value_v * 30 == pytest.approx(bench.rig.drive_v[0], abs=1e-4)
 
 
-def test_a_pulled_cable_leaves_the_voltage_unknown() -> None:
-    """A device out of reach plays on: the abort returns NaN. Activating stops it."""
-    bench = play_bench()
-    bench.start(sine(cycles=50))
-    bench.wait(8 * MS)
-    bench.line.unplugged = bench.stream.unplugged = True
-    assert bench.device.progress(bench.time.t_ns).state is PlayState.FAILED
-    assert isnan(bench.device.abort(bench.time.t_ns)[0])
-    moving_v = list(bench.rig.drive_v)
-    bench.wait(11 * MS)
-    assert bench.rig.drive_v != moving_v
-    bench.line.unplugged = bench.stream.unplugged = False
-    bench.device.close()
-    bench.device.open()
-    bench.device.activate(bench.time.t_ns)
-    held_v = list(bench.rig.drive_v)
-    bench.wait(50 * MS)
-    assert bench.rig.drive_v == held_v
-    (value_v,) = bench.device.read_back(bench.time.t_ns)
-    assert value_v * 30 == pytest.approx(held_v[0], abs=1e-4)
-    assert bench.device.write([value_v], bench.time.t_ns)
-
-
-@pytest.mark.parametrize("wiring", [ONE, Wiring((), ("DAC0",))])
-def test_a_play_of_a_dead_host_is_stopped_before_anything_is_set(wiring: Wiring) -> None:
-    """The next process finds the play, stops it when it takes control, and reads the outputs."""
-    bench = play_bench()
-    bench.start(sine(cycles=500))
-    bench.wait(8 * MS)
-    other = bench.another_device(wiring)
-    other.open()
-    moving_v = list(bench.rig.drive_v)
-    bench.wait(3 * MS)
-    assert bench.rig.drive_v != moving_v
-    other.activate(bench.time.t_ns)
-    held_v = list(bench.rig.drive_v)
-    bench.wait(30 * MS)
-    assert bench.rig.drive_v == held_v
-    assert list(other.read_back(bench.time.t_ns)) == pytest.approx([held_v[0] / 30], abs=1e-4)
-    assert other.write([held_v[0] / 30], bench.time.t_ns)
-
-
 def test_a_finished_play_of_a_dead_host_has_held() -> None:
     """The device ends its cycles by itself and holds the last point."""
     bench = play_bench()
     loaded = bench.start(sine())
     bench.wait(500 * MS)
     assert bench.rig.drive_v == pytest.approx(loaded.period[-1] * 30)
-    other = bench.another_device()
+    other = bench.connect(ONE)
     other.open()
     other.activate(bench.time.t_ns)
     assert list(other.read_back(bench.time.t_ns)) == pytest.approx(loaded.period[-1], abs=1e-4)
@@ -297,13 +214,13 @@ def test_a_foreign_stream_of_inputs_is_left_alone() -> None:
     """A stream that drives none of our outputs is not stopped; with inputs, it is reported."""
     bench = play_bench()
     bench.start(sine(cycles=500))
-    other = bench.another_device(Wiring(("AIN0",), ("DAC1",)))
+    other = bench.connect(Wiring(("AIN0",), ("DAC1",)))
     other.open()
     with pytest.raises(DeviceError, match="a stream of another program is running"):
         other.activate(bench.time.t_ns)
     other.close()
     bench.line.open()
-    only_output = bench.another_device(Wiring((), ("DAC1",)))
+    only_output = bench.connect(Wiring((), ("DAC1",)))
     only_output.open()
     only_output.activate(bench.time.t_ns)
     with pytest.raises(DeviceError, match="a stream of another program is running"):
@@ -357,7 +274,7 @@ def test_samples_of_another_scale_fail_the_play() -> None:
     assert "the samples have another scale" in bench.progress_to_end().reason
 
 
-SLOW = sine(cycles=40, interval_ns=6_500_000)
+SLOW = sine(cycles=40)._replace(interval_ns=6_500_000)
 """A cycle of 0.65 s."""
 
 

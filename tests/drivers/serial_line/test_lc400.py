@@ -16,7 +16,8 @@ from piezod_drivers.serial_line.npoint_lc400 import codec
 from piezod_drivers.serial_line.npoint_lc400.codec import Lc400FrameError, Lc400Register
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
 from piezod_drivers.serial_line.npoint_lc400.driver import PLUGIN
-from piezod_drivers.serial_line.npoint_lc400.emulator import MID_UM, Lc400
+from piezod_drivers.serial_line.npoint_lc400.emulation.wavetables import MID_UM
+from piezod_drivers.serial_line.npoint_lc400.emulator import Lc400
 from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine

@@ -1,17 +1,16 @@
 """A PI controller plays tables by its wave generators and records by its data recorder."""
 
-from math import isnan
-
 import numpy as np
 import pytest
 
+from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.player import AtEnd, PlayState, Table
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.pi_gcs2.driver import make_device
-from tests.drivers.serial_line.linear_rig import STEP_NS
+from tests.drivers.play_bench import played
 from tests.drivers.serial_line.pi_gcs2_bench import OPTIONS
-from tests.drivers.serial_line.pi_play_bench import play_bench, played, sine
+from tests.drivers.serial_line.pi_play_bench import play_bench, sine
 from tests.drivers.serial_line.scripted_line import MS
 
 
@@ -26,17 +25,6 @@ def test_plays_and_records(n_lead_in: int) -> None:
     assert record.positions[1:] == pytest.approx(points[:-1] * 0.2, abs=1e-5)
     assert record.outputs == pytest.approx(points, abs=1e-5)
     assert (record.interval_ns, record.first_point) == (50_000, 0)
-
-
-@pytest.mark.parametrize("late_ns", [0, 300, 999])
-def test_points_are_at_the_steps_of_the_rig(late_ns: int) -> None:
-    """Each play has the same delay between its points and their effect."""
-    bench = play_bench()
-    bench.time.t_ns += late_ns
-    bench.start(sine())
-    bench.rig.driven_ns.clear()
-    bench.progress_to_end()
-    assert {t_ns % STEP_NS for t_ns in bench.rig.driven_ns} == {0}
 
 
 def test_lead_in_is_written_out() -> None:
@@ -89,7 +77,7 @@ def test_capabilities_are_asked() -> None:
 def test_a_recorder_with_fixed_tables_is_taken_as_it_is() -> None:
     """A controller that refuses another number of tables has shorter ones."""
     bench = play_bench()
-    del bench.emulator._handlers["SPA"]  # noqa: SLF001 - another controller
+    del bench.controller._handlers["SPA"]  # noqa: SLF001 - another controller
     assert bench.device.player_capabilities().record_points == 32_768
 
 
@@ -109,6 +97,7 @@ def test_writes_are_refused_while_playing() -> None:
     bench.start(sine())
     bench.wait(5 * MS)
     assert not bench.device.write([1.0], bench.time.t_ns)
+    assert isinstance(bench.device, ExchangingBusDevice)
     taken, (sample,) = bench.device.exchange([1.0], bench.time.t_ns)
     assert not taken
     assert sample.valid
@@ -117,28 +106,12 @@ def test_writes_are_refused_while_playing() -> None:
     assert bench.device.write([1.0], bench.time.t_ns)
 
 
-def test_abort_at_a_moving_point_measures_the_voltage() -> None:
-    """The output keeps the point at which the play stops; one exchange stops and measures."""
-    bench = play_bench()
-    bench.start(sine())
-    bench.wait(8 * MS)
-    bench.line.sent.clear()
-    (value_v,) = bench.device.abort(bench.time.t_ns)
-    assert len(bench.line.sent) == 1
-    held_v = list(bench.rig.drive_v)
-    assert value_v == pytest.approx(held_v[0])
-    bench.wait(50 * MS)
-    assert bench.rig.drive_v == held_v
-    assert bench.device.progress(bench.time.t_ns).state is PlayState.IDLE
-    assert bench.device.write([value_v], bench.time.t_ns)
-
-
 def test_a_second_play_begins_at_its_first_point() -> None:
     """An offset that somebody's start at the end has moved is taken back."""
     bench = play_bench()
-    bench.emulator.receive(b"WAV 1 X PNT 1 2 0 5\nWSL 1 1\nWGC 1 3\nWGO 1 0x101\n")
+    bench.controller.receive(b"WAV 1 X PNT 1 2 0 5\nWSL 1 1\nWGC 1 3\nWGO 1 0x101\n")
     bench.wait(500 * MS)
-    assert bench.emulator.receive(b"WOS? 1\n") == [b"1=15.0\n"]
+    assert bench.controller.receive(b"WOS? 1\n") == [b"1=15.0\n"]
     bench.rig.driven_v.clear()
     loaded = bench.start(sine())
     bench.progress_to_end()
@@ -169,46 +142,6 @@ def test_cycles_are_counted_behind_a_lead_in() -> None:
     assert bench.device.progress(bench.time.t_ns) == (PlayState.PLAYING, 42, "")
 
 
-def test_a_pulled_cable_leaves_the_voltage_unknown() -> None:
-    """A controller out of reach plays on; activating it again stops it where it is."""
-    bench = play_bench()
-    bench.start(sine(cycles=100))
-    bench.wait(8 * MS)
-    bench.line.unplugged = True
-    assert bench.device.progress(bench.time.t_ns).state is PlayState.FAILED
-    assert isnan(bench.device.abort(bench.time.t_ns)[0])
-    moving_v = list(bench.rig.drive_v)
-    bench.wait(11 * MS)
-    assert bench.rig.drive_v != moving_v
-    bench.line.unplugged = False
-    bench.device.close()
-    bench.device.open()
-    bench.device.activate(bench.time.t_ns)
-    held_v = list(bench.rig.drive_v)
-    bench.wait(50 * MS)
-    assert bench.rig.drive_v == held_v
-    assert list(bench.device.read_back(bench.time.t_ns)) == pytest.approx(held_v)
-    assert bench.device.write(held_v, bench.time.t_ns)
-
-
-def test_a_play_of_a_dead_host_is_stopped_before_anything_is_set() -> None:
-    """The next process finds the play and stops it when it takes control."""
-    bench = play_bench()
-    bench.start(sine(cycles=500))
-    bench.wait(8 * MS)
-    other = bench.another_device()
-    other.open()
-    moving_v = list(bench.rig.drive_v)
-    bench.wait(3 * MS)
-    assert bench.rig.drive_v != moving_v
-    other.activate(bench.time.t_ns)
-    held_v = list(bench.rig.drive_v)
-    bench.wait(30 * MS)
-    assert bench.rig.drive_v == held_v
-    assert list(other.read_back(bench.time.t_ns)) == pytest.approx(held_v)
-    assert other.write(held_v, bench.time.t_ns)
-
-
 def test_without_a_measured_voltage_a_found_play_leaves_it_unknown() -> None:
     """SVA? returns an old setpoint, so the controller is not taken over, but it is stopped."""
     bench = play_bench()
@@ -236,10 +169,10 @@ def test_a_controller_without_generators_cannot_play() -> None:
     """An unknown command means that there is no wave generator; everything else works."""
     bench = play_bench()
     for command in ("WGO", "WGO?"):
-        del bench.emulator._handlers[command]  # noqa: SLF001 - another controller
+        del bench.controller._handlers[command]  # noqa: SLF001 - another controller
     with pytest.raises(DeviceError, match="has no wave generator"):
         bench.device.player_capabilities()
-    other = bench.another_device()
+    other = bench.connect(Wiring((), ("1",)))
     other.open()
     other.activate(bench.time.t_ns)
     assert other.write([5.0], bench.time.t_ns)
@@ -250,11 +183,11 @@ def test_other_voltages_than_those_of_the_table_are_refused() -> None:
     bench = play_bench()
     bench.start(sine())
     bench.progress_to_end()
-    bench.emulator._waves.recorder._rows = [  # noqa: SLF001 - another unit
+    bench.controller._waves.recorder._rows = [  # noqa: SLF001 - another unit
         [position, 3 * drive_v, *others]
-        for position, drive_v, *others in bench.emulator._waves.recorder._rows  # noqa: SLF001
+        for position, drive_v, *others in bench.controller._waves.recorder._rows  # noqa: SLF001
     ]
-    with pytest.raises(DeviceError, match=r"differs from the table by \d+.* V: the unit"):
+    with pytest.raises(DeviceError, match=r"differs from the table by \d+.*: 34; the unit"):
         bench.device.recording()
 
 
@@ -277,6 +210,6 @@ def test_an_impossible_table_is_refused(table: Table, what: str) -> None:
 def test_a_running_generator_of_another_program_is_reported() -> None:
     """A table is not loaded while a generator runs."""
     bench = play_bench()
-    bench.emulator.receive(b"WAV 1 X PNT 1 2 0 5\nWSL 1 1\nWGO 1 1\n")
+    bench.controller.receive(b"WAV 1 X PNT 1 2 0 5\nWSL 1 1\nWGO 1 1\n")
     with pytest.raises(DeviceError, match="a wave generator is running"):
         bench.device.load(sine())

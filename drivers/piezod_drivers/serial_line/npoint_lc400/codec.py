@@ -22,18 +22,31 @@ FIRMWARE: Final = 0x11830028
 FIRMWARE_WORDS: Final = 5
 TAGS: Final = 0x4000
 """Number of different tags."""
+CLOCK_NS: Final = 24_000
+"""Time of a clock cycle of the controller, in ns."""
+WAVE_POINTS: Final = 83_333
+"""Points of the wavetable of a channel, and samples of a buffer of the recorder."""
+RECORD_BUFFERS: Final = 8
+RECORD_COUNT: Final = 0x1183036C
+RECORD_START: Final = 0x11830374
+RECORD_DIVISOR: Final = 0x118300F4
+"""Clock cycles for each sample."""
 MOST_WORDS: Final = 83_300
 
 _READ, _WRITE, _WRITE_NEXT, _READ_ARRAY, _END = 0xA0, 0xA2, 0xA3, 0xA4, 0x55
 _CHANNEL_0: Final = 0x11830000
 _CHANNEL_STEP: Final = 0x1000
 _WAVETABLE: Final = 0xC0000000
+_RECORD_POINTER: Final = 0x1183037C
+_RECORD_BUFFER: Final = 0xC03F0000
+_TABLE_STEP: Final = 0x54000
 # The two high bytes of the tag's address, which are the same in every exchange.
 _TAG_END: Final = (_WAVETABLE >> 16).to_bytes(2, "little")
 _REQUEST: Final = Struct("<BIB")
 _WORD: Final = Struct("<BIiB")
 _NEXT: Final = Struct("<BiB")
 _ARRAY_REQUEST: Final = Struct("<BIIB")
+_INT, _FLOAT = Struct("<i"), Struct("<f")
 _REPLY_BYTES: Final = _WORD.size
 
 
@@ -47,13 +60,37 @@ class Lc400Register(IntEnum):
     RANGE_TYPE = 0x044
     RANGE = 0x078
     SERVO = 0x084
+    WAVE_ENABLE = 0x1F4
+    WAVE_INDEX = 0x1F8
+    WAVE_DELAY = 0x200
+    """Clock cycles to wait before the next point."""
+    WAVE_LAST = 0x204
+    WAVE_ACTIVE = 0x208
     SETPOINT = 0x218
+    INVERSE_SCALE = 0x230
+    """Float: the loop input times this is the command."""
     POSITION = 0x334
+    LOOP_INPUT = 0x404
 
 
 def register_address(channel: int, register: int) -> int:
     """Return the address of a channel's register; channels are counted from 1."""
     return _CHANNEL_0 + channel * _CHANNEL_STEP + register
+
+
+def wave_address(channel: int) -> int:
+    """Return the address of the first point of a channel's wavetable."""
+    return _WAVETABLE + (channel - 1) * _TABLE_STEP
+
+
+def record_pointer(buffer: int) -> int:
+    """Return where the address is written that a buffer records; buffers are counted from 0."""
+    return _RECORD_POINTER + 4 * buffer
+
+
+def record_buffer(buffer: int) -> int:
+    """Return the address of the first sample of a buffer."""
+    return _RECORD_BUFFER + buffer * _TABLE_STEP
 
 
 def tag_address(number: int) -> int:
@@ -69,6 +106,12 @@ def read(address: int) -> bytes:
 def write(address: int, value: int) -> bytes:
     """Return the request that writes a word; it has no reply."""
     return _WORD.pack(_WRITE, address, value, _END)
+
+
+def write_array(address: int, values: Sequence[int]) -> bytes:
+    """Return the request that writes words one after the other; it has no reply."""
+    following = (_NEXT.pack(_WRITE_NEXT, value, _END) for value in values[1:])
+    return write(address, values[0]) + b"".join(following)
 
 
 def read_array(address: int, n: int) -> bytes:
@@ -161,6 +204,17 @@ def _garbage(got: bytes, start: int) -> int:
     """Return the negative number of bytes before the next possible start of a frame."""
     place = got.find(start, 1)
     return -len(got) if place < 0 else -place
+
+
+def array_words(frame: bytes) -> tuple[int, ...]:
+    """Return the words of a reply to `read_array`."""
+    return tuple(word for (word,) in _INT.iter_unpack(frame[5:-1]))
+
+
+def float_of(word: int) -> float:
+    """Return the float whose bytes a word has."""
+    (value,) = _FLOAT.unpack(_INT.pack(word))
+    return float(value)
 
 
 def text_of(frame: bytes) -> str:

@@ -13,6 +13,7 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.npoint_lc400 import codec
 from piezod_drivers.serial_line.npoint_lc400.codec import FULL_SCALE, HALF_SCALE, Lc400Register
 from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
+from piezod_drivers.serial_line.npoint_lc400.player import Lc400Player
 
 HALF_PCT: Final = 50.0
 """Outputs go from minus to plus this value, in % of the command's span."""
@@ -33,25 +34,32 @@ class Lc400Dialogue:
         options: Options of the controller.
         wiring: The channels in use: "1", "2", "3".
         line: The line to the controller.
+
+    Attributes:
+        inputs: Numbers of the channels of the inputs.
+        outputs: Numbers of the channels of the outputs.
+        um_per_count: Scale of each input, in µm; empty before `open`.
+        player: Plays tables on the outputs.
     """
 
     def __init__(self, options: Lc400Options, wiring: Wiring, line: Line) -> None:
         self._options, self._wiring, self._line = options, wiring, line
         self._conversation = Conversation(line, options.timeout_ms * 1e-3)
-        self._outputs, self._inputs = _numbers(wiring.outputs), _numbers(wiring.inputs)
+        self.outputs, self.inputs = _numbers(wiring.outputs), _numbers(wiring.inputs)
         # The servo state is read with each command: another program may switch a servo on.
         watched = (Lc400Register.SETPOINT, Lc400Register.SERVO)
         addresses = [
-            codec.register_address(i, register) for i in self._outputs for register in watched
+            codec.register_address(i, register) for i in self.outputs for register in watched
         ]
-        addresses += [codec.register_address(i, Lc400Register.POSITION) for i in self._inputs]
+        addresses += [codec.register_address(i, Lc400Register.POSITION) for i in self.inputs]
         self._poll = codec.Poll(addresses)
         self._number = 0
-        self._um_per_count: list[float] = []
+        self.um_per_count: list[float] = []
         self._setpoints: tuple[int, ...] = ()
         self._read_ns: int | None = None
-        self._no_flags = [NO_FLAGS] * (len(self._inputs) + len(self._outputs))
+        self._no_flags = [NO_FLAGS] * (len(self.inputs) + len(self.outputs))
         self._flags: Sequence[Flags] = self._no_flags
+        self.player = Lc400Player(self, options.baud)
 
     def open(self) -> Identity:
         """Connect, and read firmware and ranges.
@@ -64,13 +72,14 @@ class Lc400Dialogue:
         self._line.open()
         self._conversation.restart()
         self._read_ns = None
+        self.player.forget()
         request = codec.read_array(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         length_of = codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         frame = self._conversation.ask(request, length_of, is_reply=lambda _frame: True)
         firmware = codec.text_of(frame)
         self._conversation.forget_noticed()
-        self._um_per_count = [self._range_um(i) / FULL_SCALE for i in self._inputs]
-        ranges = " ".join(f"{scale * FULL_SCALE:g}" for scale in self._um_per_count)
+        self.um_per_count = [self._range_um(i) / FULL_SCALE for i in self.inputs]
+        ranges = " ".join(f"{scale * FULL_SCALE:g}" for scale in self.um_per_count)
         # There is no serial number: the ranges at least distinguish stages of different range.
         serial = f"ranges {ranges} µm" if ranges else "not told"
         return Identity("nPoint", "LC.400", serial, firmware or "not told")
@@ -81,18 +90,18 @@ class Lc400Dialogue:
 
     def capabilities(self) -> Capabilities:
         """Return the channels and the highest rate that the bit rate allows."""
-        n = 1 + 2 * len(self._outputs) + len(self._inputs)
+        n = 1 + 2 * len(self.outputs) + len(self.inputs)
         # Bytes of a cycle: 6 + 10 for each word that is read, and 10 for each write; 10 bits per
         # byte.
-        rate_hz = self._options.baud / (10 * (16 * n + 10 * len(self._outputs)))
+        rate_hz = self._options.baud / (10 * (16 * n + 10 * len(self.outputs)))
         return Capabilities(*self._wiring, True, rate_hz, holds=True, quality=True)
 
     def ranges(self) -> Sequence[tuple[float, float]]:
         """Return the range of the commands, in %."""
-        return [(-HALF_PCT, HALF_PCT)] * len(self._outputs)
+        return [(-HALF_PCT, HALF_PCT)] * len(self.outputs)
 
     def activate(self) -> None:
-        """Take control of outputs that are in open loop already.
+        """Take control of outputs that are in open loop already; stop a wavetable that is enabled.
 
         Raises:
             DeviceError: If a servo is on. Its present output cannot be read, so switching the servo
@@ -100,10 +109,12 @@ class Lc400Dialogue:
             LineFault: If the exchange fails.
         """
         self._exchange(b"")
-        for i, flags in zip(self._wiring.outputs, self._flags[len(self._inputs) :], strict=True):
+        for i, flags in zip(self._wiring.outputs, self._flags[len(self.inputs) :], strict=True):
             if flags:
                 what = f"the servo of channel {i} is on, and its output would jump"
                 raise DeviceError(f"{what}: switch it off at rest, with the maker's program")
+        if self.player.stop_found():
+            self._exchange(b"")
 
     def deactivate(self) -> None:
         """Do nothing: the outputs hold."""
@@ -155,11 +166,45 @@ class Lc400Dialogue:
         """Return and clear the flags of faults that no call has raised. Real-time safe."""
         return self._conversation.take_noticed()
 
+    def ask_words(
+        self, writes: bytes, poll: codec.Poll, timeout_ns: int | None = None
+    ) -> tuple[int, ...]:
+        """Write, then read words; return them. Real-time safe.
+
+        Args:
+            writes: Requests without a reply.
+            poll: The words.
+            timeout_ns: Time-out in ns, if it differs from the usual one.
+
+        Raises:
+            LineFault: If no reply comes.
+        """
+        self._read_ns = None
+        self._number = number = (self._number + 1) % codec.TAGS
+        frame = self._conversation.ask(
+            writes + poll.request(number),
+            poll.length_of,
+            lambda got: codec.has_tag(got, number),
+            timeout_ns,
+        )
+        return poll.values(frame)
+
+    def ask_array(self, writes: bytes, address: int, n: int, timeout_ns: int) -> tuple[int, ...]:
+        """Write, then read words one after the other; return them.
+
+        Raises:
+            LineFault: If no reply comes.
+        """
+        self._read_ns = None
+        request, length_of = codec.read_array(address, n), codec.array_length(address, n)
+        frame = self._conversation.ask(writes + request, length_of, lambda _frame: True, timeout_ns)
+        return codec.array_words(frame)
+
     def _set(self, values: Sequence[float]) -> list[float]:
         counts = tuple(round(value / 100.0 * FULL_SCALE) for value in values)
         writes = b"".join(
             codec.write(codec.register_address(i, Lc400Register.SETPOINT), count)
-            for i, count in zip(self._outputs, counts, strict=True)
+            for i, count in zip(self.outputs, counts, strict=True)
         )
         positions_um = self._exchange(writes)
         # A lost write and one by another program look the same: the command is not the one that was
@@ -171,9 +216,8 @@ class Lc400Dialogue:
 
     def _exchange(self, writes: bytes) -> list[float]:
         """Write, then read everything; return the positions, in µm."""
-        self._read_ns = None
-        words = self._ask(writes, self._poll)
-        after = 2 * len(self._outputs)
+        words = self.ask_words(writes, self._poll)
+        after = 2 * len(self.outputs)
         self._setpoints, positions = words[:after:2], words[after:]
         servos = words[1:after:2]
         saturated = [abs(position) >= HALF_SCALE for position in positions]
@@ -186,15 +230,8 @@ class Lc400Dialogue:
             self._flags = self._no_flags
         return [
             nan if ends else position * scale
-            for position, ends, scale in zip(positions, saturated, self._um_per_count, strict=True)
+            for position, ends, scale in zip(positions, saturated, self.um_per_count, strict=True)
         ]
-
-    def _ask(self, writes: bytes, poll: codec.Poll) -> tuple[int, ...]:
-        self._number = number = (self._number + 1) % codec.TAGS
-        frame = self._conversation.ask(
-            writes + poll.request(number), poll.length_of, lambda got: codec.has_tag(got, number)
-        )
-        return poll.values(frame)
 
     def _range_um(self, channel: int) -> float:
         """Return the range of a stage, in µm.
@@ -209,7 +246,7 @@ class Lc400Dialogue:
             codec.register_address(channel, one)
             for one in (Lc400Register.RANGE_TYPE, Lc400Register.RANGE)
         ]
-        kind, size = self._ask(b"", codec.Poll(wanted))
+        kind, size = self.ask_words(b"", codec.Poll(wanted))
         if kind != _RANGE_IN_UM or size <= 0:
             where, what = self._line.where, f"range {size} of kind {kind}"
             raise DeviceError(f"{where} reports {what} for channel {channel}: set range_um")

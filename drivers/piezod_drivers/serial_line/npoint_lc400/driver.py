@@ -4,6 +4,8 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.bus.line import Line
+from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
 from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
@@ -16,9 +18,16 @@ def channels(options: Lc400Options) -> ChannelUnits:
     return ChannelUnits(dict.fromkeys(names, "µm"), dict.fromkeys(names, "%"))
 
 
+def make_device(line: Line, options: Lc400Options, wiring: Wiring) -> ExchangingBusDevice:
+    """Construct a controller on a line; it plays if it drives anything."""
+    dialogue, name = Lc400Dialogue(options, wiring, line), f"LC.400 at {options.port}"
+    if wiring.outputs:
+        return ExchangingPlayingBusDevice(name, dialogue, dialogue.player)
+    return ExchangingBusDevice(name, dialogue)
+
+
 def _create(options: Lc400Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
-    name = f"LC.400 at {options.port}"
-    return ExchangingBusDevice(name, Lc400Dialogue(options, wiring, make_line(options)))
+    return make_device(make_line(options), options, wiring)
 
 
 PLUGIN: Final = DriverPlugin(

@@ -1,7 +1,7 @@
 """The emulated LC.400: its registers, and the stages behind some of them."""
 
 from collections.abc import Sequence
-from math import isfinite
+from struct import pack
 from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
@@ -14,17 +14,17 @@ from piezod_drivers.serial_line.npoint_lc400.codec import (
     Lc400Register,
     Lc400Request,
 )
+from piezod_drivers.serial_line.npoint_lc400.emulation.wavetables import (
+    MID_V,
+    RANGE_UM,
+    V_PER_PCT,
+    Wavetables,
+    position_counts,
+)
 
-RANGE_UM: Final = 30
-"""Positions go from minus to plus half of this range."""
-MID_UM: Final = 13.0
-"""Displacement from rest at position 0, in µm."""
-MID_V: Final = 75.0
-V_PER_PCT: Final = 1.5
-"""Commands of -50 % and 50 % drive 0 V and 150 V at the actuator."""
 _WORD_BYTES: Final = 4
-_MOST_WORDS: Final = 1 << 16
-"""Further words are not stored and read as 0."""
+_MOST_WORDS: Final = 1 << 20
+"""Further words are not stored and read as 0; all wavetables and buffers have fewer."""
 _INCOMPLETE_NS: Final = 50_000_000
 """An incomplete request is dropped after this time; not confirmed."""
 
@@ -44,20 +44,26 @@ class Lc400:
         self._words: dict[int, int] = {}
         axes = range(bench.n_axes)
         self._positions = {codec.register_address(i + 1, Lc400Register.POSITION): i for i in axes}
-        self._setpoints = {codec.register_address(i + 1, Lc400Register.SETPOINT): i for i in axes}
+        self._setpoints = {codec.register_address(i + 1, Lc400Register.SETPOINT) for i in axes}
+        self._loops = {codec.register_address(i + 1, Lc400Register.LOOP_INPUT): i for i in axes}
         for i in axes:
             self._words[codec.register_address(i + 1, Lc400Register.RANGE)] = RANGE_UM
             # The rig may already be driven, by an earlier emulator.
             counts = round((bench.drive_v(i) - MID_V) / V_PER_PCT / 100 * FULL_SCALE)
+            counts = max(-HALF_SCALE, min(counts, HALF_SCALE))
             self._words[codec.register_address(i + 1, Lc400Register.SETPOINT)] = counts
+            scale = codec.register_address(i + 1, Lc400Register.INVERSE_SCALE)
+            self._words[scale] = int.from_bytes(pack("<f", 1.0), "little")
         name = f"LC400 {serial or '1.0'}".ljust(4 * codec.FIRMWARE_WORDS)[
             : 4 * codec.FIRMWARE_WORDS
         ]
         for i, word in enumerate(_words_of(name.encode("ascii", "replace"))):
             self._words[codec.FIRMWARE + _WORD_BYTES * i] = word
+        self.wavetables = Wavetables(bench, self._words)
 
     def receive(self, data: bytes) -> list[bytes]:
         """Reply to every complete request, with all replies in one piece."""
+        self.wavetables.advance()
         now_ns = self._bench.now_ns()
         if now_ns - self._got_ns > _INCOMPLETE_NS:
             self._got = b""
@@ -67,10 +73,12 @@ class Lc400:
             frame, self._got = self._got[: abs(length)], self._got[abs(length) :]
             if length > 0:
                 replies += self._execute(frame)
+        self.wavetables.settle()
         return [b"".join(replies)] if replies else []
 
     def due(self) -> list[bytes]:
         """Return nothing: the controller only replies."""
+        self.wavetables.advance()
         return []
 
     def _execute(self, frame: bytes) -> list[bytes]:
@@ -78,6 +86,9 @@ class Lc400:
             request, address, value = codec.parse_request(frame)
         except Lc400FrameError:
             return []
+        if request in {Lc400Request.READ, Lc400Request.READ_ARRAY}:
+            # `WRITE_NEXT` would continue behind this word.
+            self._next = address + _WORD_BYTES & 0xFFFFFFFF
         if request is Lc400Request.READ:
             return [codec.read_reply(address, self._read(address))]
         if request is Lc400Request.READ_ARRAY:
@@ -88,23 +99,18 @@ class Lc400:
         return []
 
     def _read(self, address: int) -> int:
+        if address in self._loops:
+            return self.wavetables.loop_input(self._loops[address])
         axis = self._positions.get(address)
         if axis is None:
             return self._words.get(address, 0)
-        position_um = self._bench.position_um(axis)
-        if not isfinite(position_um):
-            # A sensor without signal is at the end of its range.
-            return HALF_SCALE
-        counts = round((position_um - MID_UM) / RANGE_UM * FULL_SCALE)
-        return max(-HALF_SCALE, min(counts, HALF_SCALE))
+        return position_counts(self._bench.position_um(axis))
 
     def _write(self, address: int, value: int) -> None:
         # `WRITE_NEXT` continues behind the last written word.
         self._next = address + _WORD_BYTES & 0xFFFFFFFF
-        axis = self._setpoints.get(address)
-        if axis is not None:
+        if address in self._setpoints:
             value = max(-HALF_SCALE, min(value, HALF_SCALE))
-            self._bench.drive(axis, MID_V + value / FULL_SCALE * 100 * V_PER_PCT)
         if address in self._words or len(self._words) < _MOST_WORDS:
             self._words[address] = value
 

@@ -5,7 +5,7 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.bus.line import Line
-from piezod.devices.bus.playing_device import PlayingBusDevice
+from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
 from piezod.devices.interface import DriverPlugin, Wiring
 from piezod_drivers.serial_line.gcs.channels import channels
 from piezod_drivers.serial_line.gcs.faults import SEES
@@ -18,7 +18,7 @@ def make_device(line: Line, options: Gcs2Options, wiring: Wiring) -> ExchangingB
     """Construct a controller on a line; it plays if it drives anything."""
     dialogue, name = Gcs2Dialogue(line, options, wiring), "PI GCS 2 controller"
     if wiring.outputs:
-        return PlayingBusDevice(name, dialogue, dialogue.player)
+        return ExchangingPlayingBusDevice(name, dialogue, dialogue.player)
     return ExchangingBusDevice(name, dialogue)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, StringConstraints
 
 from piezod.config.fields import BrokenRule, Quantity
-from piezod_drivers.serial_line.options import LineOptions, range_rules
+from piezod_drivers.serial_line.options import LineOptions, WaveEnd, range_rules
 
 Axis: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]{1,8}$")]
 Volts: TypeAlias = Annotated[float, Quantity(-1000, 1000, "V")]
@@ -26,12 +26,7 @@ class Gcs2Options(LineOptions):
         default="VOL?",
         description="Query of the value in force: the measured voltage, or the value that was set.",
     )
-
-    wave_end: Literal["unknown", "holds"] = Field(
-        default="unknown",
-        description="The output after the last cycle of a wave: `holds` if you have seen that it "
-        "keeps the last value. If it is unknown, tables must end at rest.",
-    )
+    wave_end: WaveEnd = "unknown"
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from super()._broken_rules()

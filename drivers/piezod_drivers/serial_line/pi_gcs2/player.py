@@ -5,7 +5,7 @@ and all its cycles become one wave, which is played once.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.dialogue import Reading
@@ -31,9 +31,6 @@ from piezod_drivers.serial_line.pi_gcs2.wave_requests import (
     command,
 )
 
-if TYPE_CHECKING:
-    from piezod_drivers.serial_line.pi_gcs2.wave_arrays import FloatArray
-
 POLL_NS: Final = 100_000_000
 """Time between two questions for the progress."""
 LONGEST_RATE: Final = 10_000
@@ -41,8 +38,6 @@ LONGEST_RATE: Final = 10_000
 CYCLES: Final = 1_000_000
 _POSITION, _VOLTAGE = 2, 7
 """Record options: position of an axis, voltage of an output."""
-_OTHER_UNIT: Final = 0.2
-"""Share of an output's range by which the recorded voltage may differ from the table."""
 
 
 class Gcs2Player:
@@ -119,7 +114,7 @@ class Gcs2Player:
             DeviceError: If they do not fit, or the controller holds other values.
             LineFault: If an exchange fails.
         """
-        from piezod_drivers.serial_line.pi_gcs2 import wave_arrays  # noqa: PLC0415 - numpy
+        from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         able, n_points = self.capabilities(), wave_arrays.n_points_of(table)
         if len(table.lead_in) and n_points * len(self._host.numbers) > able.points:
@@ -222,7 +217,7 @@ class Gcs2Player:
             DeviceError: If it is too short, or the voltages do not follow the table.
             LineFault: If an exchange fails.
         """
-        from piezod_drivers.serial_line.pi_gcs2 import wave_arrays  # noqa: PLC0415 - numpy
+        from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         table, n_inputs = self._require_table(), len(self._host.wiring.inputs)
         n_points = min(wave_arrays.n_points_of(table), self.capabilities().record_points)
@@ -232,7 +227,8 @@ class Gcs2Player:
             raise DeviceError(f"the record has {length} points, expected {n_points}")
         rows = wave_arrays.rows_of(self._requests.read_array("DRR?", n_points, tables))
         positions, outputs = rows[:, :n_inputs], rows[:, n_inputs:]
-        self._check_followed(outputs - wave_arrays.first_points(table, n_points))
+        differences = outputs - wave_arrays.first_points(table, n_points)
+        wave_arrays.check_followed(differences, self._host.ranges())
         return PlayedRecord(table.interval_ns, positions, 0, outputs)
 
     def sample(self, now_ns: int) -> Reading:
@@ -245,16 +241,6 @@ class Gcs2Player:
 
     def close(self) -> None:
         """Do nothing: a play needs no line of its own."""
-
-    def _check_followed(self, differences: "FloatArray") -> None:
-        """Refuse a record of other voltages: the unit of the waves may be another one."""
-        for i, (low, high) in enumerate(self._host.ranges()):
-            most_v = float(abs(differences[:, i]).max(initial=0.0))
-            if most_v > _OTHER_UNIT * (high - low):
-                raise DeviceError(
-                    f"the recorded voltage of output {i} differs from the table by {most_v:.1f} V: "
-                    "the unit of its waves may be another one; do not play on this controller"
-                )
 
     def _ours(self, mask: int) -> list[str]:
         """Return the numbers of our generators that a mask has."""

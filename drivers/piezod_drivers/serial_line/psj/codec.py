@@ -15,6 +15,8 @@ from piezod_drivers.serial_line.psj.profiles import PsjProfile, StatusBits
 
 LONGEST: Final = 256
 """Bytes without an end beyond this length are garbage."""
+LONGEST_RECORD: Final = 65_000
+"""The same for the reply with a whole record: 6144 values of at most 10 characters."""
 
 _XON, _XOFF = b"\x11", b"\x13"
 _NUMBER: Final = re.compile(r"[-+]?\d{1,9}(?:\.\d{0,9})?(?:[eE][-+]?\d{1,2})?", re.ASCII)
@@ -80,6 +82,15 @@ def framed(got: bytes) -> int:
     if begin > 0 and (end < 0 or begin < end):
         return -begin
     return _up_to(end, got)
+
+
+def framed_record(got: bytes) -> int:
+    """Return the length of a reply with a whole record, as `framed` does."""
+    begin = got.find(_XOFF)
+    if begin:
+        return -(begin if begin > 0 else len(got))
+    end = got.find(_XON)
+    return -len(got) if end < 0 and len(got) > LONGEST_RECORD else end + 1
 
 
 def line(got: bytes) -> int:
@@ -169,12 +180,22 @@ def fields(text: str, name: str, channel: int | None, count: int) -> list[str]:
         LineFault: `OUT_OF_ORDER` if it answers another command, `GARBAGE` if the number of values
             is wrong.
     """
+    values = values_of(text, name, channel)
+    if len(values) != count:
+        raise LineFault(DeviceFlag.GARBAGE, f"expected {count} values, got {text[:40]!r}")
+    return values
+
+
+def values_of(text: str, name: str, channel: int | None) -> list[str]:
+    """Return all values in a reply, as `fields` does for a required number of them.
+
+    Raises:
+        LineFault: `OUT_OF_ORDER` if it answers another command.
+    """
     values = _names(text, name, channel)
     if values is None:
         what = f"the reply to {name} was {text[:40]!r}"
         raise LineFault(DeviceFlag.OUT_OF_ORDER, what)
-    if len(values) != count:
-        raise LineFault(DeviceFlag.GARBAGE, f"expected {count} values, got {text[:40]!r}")
     return values
 
 

@@ -7,13 +7,16 @@ from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
+from piezod.devices.player import AtEnd
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.serial_line.psj import codec
+from piezod_drivers.serial_line.psj.player import Nv200Player
 from piezod_drivers.serial_line.psj.profiles import PsjProfile
 from piezod_drivers.serial_line.psj.reading_age import ReadingAge
 from piezod_drivers.serial_line.psj.session import PsjSession
 from piezod_drivers.serial_line.psj.setup import identity_of, limits_of
 from piezod_drivers.serial_line.psj.takeover import take_over
+from piezod_drivers.serial_line.psj.wave_requests import WaveRequests
 
 STATUS_NS: Final = 100_000_000
 """Period of status requests, which follow a setpoint or a sample."""
@@ -38,6 +41,10 @@ class PsjDialogue:
         range_v: Lowest and highest voltage, in V.
         timeout_s: Longest wait for a reply, in s.
         remote: Whether the configuration confirms that an NV40 is under remote control.
+        at_end: What the output does after a wave.
+
+    Attributes:
+        player: Plays tables on an NV200/D; None for the other models.
     """
 
     def __init__(
@@ -49,6 +56,7 @@ class PsjDialogue:
         timeout_s: float,
         *,
         remote: bool = False,
+        at_end: AtEnd = AtEnd.UNKNOWN,
     ) -> None:
         self._line, self._profile, self._wiring, self._range_v = line, profile, wiring, range_v
         self._session, self._remote = PsjSession(line, profile, timeout_s), remote
@@ -65,11 +73,22 @@ class PsjDialogue:
         self._status_ns, self._status_turn = 0, 0
         self._noticed: set[DeviceFlag] = set()
         self._in_force_v = _NOT_READ
+        self.player: Nv200Player | None = None
+        if profile.plays and wiring.outputs:
+            requests = WaveRequests(self._session, profile.baud)
+            self.player = Nv200Player(self, requests, at_end)
+
+    @property
+    def wiring(self) -> Wiring:
+        """The channels in use."""
+        return self._wiring
 
     def open(self) -> Identity:
         """Connect, identify the device and read its limits; the outputs keep their values."""
         self._line.open()
         self._session.restart()
+        if self.player is not None:
+            self.player.forget()
         identity = identity_of(self._session, self._profile, self._line.where)
         self._ranges = [
             limits_of(self._session, self._profile, channel, self._range_v)
@@ -104,9 +123,14 @@ class PsjDialogue:
     def activate(self) -> None:
         """Check that the outputs can be driven from their present voltages; see `takeover`.
 
+        A play that is found is stopped before.
+
         Raises:
             DeviceError: If that is impossible without a jump.
         """
+        self._in_force_v = _NOT_READ
+        if self.player is not None:
+            self.player.stop_found()
         self._reports_source = take_over(
             self._profile, self._outputs, self._session, remote=self._remote
         )

@@ -4,7 +4,10 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.bus.line import Line
+from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.player import AtEnd
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
 from piezod_drivers.serial_line.psj.options import PsjOptions
@@ -18,12 +21,26 @@ def _channels(options: PsjOptions) -> ChannelUnits:
     return ChannelUnits(inputs, dict.fromkeys(names, "V"))
 
 
-def _create(options: PsjOptions, wiring: Wiring, _seed: int) -> BusDevice:
+def make_device(line: Line, options: PsjOptions, wiring: Wiring) -> BusDevice:
+    """Construct an amplifier on a line; an NV200/D plays if it drives anything."""
     profile = options.configured_profile()
-    line = make_line(options, profile.baud)
-    timeout_s = options.timeout_ms * 1e-3
-    dialogue = PsjDialogue(line, profile, wiring, options.range_v, timeout_s, remote=options.remote)
+    dialogue = PsjDialogue(
+        line,
+        profile,
+        wiring,
+        options.range_v,
+        options.timeout_ms * 1e-3,
+        remote=options.remote,
+        at_end=AtEnd(options.wave_end),
+    )
+    if dialogue.player is not None:
+        return PlayingBusDevice(profile.title, dialogue, dialogue.player)
     return BusDevice(profile.title, dialogue)
+
+
+def _create(options: PsjOptions, wiring: Wiring, _seed: int) -> BusDevice:
+    line = make_line(options, options.configured_profile().baud)
+    return make_device(line, options, wiring)
 
 
 PLUGIN: Final = DriverPlugin(

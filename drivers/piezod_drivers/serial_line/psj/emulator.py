@@ -8,6 +8,11 @@ from typing import Final, Literal
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod.units import NS_PER_S
+from piezod_drivers.serial_line.psj.emulation.waveform_commands import (
+    WaveformCommands,
+    WrongValueError,
+)
+from piezod_drivers.serial_line.psj.emulation.waveforms import Waveforms
 from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName
 
 MAX_BYTES: Final = 512
@@ -70,9 +75,16 @@ class PsjEmulator:
         """Bits of the status word that are inverted, so that tests can cause every fault."""
         self.knows_source = True
         """Whether an NV40/3 knows `stat`, which reports the source of a voltage."""
+        self.waveforms: Waveforms | None = None
+        """Waveform generator and data recorder of an NV200."""
+        self._waveform_commands: Mapping[str, Callable[[list[str]], str | None]] = {}
+        if profile_name == "nv200":
+            self.waveforms = Waveforms(bench, (LOWEST_V, HIGHEST_V))
+            self._waveform_commands = WaveformCommands(self.waveforms).handlers
 
     def receive(self, data: bytes) -> list[bytes]:
         """Reply to every complete command, in order."""
+        self._advance()
         # Commands may end with CR or CR LF.
         *lines, rest = (self._rest + data).replace(b"\n", b"").split(b"\r")
         self._rest = rest[-MAX_BYTES:]
@@ -80,7 +92,12 @@ class PsjEmulator:
 
     def due(self) -> list[bytes]:
         """Send nothing."""
+        self._advance()
         return []
+
+    def _advance(self) -> None:
+        if self.waveforms is not None:
+            self.waveforms.advance()
 
     def _answer(self, line: bytes) -> bytes:
         name, *values = line.decode("latin-1").strip(" \x11\x13").split(",")
@@ -106,6 +123,8 @@ class PsjEmulator:
             return ""
         if (text := self._execute_for_all(name, values)) is not None:
             return text
+        if name in self._waveform_commands:
+            return self._execute_waveform(name, values)
         commands = self._commands()
         if name not in commands:
             raise PsjRefusedError("unknown")
@@ -119,6 +138,13 @@ class PsjEmulator:
         # An NV40/3 answers `stat` by another word.
         first = "STATUS" if self._profile_name == "nv40" and name == "stat" else name
         return ",".join([first, *([str(channel)] if self._profile.numbered else []), value_text])
+
+    def _execute_waveform(self, name: str, values: list[str]) -> str:
+        try:
+            text = self._waveform_commands[name](values)
+        except WrongValueError as wrong:
+            raise PsjRefusedError(*wrong.args) from wrong
+        return "" if text is None else f"{name},{text}"
 
     def _execute_for_all(self, name: str, values: list[str]) -> str | None:
         """Execute a command that names no channel; return None if it is none."""
@@ -179,7 +205,11 @@ class PsjEmulator:
         if not LOWEST_V <= value <= HIGHEST_V:
             raise PsjRefusedError("range")
         self._setpoint[channel] = value
-        if self.remote[channel] and not self._bench.drive(channel, value):
+        if self.waveforms is not None:
+            taken = self.waveforms.set_voltage(value)
+        else:
+            taken = not self.remote[channel] or self._bench.drive(channel, value)
+        if not taken:
             raise PsjRefusedError("range")
         return None
 
@@ -237,7 +267,7 @@ class PsjEmulator:
 _SETTINGS: Final = (
     ("cl", "modon", "monsrc", "sr", "kp", "ki", "kd", "tf", "fan", "setf"),
     ("cloop", "setk", "monwpa"),
-    ("cl", "modsrc", "sr", "notchon", "setlpon"),
+    ("cl", "sr", "notchon", "setlpon"),
 )
 """Commands that only store and return a value, by family."""
 

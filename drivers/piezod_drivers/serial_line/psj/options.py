@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from piezod.config.fields import BrokenRule, Quantity
-from piezod_drivers.serial_line.options import LineOptions, TimeoutMs, range_rules
+from piezod_drivers.serial_line.options import LineOptions, TimeoutMs, WaveEnd, range_rules
 from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName, PsjProfile, ReadingUse
 
 Volts = Annotated[float, Quantity(-200, 500, "V")]
@@ -31,6 +31,7 @@ class PsjOptions(LineOptions):
         description="Confirms that you have put an NV40 under remote control and in open loop, at "
         "rest voltage. Only for nv40-1, and for an nv40 that does not report it.",
     )
+    wave_end: WaveEnd = "unknown"
     timeout_ms: TimeoutMs = Field(default=50.0, description="Longest wait for each reply, ms.")
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
@@ -38,6 +39,8 @@ class PsjOptions(LineOptions):
         yield from range_rules(self.range_v)
         if self.remote and not self.profile.startswith("nv40"):
             yield ("remote",), f"not for {self.profile}, whose state is read: leave it out"
+        if self.wave_end != "unknown" and self.profile != "nv200":
+            yield ("wave_end",), f"not for {self.profile}, which plays no tables: leave it out"
 
     def configured_profile(self) -> PsjProfile:
         """Return the profile, with the configured baud rate and use of the reading."""

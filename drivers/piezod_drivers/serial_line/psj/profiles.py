@@ -48,6 +48,7 @@ class PsjProfile(NamedTuple):
         limits: Commands that read the lowest and the highest voltage, if there are any.
         limits_per_channel: Whether these commands name the channel.
         source: Command that reads whether the port sets the voltage of a channel; "" for none.
+        plays: Whether the model has a waveform generator and a data recorder.
     """
 
     title: str
@@ -70,6 +71,7 @@ class PsjProfile(NamedTuple):
     limits: tuple[str, str] | None = None
     limits_per_channel: bool = True
     source: str = ""
+    plays: bool = False
 
 
 _D_DRIVE_BITS: Final = (
@@ -151,6 +153,7 @@ PROFILES: Final[Mapping[ProfileName, PsjProfile]] = MappingProxyType(
             status_bits=_NV200_BITS,
             serial="acserno",
             limits=("avmin", "avmax"),
+            plays=True,
         ),
     }
 )

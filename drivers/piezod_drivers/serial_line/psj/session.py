@@ -105,6 +105,37 @@ class PsjSession:
         frame = self._conversation.ask(request, length_of or self._frame, fits=fits)
         return codec.fields(codec.text_of(frame), answer or name, named, count)
 
+    def indexed(self, name: str, index: int, *others: int) -> list[str]:
+        """Return the values behind an index in the reply to a query such as `gbarb,5`.
+
+        Real-time safe.
+
+        Args:
+            name: The command.
+            index: Its first number, which the reply repeats.
+            *others: Further numbers.
+
+        Raises:
+            LineFault: If no reply comes.
+        """
+        fits = partial(codec.is_reply_to, name, index)
+        request = self.command(name, None, index, *others)
+        frame = self._conversation.ask(request, self._frame, fits=fits)
+        return codec.values_of(codec.text_of(frame), name, index)
+
+    def record(self, name: str, index: int, within_ns: int) -> list[str]:
+        """Return the values behind an index in a reply with a whole record.
+
+        Raises:
+            LineFault: If no reply comes.
+        """
+        fits = partial(codec.is_reply_to, name, index)
+        request = self.command(name, None, index)
+        frame = self._conversation.ask(
+            request, codec.framed_record, timeout_ns=within_ns, fits=fits
+        )
+        return codec.values_of(codec.text_of(frame), name, index)
+
     def ask_slowly(
         self, name: str, channel: int | None = None, length_of: LengthOf | None = None
     ) -> bytes:

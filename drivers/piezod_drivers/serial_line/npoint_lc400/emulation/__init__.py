@@ -1,0 +1,1 @@
+"""Parts of the emulated controller: `wavetables.py` has its wavetables and its recorder."""

@@ -1,0 +1,119 @@
+"""A device that plays and its emulator in one process, in virtual time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+from typing import Final, Protocol
+
+import numpy as np
+
+from piezod.devices.bus.playing_device import PlayingBusDevice
+from piezod.devices.emulation.emulator import Emulator
+from piezod.devices.interface import Wiring
+from piezod.devices.player import PlayState, Progress, Table
+from piezod_drivers.serial_line.wave_arrays import FloatArray
+from tests.drivers.serial_line.linear_rig import LinearRig
+from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
+
+STEP_NS: Final = 10 * MS
+"""Time between two calls of `progress`."""
+
+
+class Unplugged(Protocol):
+    """A line of a test whose cable can be pulled."""
+
+    unplugged: bool
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The outputs of a device.
+
+    Attributes:
+        rest: Value at rest.
+        middle: Value around which the sine swings.
+        amplitude: Amplitude of the sine.
+        volts: Returns the voltage at the actuator for a value.
+        interval_ns: Time between two points.
+        tolerance: Largest difference between a value in force and the one that is read back.
+    """
+
+    rest: float
+    middle: float
+    amplitude: float
+    volts: Callable[[float], float]
+    interval_ns: int
+    tolerance: float
+
+    def sine(self, n: int = 100, cycles: int = 3, n_outputs: int = 1, n_lead_in: int = 20) -> Table:
+        """Return a table: a ramp from rest to the middle, then a sine around it."""
+        ramp: FloatArray = np.tile(
+            np.linspace(self.rest, self.middle, n_lead_in)[:, None], n_outputs
+        )
+        phase = 2 * pi * np.arange(n) / n
+        waves = [self.amplitude * np.sin(phase + k) for k in range(n_outputs)]
+        return Table(self.interval_ns, ramp, self.middle + np.stack(waves, axis=1), cycles)
+
+
+@dataclass
+class PlayBench:
+    """A device, active, with everything at its other end.
+
+    Attributes:
+        device: The device.
+        line: Its line for requests.
+        rig: The rig.
+        time: The clock.
+        emulator: The emulated device.
+        scale: Its outputs.
+        connect: Returns a device of another process for the same emulator; it is not open.
+        wiring: The channels in use.
+        streams: Its other lines.
+    """
+
+    device: PlayingBusDevice
+    line: EmulatedLine
+    rig: LinearRig
+    time: TestTime
+    emulator: Emulator
+    scale: Scale
+    connect: Callable[[Wiring], PlayingBusDevice]
+    wiring: Wiring
+    streams: tuple[Unplugged, ...] = ()
+
+    def start(self, table: Table) -> Table:
+        """Load a table and start it; return it as it is played."""
+        loaded = self.device.load(table)
+        self.device.arm()
+        self.device.start(self.time.t_ns)
+        return loaded
+
+    def wait(self, for_ns: int) -> None:
+        """Let time pass without requests."""
+        self.time.t_ns += for_ns
+        self.emulator.due()
+
+    def progress_to_end(self) -> Progress:
+        """Ask for the progress until the play has ended or failed."""
+        for _ in range(2000):
+            self.wait(STEP_NS)
+            found = self.device.progress(self.time.t_ns)
+            if found.state is not PlayState.PLAYING:
+                return found
+        raise AssertionError("the play does not end")
+
+    def unplug(self, *, pulled: bool) -> None:
+        """Pull all cables, or plug them in again."""
+        for line in (self.line, *self.streams):
+            line.unplugged = pulled
+
+    def opened(self) -> "PlayBench":
+        """Return this bench, with its device open and active."""
+        self.device.open()
+        self.device.activate(self.time.t_ns)
+        return self
+
+
+def played(table: Table) -> FloatArray:
+    """Return every point of a play, in order."""
+    return np.concatenate((table.lead_in, *([table.period] * table.cycles)))
