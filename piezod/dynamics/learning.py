@@ -4,7 +4,7 @@ A stage turns a periodic input w into samples y. Its response G from w to y is k
 harmonics of the period, with a static gain of one, and S is the part of it that is the sensor's.
 The samples of a stage that is exactly on its command r are S R, so that the error is E = S R - Y:
 
-    W_0 = S R / G,    W_{i+1} = W_i + λ E_i / G,    mean: w_0 = r / static gain, w += λ e.
+    W_0 = S R / G,    W_{i+1} = W_i + λ E_i / G,    mean: w_0 = r / static gain, w += e.
 
 An error at a harmonic shrinks by the factor |1 - λ G' / G| per pass, if the true response is G'. It
 is at most 1 - λ (1 - δ) if G is wrong by the share δ. So a harmonic is learned only if δ is small
@@ -24,7 +24,8 @@ import numpy as np
 from piezod.dynamics.model import ComplexArray, FloatArray
 
 GAIN = 0.7
-"""λ: share of an error that a pass corrects."""
+"""λ: share of an error that a pass corrects. That of the mean is corrected as a whole, because the
+mean drifts from pass to pass."""
 SLOWEST = 0.75
 """Largest factor by which the error of a learned harmonic may shrink per pass."""
 MEASURED_SHIFT, STORED_SHIFT = 0.003, 0.01
@@ -246,6 +247,7 @@ class Learner:
     def correct(self) -> FloatArray:
         """Return the input of the next pass, shape (n,)."""
         step = self._gain * self._base.correction
+        step[0] = self._base.correction[0]
         too_large = np.maximum(np.abs(step) / self._largest, 1.0)
         self._step = np.where(self._base.followed, step, step / too_large)
         self.wanted = self._base.wanted + self._period(self._step)
