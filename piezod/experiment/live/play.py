@@ -18,9 +18,10 @@ from piezod.experiment.play.response import (
     measure_response,
     stored_response,
 )
-from piezod.experiment.play.stage import AxisRecord, AxisTable
+from piezod.experiment.play.stage import AxisRecord, AxisTable, PlayedStage
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, PlaySettings
+from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.units import NS_PER_S, s_to_ns
 
 REST_S = 1.0
@@ -107,7 +108,7 @@ def play_live(
     limits = limits_of(config)
     range_v = limits.drive_min_v, limits.drive_max_v
     maker = TableMaker(model, play.interval_ns, range_v, limits.slew_v_per_s)
-    running = RunningAxis(stage, play.axis, config.limits.rest_v)
+    running = ZeroedAxis(RunningAxis(stage, play.axis, config.limits.rest_v), play.interval_ns)
     if config.response is not None:
         known = stored_response(config.response, play.interval_ns)
     else:
@@ -120,7 +121,7 @@ def play_live(
 
 
 def _measured(
-    running: RunningAxis,
+    running: PlayedStage,
     maker: TableMaker,
     range_um: tuple[float, float],
     settings: MultisineSettings,
