@@ -88,8 +88,9 @@ class KnownAxis:
             first_um: (n,) input that was learned before, in µm; None to begin with the response.
 
         Raises:
-            DataError: If hardly anything of the command remains.
+            DataError: If the command leaves the model, or hardly anything of it remains.
         """
+        self.maker.check(given.values_um)
         harmonics = Harmonics.known(
             given.harmonics_hz,
             self.response.at,
