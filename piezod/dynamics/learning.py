@@ -28,6 +28,9 @@ GAIN = 0.7
 mean drifts from pass to pass."""
 SLOWEST = 0.75
 """Largest factor by which the error of a learned harmonic may shrink per pass."""
+LEAST_RESPONSE = 0.05
+"""A harmonic is not learned if the stage follows it by less than this: it would take more voltage,
+and more slew rate, than all others."""
 MEASURED_SHIFT, STORED_SHIFT = 0.003, 0.01
 """The frequencies of the modes may be wrong by this share, if they were measured just before, and
 if they were measured on another day: they depend on load and temperature."""
@@ -133,9 +136,11 @@ class Harmonics:
             shift: Share by which the frequencies of the modes may be wrong.
         """
         doubt = uncertainty + response_doubt(response, frequency_hz, shift)
+        followed = response(frequency_hz)
         learned = 1.0 - GAIN * (1.0 - doubt) <= SLOWEST
+        learned &= np.abs(followed) >= LEAST_RESPONSE
         learned[0] = True
-        return cls(response(frequency_hz), sensor(frequency_hz), learned)
+        return cls(followed, sensor(frequency_hz), learned)
 
 
 class Assessment(NamedTuple):

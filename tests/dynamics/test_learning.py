@@ -205,6 +205,14 @@ def test_harmonics_at_a_sharp_mode_and_beyond_the_measurement_are_not_learned() 
     assert later.learned[0]
 
 
+def test_harmonics_that_the_stage_hardly_follows_are_not_learned() -> None:
+    """Behind a mode at 400 Hz a harmonic of 2 kHz would need 24 times its amplitude."""
+    low = ResponseModel(200e-6, (Resonance(404.0, 0.03),))
+    learned_hz = FREQUENCY_HZ[harmonics(low.at).learned]
+
+    assert learned_hz.max() == 1800.0
+
+
 def test_unlearned_harmonics_are_not_driven() -> None:
     """The input has nothing at a frequency that is not known, in any pass."""
     sharp = ResponseModel(200e-6, (Resonance(804.0, 0.003),))

@@ -103,8 +103,8 @@ class KnownAxis:
         if left_out > MOST_LEFT_OUT:
             raise DataError(
                 f"{given.name}: {100 * left_out:.3g} % of the swing are at frequencies at which "
-                f"the response is not known well enough, allowed: {100 * MOST_LEFT_OUT:g} %; it is "
-                f"known up to {self.response.highest_hz:.4g} Hz, without the surroundings of modes "
+                f"the response is too small or not known well enough, allowed: "
+                f"{100 * MOST_LEFT_OUT:g} %; it is known up to {self.response.highest_hz:.4g} Hz, without the surroundings of modes "
                 "with little damping"
             )
         gain = static_gain(self.creep, settings.settle_s + 0.5 * settings.record_s)
