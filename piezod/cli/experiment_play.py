@@ -180,6 +180,6 @@ def _left_out(result: PlayedResult) -> Iterator[str]:
         if share > _LEFT_OUT:
             yield (
                 f"{play.given.name}: up to {100 * share:.2g} % of the swing are at frequencies at "
-                "which the response is too small or not known well enough; they are left out of the "
-                "command"
+                "which the response is too small or not known well enough; the command is without "
+                "them"
             )

@@ -103,9 +103,9 @@ class KnownAxis:
         if left_out > MOST_LEFT_OUT:
             raise DataError(
                 f"{given.name}: {100 * left_out:.3g} % of the swing are at frequencies at which "
-                f"the response is too small or not known well enough, allowed: "
-                f"{100 * MOST_LEFT_OUT:g} %; it is known up to {self.response.highest_hz:.4g} Hz, without the surroundings of modes "
-                "with little damping"
+                "the response is too small or not known well enough, allowed: "
+                f"{100 * MOST_LEFT_OUT:g} %; it is known up to {self.response.highest_hz:.4g} Hz, "
+                "without the surroundings of modes with little damping"
             )
         gain = static_gain(self.creep, settings.settle_s + 0.5 * settings.record_s)
         return LearningTask(given, command, self.maker, harmonics, gain, settings, first_um)
