@@ -95,6 +95,7 @@ def _wave_document(play: LearnedPlay, wave: WaveConfig) -> dict[str, object]:
                 "label": each.label,
                 "measured": each.measured._asdict(),
                 "true": each.true._asdict(),
+                "limit": each.limit._asdict(),
                 "noise_pct": each.noise_pct,
                 "significant": each.significant,
             }
@@ -115,7 +116,8 @@ def _print(
         console.print(_response(result))
         for one, wave in zip(result.plays, play.waves, strict=True):
             published = f" Published: {wave.reference}." if wave.reference else ""
-            console.print(f"{wave.name}: {one.stopped}; best is {one.best.label}.{published}")
+            stopped = f"{wave.name}: {one.stopped}; best is {one.best.label}."
+            console.print(f"{stopped}{_limit(one.best)}{published}")
         for note in (*result.notes, *_left_out(result)):
             console.print(f"! {note}", style="yellow")
     console.print(f"Figures and tables: {folder}", soft_wrap=True)
@@ -151,6 +153,16 @@ def _number(pct: float | None) -> str:
     return "" if pct is None else "–" if pct != pct else f"{pct:.3f}"  # noqa: PLR0124 - NaN
 
 
+def _limit(best: PassReport) -> str:
+    if not best.knows_truth:
+        return ""
+    calibration_pct, apart_pct = best.limit
+    return (
+        f" Limit: the sensor's calibration, {calibration_pct:.2f} %; apart from it the true error "
+        f"is at most {apart_pct:.2f} %."
+    )
+
+
 def _response(result: PlayedResult) -> str:
     model = result.response.model
     modes = ", ".join(
@@ -168,5 +180,6 @@ def _left_out(result: PlayedResult) -> Iterator[str]:
         if share > _LEFT_OUT:
             yield (
                 f"{play.given.name}: up to {100 * share:.2g} % of the swing are at frequencies at "
-                "which the response is not known well enough; they are left out of the command"
+                "which the response is too small or not known well enough; the command is without "
+                "them"
             )

@@ -7,7 +7,7 @@ import typer
 
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import existing_file
+from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
@@ -40,6 +40,15 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     record_s: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="Time of the periods that count, s.")
     ] = 1.0,
+    tables: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            readable=False,
+            help="Folder of learned tables: begin with the one in it whose waveform, interval, "
+            "model and device are the same, and store the learned one there.",
+        ),
+    ] = None,
     axis: AxisOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
@@ -56,9 +65,12 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     from piezod.experiment.play.task import PlaySettings
 
     wave = _wave(file)
+    if tables is not None:
+        tables.mkdir(parents=True, exist_ok=True)
+        check_writable(tables)
     settings = PlaySettings(passes, settle_s, record_s)
     with unwinding(), connect(stage, socket) as client:
-        what = LivePlay(axis or "", wave, round(1000.0 * interval_us), settings)
+        what = LivePlay(axis or "", wave, round(1000.0 * interval_us), settings, tables)
         learned = _learned(client, what, quiet=json)
     if json:
         print_json(_document(learned))
@@ -90,9 +102,12 @@ def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "Learne
         if not quiet:
             typer.echo(_line(done))
 
+    def note(text: str) -> None:
+        typer.echo(f"Tables: {text}.", err=True)
+
     with progress_bar() as progress, LiveStage(client, setup, lambda _s: None) as stage:
         progress(f"playing on axis {name}", 0.0)
-        learned = play_live(stage, setup.axes[name], play._replace(axis=name), report)
+        learned = play_live(stage, setup.axes[name], play._replace(axis=name), report, note)
         stage.disarm()
     return learned
 

@@ -37,13 +37,16 @@ SHARP: Final = 0.01
 FASTEST_FILTER: Final = 0.35
 """Highest frequency of a filter alone, as a share of the rate: samples do not show a faster one."""
 LONGEST_DELAY_S: Final = 1.0
-_PHASES, _CREEPS = (-0.3, 0.8), (-0.01, 0.03)
+_PHASES, _CREEPS = (-0.3, 0.8), (-0.01, 0.1)
 _SHARES, _DAMPINGS = (-1.0, 2.0), (0.001, 1.0)
 _GAINS: Final = (0.1, 10.0)
 """Bounds of the parameters."""
 _DELAYS, _REFINED, _STEPS = 5, 6, 300
 _FILTERS, _FILTER_DAMPING, _WEAK = 6, 0.8, 0.05
 """Filters that are tried in addition to the resonances of a solution."""
+WEAK: Final = 0.2
+"""A filter below all modes has a share of at least a half: it is in series with them. One with less
+than this share is no filter, but small loops whose gain depends on the amplitude of a line."""
 
 
 class FitProblem:
@@ -85,9 +88,19 @@ class FitProblem:
             count: The number.
             before: A solution with one resonance fewer, to start from too.
         """
-        found = [*self._starts(count), *(self._starts_after(before) if before else ())]
-        plain = self._refined([each for each in found if not self._above(each, count)], count)
-        folded = self._refined([each for each in found if self._above(each, count)], count)
+        starts = sorted(self._starts(count), key=lambda each: self._start_cost(each, count))
+        after = list(self._starts_after(before)) if before else []
+        plain, folded = (
+            # A weak filter is never close to the lines, so all of these are tried.
+            self._best_of(
+                [
+                    *self._which_above(starts, count, above=above)[:_REFINED],
+                    *self._which_above(after, count, above=above),
+                ],
+                count,
+            )
+            for above in (False, True)
+        )
         if plain is None or folded is None:
             return plain or folded
         # A sharp mode whose image is at that of the lines explains them about as well as theirs.
@@ -96,14 +109,17 @@ class FitProblem:
         better = self.criterion(plain) - self.criterion(folded) > BETTER
         return folded if better and not np.any(sharp) else plain
 
-    def _refined(self, starts: Sequence[FloatArray], count: int) -> Solution | None:
-        """Return the best solution from the starts that are closest to the lines."""
-        closest = sorted(starts, key=lambda each: self._start_cost(each, count))[:_REFINED]
-        solved = [self._solve(start, count) for start in closest]
+    def _best_of(self, starts: Sequence[FloatArray], count: int) -> Solution | None:
+        solved = [self._solve(start, count) for start in starts]
         return min(solved, key=lambda each: each.cost, default=None)
 
-    def _above(self, start: FloatArray, count: int) -> bool:
-        """Return whether a start has a mode above half of the rate."""
+    def _which_above(
+        self, starts: Sequence[FloatArray], count: int, *, above: bool
+    ) -> list[FloatArray]:
+        """Return the starts with a mode above half of the rate, or those without."""
+        return [each for each in starts if self._is_above(each, count) == above]
+
+    def _is_above(self, start: FloatArray, count: int) -> bool:
         parts = self._split(start, count)
         above = parts.frequencies_hz > 0.5 * (self._rate_hz or np.inf)
         return bool(np.any(above & (parts.dampings < RINGS_BELOW)))
@@ -149,9 +165,14 @@ class FitProblem:
         highest_hz = np.where(is_mode, self._high_hz, self._fastest_filter_hz)
         resolved = known & (parts.frequencies_hz < highest_hz)
         within = (parts.shares >= _SHARES[0]) & (parts.shares <= _SHARES[1])
+        # A mode at the least damping has taken up the scatter of a single line.
+        within &= parts.dampings > 1.01 * _DAMPINGS[0]
         # A fast filter beside others makes up for what they lack. Alone it is none.
-        return bool(
-            np.all(within & (resolved | ~is_mode)) and (np.any(resolved) or not solution.count)
+        lowest = np.argmin(parts.frequencies_hz) if solution.count else 0
+        return not solution.count or bool(
+            np.all(within & (resolved | ~is_mode))
+            and np.any(resolved)
+            and (is_mode[lowest] or np.abs(parts.shares[lowest]) >= WEAK)
         )
 
     def is_exhausted(self, solution: Solution) -> bool:

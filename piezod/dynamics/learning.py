@@ -4,12 +4,14 @@ A stage turns a periodic input w into samples y. Its response G from w to y is k
 harmonics of the period, with a static gain of one, and S is the part of it that is the sensor's.
 The samples of a stage that is exactly on its command r are S R, so that the error is E = S R - Y:
 
-    W_0 = S R / G,    W_{i+1} = W_i + λ E_i / G,    mean: w_0 = r / static gain, w += λ e.
+    W_0 = S R / G,    W_{i+1} = W_i + λ E_i / G,    mean: w_0 = r / static gain, w += e.
 
 An error at a harmonic shrinks by the factor |1 - λ G' / G| per pass, if the true response is G'. It
 is at most 1 - λ (1 - δ) if G is wrong by the share δ. So a harmonic is learned only if δ is small
-enough for `SLOWEST`, and only while its error exceeds the noise. Source of the idea: S. Arimoto,
-S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", J. Robotic Systems 1 (1984).
+enough for `SLOWEST`, and only while its error exceeds the noise. A stage may have a mode that G
+does not have, so a harmonic is corrected in small steps until the stage has followed it. Source of
+the idea: S. Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", J.
+Robotic Systems 1 (1984).
 """
 
 from collections.abc import Callable
@@ -22,12 +24,21 @@ import numpy as np
 from piezod.dynamics.model import ComplexArray, FloatArray
 
 GAIN = 0.7
-"""λ: share of an error that a pass corrects."""
+"""λ: share of an error that a pass corrects. That of the mean is corrected as a whole, because the
+mean drifts from pass to pass."""
 SLOWEST = 0.75
 """Largest factor by which the error of a learned harmonic may shrink per pass."""
+LEAST_RESPONSE = 0.05
+"""A harmonic is not learned if the stage follows it by less than this: it would take more voltage,
+and more slew rate, than all others."""
 MEASURED_SHIFT, STORED_SHIFT = 0.003, 0.01
 """The frequencies of the modes may be wrong by this share, if they were measured just before, and
 if they were measured on another day: they depend on load and temperature."""
+FOLLOWS = 0.5
+"""A stage follows a harmonic if its motion is wrong by at most this share."""
+CAREFUL = 1e-3
+"""Largest amplitude by which a harmonic is corrected that the stage has not followed, as a share of
+the swing: a mode that amplifies it a hundred times moves the stage by a tenth."""
 SIGNIFICANT = 3.0
 """An error counts above this many standard deviations of the noise: one of 8000 by chance."""
 GREW = 1.2
@@ -125,9 +136,11 @@ class Harmonics:
             shift: Share by which the frequencies of the modes may be wrong.
         """
         doubt = uncertainty + response_doubt(response, frequency_hz, shift)
+        followed = response(frequency_hz)
         learned = 1.0 - GAIN * (1.0 - doubt) <= SLOWEST
+        learned &= np.abs(followed) >= LEAST_RESPONSE
         learned[0] = True
-        return cls(response(frequency_hz), sensor(frequency_hz), learned)
+        return cls(followed, sensor(frequency_hz), learned)
 
 
 class Assessment(NamedTuple):
@@ -138,14 +151,25 @@ class Assessment(NamedTuple):
         rms: Rms error without noise.
         noise: Rms noise of the harmonics that are learned.
         significant: Number of learned harmonics whose error exceeds the noise, with the mean.
-        correction: (n,) input that would remove the error of these harmonics.
+        spectrum: (n // 2 + 1,) harmonics of the error.
+        correction: (n // 2 + 1,) input that would remove the error of the significant ones.
     """
 
     error: FloatArray
     rms: float
     noise: float
     significant: int
-    correction: FloatArray
+    spectrum: ComplexArray
+    correction: ComplexArray
+
+
+class _Tried(NamedTuple):
+    """An input that was played, its error and correction, and which harmonics were followed."""
+
+    wanted: FloatArray
+    error: ComplexArray
+    correction: ComplexArray
+    followed: Lines
 
 
 class Learner:
@@ -182,9 +206,10 @@ class Learner:
         self.best_pass = 0
         self._rms: list[float] = []  # of each pass so far
         self._gain, self._growths = GAIN, 0
-        # The next input is this one plus a share of this correction.
-        self._base, self._correction = self.wanted, np.zeros(self._size)
-        self._best_correction = self._correction
+        self._largest = CAREFUL * float(np.ptp(command)) * self._size / 2.0
+        self._step = np.zeros_like(self._target)  # the last change of the input
+        # The next input is that of `_base` plus a step towards its correction.
+        self._base = self._best = _Tried(self.wanted, self._step, self._step, harmonics.learned)
 
     @property
     def target(self) -> FloatArray:
@@ -205,27 +230,44 @@ class Learner:
             self._rms_of(np.maximum(np.abs(error) ** 2 - average.noise**2, 0.0)),
             self._rms_of(np.where(learned, average.noise**2, 0.0)),
             int(np.count_nonzero(significant)),
-            self._period(np.where(significant, error / self._harmonics.response, 0.0)),
+            error,
+            np.where(significant, error / self._harmonics.response, 0.0),
         )
 
     def take(self, found: Assessment) -> Stop | None:
         """Take the error of the present input; return why learning stops, None if it goes on."""
         smallest = min(self._rms, default=np.inf)
-        self._base, self._correction = self.wanted, found.correction
+        followed = self._followed(found.spectrum)
+        self._base = _Tried(self.wanted, found.spectrum, found.correction, followed)
         if found.rms < smallest:
             self.best, self.best_pass = self.wanted, len(self._rms)
-            self._best_correction = found.correction
+            self._best = self._base
         elif found.rms > GREW * smallest + found.noise:
             self._growths += 1
             self._gain /= 2.0
-            self._base, self._correction = self.best, self._best_correction
+            self._base = self._best
         self._rms.append(found.rms)
         return self._stop(found.significant)
 
     def correct(self) -> FloatArray:
         """Return the input of the next pass, shape (n,)."""
-        self.wanted = self._base + self._gain * self._correction
+        step = self._gain * self._base.correction
+        step[0] = self._base.correction[0]
+        too_large = np.maximum(np.abs(step) / self._largest, 1.0)
+        self._step = np.where(self._base.followed, step, step / too_large)
+        self.wanted = self._base.wanted + self._period(self._step)
         return self.wanted
+
+    def _followed(self, error: ComplexArray) -> Lines:
+        """Return which harmonics the stage has followed in the last play, with the mean."""
+        if self._rms:
+            meant = self._harmonics.response * self._step
+            missed = error - (self._base.error - meant)
+        else:
+            meant, missed = self._target, error
+        followed = np.abs(missed) <= FOLLOWS * np.abs(meant)
+        followed[0] = True  # no mode amplifies the mean
+        return np.asarray(followed)
 
     def _stop(self, significant: int) -> Stop | None:
         if not significant:

@@ -1,5 +1,7 @@
 """The fit of a response: modes, delay, gains, and refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -27,6 +29,25 @@ def check(fit: ResponseFit, model: ResponseModel) -> None:
         assert abs(found.frequency_hz - true.frequency_hz) <= STANDARD * uncertain[0]
         assert abs(found.damping - true.damping) <= STANDARD * uncertain[1]
         assert abs(found.share - true.share) <= STANDARD * uncertain[2] + 1e-12
+
+
+def test_small_loops_do_not_look_like_a_filter() -> None:
+    """Fast lines are weaker, and the gain of smaller loops is smaller: that is no delay."""
+    model, f = model_of(240e-6, (800.0, 0.03, 1.0)), np.geomspace(2.0, 900.0, 100)
+    lines = noisy(model, 0.01, 3, f)
+    fit = fit_response(
+        [replace(lines, response=lines.response * (1.0 - 0.09 / (1.0 + (150 / f) ** 2)))]
+    )
+
+    assert frequencies(fit.model) == pytest.approx([800.0], rel=0.003)
+    assert fit.model.delay_s == pytest.approx(240e-6, abs=20e-6)
+
+
+def test_weak_mode_below_another_is_found() -> None:
+    """A mode with little damping may have any share."""
+    model = model_of(240e-6, (300.0, 0.02, 0.1), (800.0, 0.03, 0.9))
+
+    check(fit_response([noisy(model, 0.01, 3)]), model)
 
 
 @settings(max_examples=6)

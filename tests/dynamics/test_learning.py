@@ -151,6 +151,38 @@ def test_error_that_cannot_fall_stops_learning() -> None:
     assert min(errors) <= errors[0]
 
 
+def test_mode_that_the_response_lacks_is_not_excited() -> None:
+    """A sharp mode on a harmonic with an error of 1 % moves the stage by about a tenth."""
+    true = ResponseModel(200e-6, (Resonance(500.0, 0.005),))
+    errors_pct: list[float] = []
+
+    class Distorted(LinearStage):
+        def periods(self, wanted: FloatArray) -> npt.NDArray[np.float64]:
+            periods = super().periods(wanted) + 0.2 * np.sin(10 * np.pi * TURNS)  # 1 % at 500 Hz
+            errors_pct.append(float(np.ptp(periods[0] - learner.target) / np.ptp(COMMAND) * 50.0))
+            return periods
+
+    learner = Learner(COMMAND, harmonics(), 8)
+    _, stop = learned(Distorted(true, noise=1e-4), learner)
+
+    assert stop is Stop.GREW
+    assert max(errors_pct) < 15.0
+
+
+def test_large_error_of_a_harmonic_is_corrected_after_a_careful_step() -> None:
+    """The first step is small; once the stage has followed it, the error falls as usual."""
+
+    class Distorted(LinearStage):
+        def periods(self, wanted: FloatArray) -> npt.NDArray[np.float64]:
+            return super().periods(wanted) + 0.4 * np.sin(10 * np.pi * TURNS)  # 2 % of the swing
+
+    errors, _ = learned(Distorted(KNOWN, noise=1e-5), Learner(COMMAND, harmonics(), 6))
+
+    assert errors[1] == pytest.approx(errors[0], rel=0.1)
+    assert errors[2] < 0.4 * errors[1]
+    assert errors[-1] < 0.02 * errors[0]
+
+
 def test_number_of_passes_is_kept() -> None:
     """With two passes there are three plays."""
     errors, stop = learned(LinearStage(KNOWN, 0.7, 1e-6), Learner(COMMAND, harmonics(), 2))
@@ -171,6 +203,14 @@ def test_harmonics_at_a_sharp_mode_and_beyond_the_measurement_are_not_learned() 
     assert 800.0 in unlearned(today)
     assert {700.0, 900.0}.isdisjoint(unlearned(later))
     assert later.learned[0]
+
+
+def test_harmonics_that_the_stage_hardly_follows_are_not_learned() -> None:
+    """Behind a mode at 400 Hz a harmonic of 2 kHz would need 24 times its amplitude."""
+    low = ResponseModel(200e-6, (Resonance(404.0, 0.03),))
+    learned_hz = FREQUENCY_HZ[harmonics(low.at).learned]
+
+    assert learned_hz.max() == 1800.0
 
 
 def test_unlearned_harmonics_are_not_driven() -> None:

@@ -18,6 +18,7 @@ from piezod.daemon.clock import Clock
 from piezod.daemon.loop.placement import Placement
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
+from piezod.devices.interface import Identity
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
 from piezod.devices.player import AtEnd, PlayerCapabilities, PlayState
 from piezod.devices.wiring import pairs_of
@@ -35,7 +36,7 @@ class PlayThreads:
     """Implements `control.stage.playing.PlayRunner`: one thread for each play.
 
     Args:
-        players: The player of each axis that has one, by index.
+        players: The player of each axis that has one, with the identity of its device, by index.
         refusals: Why each other axis has none, by index.
         idle: Returns whether no other thread uses the devices.
         zero_um: Returns the displacement that counts as zero on an axis, in µm.
@@ -45,7 +46,7 @@ class PlayThreads:
 
     def __init__(
         self,
-        players: Mapping[int, PlayedAxis],
+        players: Mapping[int, tuple[PlayedAxis, Identity]],
         refusals: Mapping[int, str],
         idle: Callable[[], bool],
         zero_um: Callable[[int], float],
@@ -64,12 +65,12 @@ class PlayThreads:
 
     def capabilities(self, axis: int) -> PlayerCapabilities:
         """Return the capabilities of the player of an axis that can play. Real-time safe."""
-        return self._players[axis].capabilities
+        return self._players[axis][0].capabilities
 
     def begin(self, axis: int, table: AxisTable) -> None:
         """Begin a play, of a table in V. Starts a thread."""
         self._number += 1
-        job = _PlayJob(self._players[axis], table, self._number, self._zero_um(axis))
+        job = _PlayJob(*self._players[axis], table, self._number, self._zero_um(axis))
         self._thread = _PlayThread(job, self._idle, self._clock, self._file)
         self._thread.start()
 
@@ -87,9 +88,10 @@ class PlayThreads:
 
 
 class _PlayJob(NamedTuple):
-    """One play: the axis, its table, its number, and the zero of its sensor in µm."""
+    """One play: axis, identity of its device, table, number, zero of its sensor in µm."""
 
     axis: PlayedAxis
+    identity: Identity
     table: AxisTable
     number: int
     zero_um: float
@@ -156,7 +158,9 @@ class _PlayThread(threading.Thread):
 
     def _store(self, taken: AxisTable, record: AxisRecord | None, failed: str) -> None:
         position_um = [] if record is None else (record.position_um - self._job.zero_um).tolist()
+        maker, model, serial, _ = self._job.identity
         document = {
+            "device": {"maker": maker, "model": model, "serial": serial},
             "number": self._job.number,
             "failed": failed,
             "lead_in_v": taken.lead_in_v.tolist(),
@@ -188,10 +192,12 @@ def play_threads(
         clock: The clock of the loop.
         file: Where the record of the last play goes.
     """
-    pairs, players, refusals = pairs_of(config.axes), dict[int, PlayedAxis](), dict[int, str]()
+    pairs, refusals = pairs_of(config.axes), dict[int, str]()
+    players = dict[int, tuple[PlayedAxis, Identity]]()
     for i, axis in enumerate(pairs):
         try:
-            players[i] = PlayedAxis(axis, channels.devices, pairs)
+            played = PlayedAxis(axis, channels.devices, pairs)
+            players[i] = played, channels.identities[pairs[axis].amplifier]
         except DeviceError as error:
             refusals[i] = str(error)
             continue

@@ -1,12 +1,15 @@
 """Plays a periodic command on a running stage by the clock of its device, learned pass by pass."""
 
 from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from piezod.config.play import WaveConfig
 from piezod.control.law.compensated import limits_of
+from piezod.devices.interface import Identity
 from piezod.errors import DataError, RefusedError
 from piezod.experiment.live.setup import LiveAxis
 from piezod.experiment.live.stage import LiveStage
@@ -18,9 +21,18 @@ from piezod.experiment.play.response import (
     measure_response,
     stored_response,
 )
-from piezod.experiment.play.stage import AxisRecord, AxisTable
+from piezod.experiment.play.stage import AxisRecord, AxisTable, PlayedStage
+from piezod.experiment.play.stored import (
+    Conditions,
+    file_part,
+    find_table,
+    model_sha256,
+    to_table_file,
+    write_table,
+)
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, PlaySettings
+from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.units import NS_PER_S, s_to_ns
 
 REST_S = 1.0
@@ -41,12 +53,15 @@ class LivePlay(NamedTuple):
         wave: The periodic command.
         interval_ns: Time between two points of the table, in ns.
         settings: Settings of the plays.
+        tables: Folder of learned tables: the play begins with one whose conditions agree, and the
+            learned one is stored there. None for neither.
     """
 
     axis: str
     wave: WaveConfig
     interval_ns: int
     settings: PlaySettings
+    tables: Path | None = None
 
 
 class RunningAxis:
@@ -56,10 +71,14 @@ class RunningAxis:
         stage: The stage.
         name: Name of the axis.
         rest_v: Its rest voltage, in V.
+
+    Attributes:
+        identity: Identity of the device, known after the first play.
     """
 
     def __init__(self, stage: LiveStage, name: str, rest_v: float) -> None:
         self._stage, self._name, self._rest_v = stage, name, rest_v
+        self.identity = Identity("", "", "", "")
 
     def rest(self) -> float:
         """Rest; return the rest voltage, in V."""
@@ -75,6 +94,7 @@ class RunningAxis:
             table.interval_ns / NS_PER_S,
             table.cycles,
         )
+        self.identity = Identity(**played["device"], firmware="")
         position_um = np.array(played["position_um"], dtype=np.float64)  # null becomes NaN
         interval_ns = s_to_ns(played["record_interval_s"])
         unknown = np.full(position_um.size, np.nan)
@@ -82,7 +102,11 @@ class RunningAxis:
 
 
 def play_live(
-    stage: LiveStage, axis: LiveAxis, play: LivePlay, report: Callable[[PassReport], None]
+    stage: LiveStage,
+    axis: LiveAxis,
+    play: LivePlay,
+    report: Callable[[PassReport], None],
+    note: Callable[[str], None],
 ) -> LearnedPlay:
     """Learn the table of a command on a running stage; the stage is disarmed and at rest.
 
@@ -91,10 +115,13 @@ def play_live(
         axis: The axis.
         play: What is played.
         report: Called after each play.
+        note: Called with what to know about stored tables.
 
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
+        ConfigError: If a stored table is not valid.
         DataError: If the axis has no model, the command leaves its range, or nothing was learned.
+        OSError: If the table cannot be stored.
     """
     model, config = axis.model, axis.config
     if model is None:
@@ -107,7 +134,8 @@ def play_live(
     limits = limits_of(config)
     range_v = limits.drive_min_v, limits.drive_max_v
     maker = TableMaker(model, play.interval_ns, range_v, limits.slew_v_per_s)
-    running = RunningAxis(stage, play.axis, config.limits.rest_v)
+    device = RunningAxis(stage, play.axis, config.limits.rest_v)
+    running = ZeroedAxis(device, play.interval_ns)
     if config.response is not None:
         known = stored_response(config.response, play.interval_ns)
     else:
@@ -115,12 +143,27 @@ def play_live(
         settings = MultisineSettings(play.interval_ns, LOWEST_HZ, highest_hz, AMPLITUDES[0])
         known = _measured(running, maker, model.position_um, settings)
     of = KnownAxis(maker, model.creep, known, config.compensator.sensor_delay_s)
-    task = of.task(command_of(play.wave, play.interval_ns), play.settings)
-    return learn(running, task, report)
+    command = command_of(play.wave, play.interval_ns)
+    if play.tables is None:
+        return learn(running, of.task(command, play.settings), report)
+    conditions = Conditions(
+        play.axis,
+        device.identity,
+        model_sha256(model),
+        config.compensator.sensor_delay_s,
+        config.limits.rest_v,
+    )
+    found = find_table(play.tables, conditions, command)
+    note(found.note)
+    learned = learn(running, of.task(command, play.settings, found.wanted_um), report)
+    path = play.tables / f"table_{play.axis}_{file_part(command.name)}.yaml"
+    write_table(path, to_table_file(learned, conditions, datetime.now().astimezone()))
+    note(f"stored as {path.name}")
+    return learned
 
 
 def _measured(
-    running: RunningAxis,
+    running: PlayedStage,
     maker: TableMaker,
     range_um: tuple[float, float],
     settings: MultisineSettings,

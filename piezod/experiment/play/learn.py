@@ -9,6 +9,7 @@ import numpy as np
 from piezod.devices.played_axis import AxisTable
 from piezod.dynamics.learning import Assessment, Average, Learner, average_of
 from piezod.errors import PiezodError
+from piezod.experiment.play.calibration import SensorLimit, sensor_limit
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.record import CountedPeriods, check_periods, counted_periods
 from piezod.experiment.play.stage import PlayedStage
@@ -47,6 +48,7 @@ class PassReport:
         label: `INVERSE`, `RESPONSE`, `STORED`, or "pass 1" and so on.
         measured: Errors of the average of the measured periods.
         true: Errors of all true samples that count; NaN if the truth is not known.
+        limit: What the calibration of the sensor does to the true error.
         noise_pct: Rms noise of the average, in % of the swing.
         significant: Number of learned harmonics whose error exceeds the noise, with the mean.
         table: Table of the play.
@@ -57,6 +59,7 @@ class PassReport:
     label: str
     measured: Errors
     true: Errors
+    limit: SensorLimit
     noise_pct: float
     significant: int
     table: AxisTable
@@ -171,6 +174,7 @@ class _Run:
             label,
             Errors.of(found.error, command.swing_um),
             Errors.of(true_error_um, command.swing_um),
+            sensor_limit(periods, command.values_um, self._task.harmonics.sensor),
             100.0 * float(noise_um) / command.swing_um,
             found.significant,
             table,

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -13,12 +14,12 @@ import piezod
 from piezod.config.table_file import DeviceIdentity, TableFile, dump_table, load_table
 from piezod.control.law.model import StageModel
 from piezod.devices.interface import Identity, is_same
-from piezod.errors import DataError
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.learn import LearnedPlay
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.atomic import replacing
 
+_OTHER_CHARACTERS = re.compile(r"[^A-Za-z0-9]+")
 _SAME_UM = 1e-6
 """Largest difference of two commands that count as the same, in µm."""
 
@@ -125,6 +126,11 @@ def write_table(path: Path, table: TableFile) -> None:
         temporary.write_text(dump_table(table), encoding="utf-8")
 
 
+def file_part(name: str) -> str:
+    """Return the part of a file name for a name of a waveform."""
+    return _OTHER_CHARACTERS.sub("-", name).strip("-") or "wave"
+
+
 class FoundTable(NamedTuple):
     """A stored table for a command.
 
@@ -147,12 +153,8 @@ def find_table(folder: Path, conditions: Conditions, command: PeriodicCommand) -
 
     Raises:
         ConfigError: If a table file is not valid.
-        DataError: If there is no table file.
     """
-    files = sorted(folder.glob("table_*.yaml"))
-    if not files:
-        raise DataError(f"{folder} has no table files, table_*.yaml, of an earlier run")
-    tables = [(load_table(path), path) for path in files]
+    tables = [(load_table(path), path) for path in sorted(folder.glob("table_*.yaml"))]
     tables.sort(key=lambda one: datetime.fromisoformat(one[0].created_at), reverse=True)
     changes = {path: tuple(conditions.changed(table, command)) for table, path in tables}
     for table, path in tables:

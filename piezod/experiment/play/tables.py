@@ -19,6 +19,9 @@ FADE_S = 0.1
 """Shortest time in which a waveform fades in, in s."""
 SLEW_SHARE = 0.5
 """Share of the slew limit that the conditioning swing may use."""
+BEYOND = 0.1
+"""Share of its range by which a corrected command may leave that of the model. There the voltage
+stays at its end: a model that is wrong by some per cent asks for more than the stage needs."""
 _PERIODIC = 1e-6  # of the range of the drive
 _MOST_PERIODS = 8
 
@@ -87,16 +90,35 @@ class TableMaker:
         # The periods before the last one belong to the lead-in: there the memory becomes periodic.
         return voltages[:-n], voltages[-n:]
 
+    def check(self, command_um: FloatArray) -> None:
+        """Refuse a command that leaves the range of the model.
+
+        Args:
+            command_um: (n,) displacement, in µm.
+
+        Raises:
+            DataError: If it does.
+        """
+        self._require("command", command_um, 0.0)
+
     def _checked(self, wanted_um: FloatArray) -> FloatArray:
+        """Return a displacement in the unit of the model, within its range."""
+        self._require("corrected command", wanted_um, BEYOND)
+        return np.clip(self._model.position_um.to_unit(wanted_um), 0.0, 1.0)
+
+    def _require(self, what: str, values_um: FloatArray, beyond: float) -> None:
         low_um, high_um = self._model.position_um
-        outside = np.flatnonzero(~((wanted_um >= low_um) & (wanted_um <= high_um)))
+        more_um = beyond * (high_um - low_um)
+        inside = (values_um >= low_um - more_um) & (values_um <= high_um + more_um)
+        outside = np.flatnonzero(~inside)  # NaN is outside
         if outside.size:
-            k = int(outside[np.argmax(np.abs(wanted_um[outside] - (low_um + high_um) / 2.0))])
+            k = int(outside[np.argmax(np.abs(values_um[outside] - (low_um + high_um) / 2.0))])
+            allowed = f", allowed: up to {more_um:.4g} µm beyond" if beyond else ""
             raise DataError(
-                f"the corrected command is {wanted_um[k]:.4g} µm at point {k} of the period, but "
-                f"the model holds from {low_um:.4g} to {high_um:.4g} µm; reduce the command"
+                f"the {what} is {values_um[k]:.4g} µm at point {k} of the period, but "
+                f"the model holds from {low_um:.4g} to {high_um:.4g} µm{allowed}; reduce the "
+                "command, or identify the axis with a record of such motions"
             )
-        return self._model.position_um.to_unit(wanted_um)
 
     def _points(self, duration_s: float) -> int:
         return max(1, round(duration_s * NS_PER_S / self._interval_ns))

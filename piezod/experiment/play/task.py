@@ -88,8 +88,9 @@ class KnownAxis:
             first_um: (n,) input that was learned before, in µm; None to begin with the response.
 
         Raises:
-            DataError: If hardly anything of the command remains.
+            DataError: If the command leaves the model, or hardly anything of it remains.
         """
+        self.maker.check(given.values_um)
         harmonics = Harmonics.known(
             given.harmonics_hz,
             self.response.at,
@@ -102,9 +103,9 @@ class KnownAxis:
         if left_out > MOST_LEFT_OUT:
             raise DataError(
                 f"{given.name}: {100 * left_out:.3g} % of the swing are at frequencies at which "
-                f"the response is not known well enough, allowed: {100 * MOST_LEFT_OUT:g} %; it is "
-                f"known up to {self.response.highest_hz:.4g} Hz, without the surroundings of modes "
-                "with little damping"
+                "the response is too small or not known well enough, allowed: "
+                f"{100 * MOST_LEFT_OUT:g} %; it is known up to {self.response.highest_hz:.4g} Hz, "
+                "without the surroundings of modes with little damping"
             )
         gain = static_gain(self.creep, settings.settle_s + 0.5 * settings.record_s)
         return LearningTask(given, command, self.maker, harmonics, gain, settings, first_um)

@@ -20,6 +20,7 @@ from piezod.experiment.play.response import (
 from piezod.experiment.play.stored import Conditions, find_table, model_sha256
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, LearningTask, PlaySettings
+from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.experiment.virtual.identify import IdentifiedAxis, identify_axes
 from piezod.experiment.virtual.stage import VirtualStage, opened
 
@@ -93,7 +94,6 @@ def run_plays(
     with opened(config, lambda _: None) as stage:
         meter.begin("identification")
         identified = identify_axes(stage, config)
-        # Zeroed once: the noise of each further zero would be an error of the mean.
         stage.rest(config.settle_s)
         return [
             _AxisPlays(stage, config, play, name, one).run(meter, tables)
@@ -131,7 +131,9 @@ class _AxisPlays:
         guard = TableGuard(limits, axis.limits.rest_v, able.at_end, able.cycles)
         self._play, self._identified, self._name = play, identified, name
         self._interval_ns = legal_interval_ns(able, play.interval_us)
-        self._stage = VirtualAxis(stage, name, guard, config.settle_s)
+        resting = VirtualAxis(stage, name, guard, config.settle_s)
+        # Zeroed once: the stage drifts between the waveforms.
+        self._stage = ZeroedAxis(resting, self._interval_ns)
         self._stored = axis.response
         self._conditions = Conditions(
             name,

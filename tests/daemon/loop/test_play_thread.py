@@ -13,7 +13,7 @@ from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.loop import play_thread
 from piezod.daemon.loop.play_thread import PlayThreads
 from piezod.devices.channels import Channels
-from piezod.devices.interface import Capabilities, Device
+from piezod.devices.interface import Capabilities, Device, Identity
 from piezod.devices.played_axis import AxisTable, PlayedAxis
 from piezod.devices.player import (
     AtEnd,
@@ -99,7 +99,12 @@ class Played:
         # The zero of the sensor is at 1 µm.
         self.file, self.clock = folder / "play.json", FakeClock()
         self.threads = PlayThreads(
-            {0: axis}, {1: "no player"}, lambda: True, lambda _axis: 1.0, self.clock, self.file
+            {0: (axis, Identity("maker", "model", "7", "1.0"))},
+            {1: "no player"},
+            lambda: True,
+            lambda _axis: 1.0,
+            self.clock,
+            self.file,
         )
         self.threads.begin(0, TABLE)
 

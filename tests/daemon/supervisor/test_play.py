@@ -33,18 +33,30 @@ def test_table_is_played_and_its_record_is_served(rig_file: Path, start: StartDa
 
 @pytest.mark.stress
 def test_error_falls_from_pass_to_pass(rig_file: Path, start: StartDaemon) -> None:
-    """`piezod play` learns on a running stage, prints the best table, and disarms the stage."""
+    """`piezod play` learns on a running stage, stores the best table, and disarms the stage.
+
+    The next play of the same waveform begins with that table; another waveform does not.
+    """
     wave = rig_file.parent / "wave.yaml"
     wave.write_text(WAVE, encoding="utf-8")
     daemon = start(rig_file)
     daemon.until("SAFE")
-    brief = ("--settle-s", "0.2", "--record-s", "0.2")
-    done = daemon.command("play", str(wave), "--learn", "2", *brief, "--json")
+    tables = rig_file.parent / "tables"
+    brief = ("--settle-s", "0.2", "--record-s", "0.2", "--tables", str(tables), "--json")
+    done = daemon.command("play", str(wave), "--learn", "2", *brief)
     assert done.returncode == 0, done.stderr
     learned = json.loads(done.stdout)
     errors_pct = [each["max_pct"] for each in learned["passes"]]
+    again = daemon.command("play", str(wave), "--learn", "0", *brief)
+    wave.write_text(WAVE.replace("16", "18"), encoding="utf-8")
+    other = daemon.command("play", str(wave), "--learn", "0", *brief)
 
     assert errors_pct[2] < errors_pct[1] < errors_pct[0]
     assert learned["best"] == "pass 2"
     assert len(learned["table"]["period_v"]) == 400
+    assert "begins with table_x_wave.yaml" in again.stderr
+    (stored,) = json.loads(again.stdout)["passes"]
+    assert stored["label"] == "stored table"
+    assert stored["max_pct"] < errors_pct[0]
+    assert "table_x_wave.yaml is not used, changed since: another waveform" in other.stderr
     assert daemon.status()["state"] == "SAFE"

@@ -148,6 +148,18 @@ def test_fresh_stage_learns() -> None:
     assert learned.best.true.max_pct < 0.2
 
 
+def test_mode_that_the_response_lacks_is_not_excited() -> None:
+    """A sharp mode on the second harmonic, which a learned harmonic would ring, stays quiet."""
+    axis = RigAxis()
+    axis.use(stage={"mode_hz": 400.0, "mode_damping": 0.005})
+    learned = learn(axis, task(sine(), SETTINGS), lambda _: None)
+
+    first, *later = [report.true.max_pct for report in learned.reports]
+    assert first < 20.0
+    assert max(later) < 15.0
+    assert learned.stopped in {Stop.GREW, Stop.SETTLED}
+
+
 @pytest.mark.parametrize("spoil", [stuck, cut, holed, clipped, late, other_clock, noisy, failing])
 def test_nothing_is_learned_if_the_first_record_is_bad(
     spoil: Callable[[AxisRecord], AxisRecord],

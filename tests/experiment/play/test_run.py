@@ -91,7 +91,14 @@ def test_text_has_errors_published_ones_and_the_reason(piezod: Command, file: Pa
     code, out, err = piezod("experiment", file, "--out", "out")
 
     assert (code, err) == (0, "")
-    for words in ("inverse and response", "pass 1", "published", "1.500", "Published: others."):
+    for words in (
+        "inverse and response",
+        "pass 1",
+        "published",
+        "1.500",
+        "Published: others.",
+        "the sensor's calibration, 0.",
+    ):
         assert words in out
     assert "sine 200 Hz: " in out
     assert "best is pass" in out

@@ -87,11 +87,23 @@ def test_displacement_beyond_the_model_is_refused() -> None:
     values_um = sine().values_um.copy()
     values_um[17] = 40.0
 
-    with pytest.raises(DataError, match=r"40 µm at point 17 of the period, .* to 31\.\d+ µm"):
+    with pytest.raises(DataError, match=r"40 µm at point 17 of the period, .* to 31\.\d+ µm, all"):
         maker().table(values_um, 0.0, 1)
+    with pytest.raises(DataError, match=r"the command is 40 µm at point 17 .* to 31\.\d+ µm; re"):
+        maker().check(values_um)
     values_um[17] = np.nan
     with pytest.raises(DataError, match="point 17"):
         maker().table(values_um, 0.0, 1)
+
+
+def test_correction_may_leave_the_model_by_a_little() -> None:
+    """There the voltage is that of the end of the model; a command may not leave it at all."""
+    wanted_um = sine(200.0, -1.5, 24.0).values_um
+    table = maker().table(wanted_um, 0.0, 1)
+
+    assert table.period_v[wanted_um <= 0.0] == pytest.approx(0.0, abs=1e-3)
+    with pytest.raises(DataError, match="model holds from 0"):
+        maker().check(wanted_um)
 
 
 def test_command_of_a_sine_begins_at_its_lowest_value() -> None:

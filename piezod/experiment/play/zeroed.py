@@ -1,0 +1,53 @@
+"""An axis whose zero is the mean of a play at rest.
+
+A zero of the loop is the mean of some hundred samples. Its noise would be an error of the mean of
+every waveform.
+"""
+
+import numpy as np
+
+from piezod.devices.played_axis import AxisRecord, AxisTable
+from piezod.experiment.play.stage import PlayedStage
+from piezod.units import NS_PER_S
+
+ZERO_S = 1.0
+"""Duration of the play at rest, in s."""
+_POINTS = 100
+
+
+class ZeroedAxis:
+    """Implements `PlayedStage` by another one, relative to its zero.
+
+    Args:
+        axis: The axis, at rest; it plays its rest voltage now.
+        interval_ns: Time between two points, in ns.
+
+    Raises:
+        PiezodError: If the play failed.
+    """
+
+    def __init__(self, axis: PlayedStage, interval_ns: int) -> None:
+        self._axis = axis
+        period_v = np.full(_POINTS, axis.rest())
+        cycles = max(1, round(ZERO_S * NS_PER_S / (_POINTS * interval_ns)))
+        record = axis.play(AxisTable(interval_ns, np.empty(0), period_v, cycles))
+        self._zero_um = _mean(record.position_um)
+        self._true_zero_um = _mean(record.true_um)
+
+    def rest(self) -> float:
+        """Bring the axis to rest; return the voltage in force, in V."""
+        return self._axis.rest()
+
+    def play(self, table: AxisTable) -> AxisRecord:
+        """Play a table and return its record, relative to the zero."""
+        record = self._axis.play(table)
+        return record._replace(
+            position_um=record.position_um - self._zero_um,
+            true_um=record.true_um - self._true_zero_um,
+        )
+
+
+def _mean(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    """Return the mean of the valid samples; 0 if there is none."""
+    valid = values[np.isfinite(values)]
+    return float(np.mean(valid)) if valid.size else 0.0
