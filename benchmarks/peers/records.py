@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.peers.method import Series
 from benchmarks.peers.simulated import simulated_records
 from piezod.experiment.fit.fit import fit_model
-from piezod.experiment.fit.method import Spacing
+from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
@@ -94,13 +94,13 @@ def measured() -> Case:
 def simulated(variant: str) -> Case:
     """Return records of the simulated rig, by the name of its variant."""
     record, test = simulated_records(variant)
-    fit = fit_model(record, FitSettings(spacing=Spacing.GRADED, creep=True))
+    fit = fit_model(record, FitSettings(method=Method.SURFACE, creep=True))
     return Case(
         about=f"simulated: {VARIANTS[variant].summary}; the test is another drive, sines without a "
         "common period and random reversals",
         record=record,
         test=test,
-        delay_s=fit.model.delay_s,
+        delay_s=max(fit.model.delay_s, 0.0),  # the fits of stops know no negative one
         without_offset=False,
     )
 

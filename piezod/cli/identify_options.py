@@ -68,8 +68,8 @@ MethodOption: TypeAlias = Annotated[
     typer.Option(
         help="Method of the fit: lms is the paper's; least-squares fits all its weights at once; "
         "surface fits a smooth surface of loops, for records with loops of all sizes; auto chooses "
-        "the model that predicts held-out positions best. Default: auto; with --order or "
-        "--thresholds, least-squares.",
+        "the model that predicts held-out positions and voltages best. Default: auto; with "
+        "--order or --thresholds, least-squares.",
         show_default=False,
     ),
 ]

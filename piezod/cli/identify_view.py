@@ -130,7 +130,10 @@ def _reason(choice: Choice) -> str:
             "more than chance explains"
         )
     else:
-        text += "because it predicts held-out positions best, and no simpler model is as good"
+        text += (
+            "because it predicts held-out positions and voltages best, and no simpler model is as "
+            "good"
+        )
     if not any(each.fit.settings.method is Method.SURFACE for each in choice.candidates):
         text += (
             "; a surface was not tried, because the record does not have loops of all sizes and "

@@ -1,11 +1,12 @@
 """Chooses a model by cross-validation: candidates are compared on data they were not fitted to.
 
-The best candidate is that with the smallest rms error of the position that it predicts from the
-voltage. The error of the voltage hides the drift of the return points.
+The best candidate is that with the smallest product of two rms errors: of the position that it
+predicts from the voltage, and of the voltage that it predicts from the position. The error of the
+voltage hides the drift of the return points; if they drift, that dominates the position, and only
+the voltage shows the loops. A product needs no weights: a share lost counts as much as one gained.
 
-The choice is the simplest candidate that is as good as the best one: its rms errors are at most 2 %
-larger, and by no more than chance explains, that of the position and that of the voltage: if the
-return points drift, their drift dominates the position, and only the voltage shows the loops.
+The choice is the simplest candidate that is as good as the best one: each of its rms errors is at
+most 2 % larger, and by no more than chance explains.
 
 All candidates are judged on the same blocks, so that chance is the standard error of the paired
 difference of their mean squared errors, block by block. The standard error of one candidate
@@ -96,7 +97,7 @@ class Choice:
 
     Attributes:
         candidates: All candidates, in the order of their fit.
-        best: The candidate with the smallest rms error of the position.
+        best: The candidate with the smallest product of the rms errors of position and voltage.
         taken: The simplest candidate that is as good.
         limit_pct: Largest rms error of the position that is as good as that of the best, in %.
     """
@@ -135,11 +136,16 @@ def choose(
 
 def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
     """Choose, among the candidates that are as good as the best, that with fewest parameters."""
-    best = min(candidates, key=lambda each: each.validation.position_rms_pct)
+    best = min(candidates, key=_product)
     limit_pct = LARGEST_LOSS * best.validation.position_rms_pct
     as_good = [each for each in candidates if each is best or _as_good(each, best)]
-    taken = min(as_good, key=lambda each: (each.n_parameters, each.validation.position_rms_pct))
+    taken = min(as_good, key=lambda each: (each.n_parameters, _product(each)))
     return Choice(candidates, best, taken, limit_pct)
+
+
+def _product(candidate: Candidate) -> float:
+    errors = candidate.validation.errors
+    return errors["position_error_rms_pct"] * errors["voltage_error_rms_pct"]
 
 
 def _as_good(candidate: Candidate, best: Candidate) -> bool:

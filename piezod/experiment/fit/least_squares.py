@@ -43,6 +43,8 @@ class Series:
         period_s: Sample period, in s.
         from_rest: Whether the stage had rested before the record.
         counted: (n,) mask of the samples that count; the others only advance the memory.
+        after_run_in: (n,) mask of the samples whose range is that of the model: also those at the
+            start whose voltage was not recorded, one delay before.
     """
 
     positions: FloatArray
@@ -50,6 +52,7 @@ class Series:
     period_s: float
     from_rest: bool
     counted: Rows
+    after_run_in: Rows
 
     def quick(self, creep: float) -> FloatArray:
         """Return the displacement without creep, in units of its own range, shape (n,).
@@ -76,8 +79,8 @@ class Series:
         return without_creep(self.positions, law, self.period_s, from_rest=self.from_rest)
 
     def _range_of(self, values: FloatArray) -> AffineRange:
-        counted = values[self.counted]
-        return AffineRange(float(counted.min()), float(counted.max()))
+        values = values[self.after_run_in]
+        return AffineRange(float(values.min()), float(values.max()))
 
 
 _MUCH_CREEP = 0.01  # 2 % per decade

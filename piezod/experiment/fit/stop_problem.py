@@ -53,6 +53,7 @@ class StopProblem(Problem):
             period_s=record.period_s,
             from_rest=record.from_rest,
             counted=record.counted(delay_s),
+            after_run_in=record.counted(),
         )
 
     def delay(self, bank: FloatArray, creep: float) -> tuple[DelayEstimate | None, float]:

@@ -90,13 +90,18 @@ def test_smaller_model_is_taken_only_if_it_costs_little(
     assert choice.limit_pct == pytest.approx(1.02 * choice.best.validation.position_rms_pct)
 
 
-def test_the_best_position_wins_over_the_best_voltage() -> None:
-    """The voltage of a model may hide that its return points drift."""
-    drifting = candidate(5, (0.5, 0.5, 0.5, 0.5, 1.2), (0.1, 0.1, 0.1, 0.1, 0.5))
-    choice = simplest_as_good((drifting, candidate(30, BLOCKS_PCT)))
+@pytest.mark.parametrize(
+    ("position", "voltage", "order"), [(2.5, 0.5, 30), (0.9, 1.2, 30), (1.05, 0.9, 5)]
+)
+def test_both_errors_decide(position: float, voltage: float, order: int) -> None:
+    """A small error of the voltage may hide drift, and that of the position may be mostly drift."""
+    other = candidate(
+        5, [position * each for each in BLOCKS_PCT], [voltage * each for each in BLOCKS_PCT]
+    )
+    choice = simplest_as_good((other, candidate(30, BLOCKS_PCT)))
 
     assert choice.taken is choice.best
-    assert choice.taken.fit.settings.order == 30
+    assert choice.taken.fit.settings.order == order
 
 
 def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
