@@ -1,6 +1,8 @@
 """An LC.400 plays tables by its wavetables and records by its recorder."""
 
+from collections.abc import Callable
 from itertools import pairwise
+from math import isnan
 
 import numpy as np
 import pytest
@@ -221,3 +223,36 @@ def test_an_aborted_play_leaves_the_registers_in_order() -> None:
     ):
         assert read(bench, name) == 0
     assert read(bench, Lc400Register.SETPOINT) == round(value / 100 * FULL_SCALE)
+
+
+def test_no_flipped_bit_makes_a_stop_jump() -> None:
+    """Of the bits of a loop input only the lowest ones, less than 0.1 % of the span, go unseen."""
+    bench = play_bench()
+    bench.start(sine(cycles=60))
+    bench.wait(10 * MS)
+    unseen = []
+    for bit in range(40, 72):  # the word of the tag's reply is first: 80 bits further is ours
+        bench.line.change = _flipping(80 + bit)
+        (value,) = bench.device.abort(bench.time.t_ns)
+        bench.line.change = lambda reply: reply
+        if not isnan(value):
+            unseen.append(bit - 40)
+            assert SCALE.volts(value) == pytest.approx(bench.rig.drive_v[0], abs=0.2)
+            bench.device.write([SCALE.rest], bench.time.t_ns)
+            bench.start(sine(cycles=60))
+            bench.wait(10 * MS)
+    assert unseen == list(range(11))
+
+
+def _flipping(bit: int) -> Callable[[bytes], bytes]:
+    """Return a change of the replies that flips a bit of the first one."""
+    replies: list[bytes] = []
+
+    def change(reply: bytes) -> bytes:
+        changed = bytearray(reply)
+        if not replies:
+            changed[bit // 8] ^= 1 << bit % 8
+        replies.append(reply)
+        return bytes(changed)
+
+    return change
