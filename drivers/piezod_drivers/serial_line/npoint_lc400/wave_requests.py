@@ -64,12 +64,14 @@ class WaveState(NamedTuple):
 
     Attributes:
         point: Index of the present point.
-        active: Whether the wavetable is played.
+        active: Whether all wavetables are played.
+        commanded: Whether a command is not 0.
         recording: Whether the recorder records.
     """
 
     point: int
     active: bool
+    commanded: bool
     recording: bool
 
 
@@ -99,12 +101,12 @@ class WaveRequests:
                 *_addresses(outputs, Lc400Register.WAVE_ENABLE),
             ]
         )
-        first = outputs[:1]
         self._state_poll = codec.Poll(
             [
-                *_addresses(first, Lc400Register.WAVE_INDEX),
-                *_addresses(first, Lc400Register.WAVE_ACTIVE),
                 codec.RECORD_START,
+                *_addresses(outputs[:1], Lc400Register.WAVE_INDEX),
+                *_addresses(outputs, Lc400Register.WAVE_ACTIVE),
+                *_addresses(outputs, Lc400Register.SETPOINT),
             ]
         )
         self._scales = [1.0] * len(outputs)
@@ -259,8 +261,9 @@ class WaveRequests:
         return samples
 
     def _state(self, writes: bytes) -> WaveState:
-        point, active, recording = self._host.ask_words(writes, self._state_poll)
-        return WaveState(point, bool(active), bool(recording))
+        recording, point, *others = self._host.ask_words(writes, self._state_poll)
+        n = len(self._host.outputs)
+        return WaveState(point, all(others[:n]), any(others[n:]), bool(recording))
 
     def _within_ns(self, n_points: int) -> int:
         """Return the time-out of an exchange of many words, in ns: twice its time, and some."""
