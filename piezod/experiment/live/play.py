@@ -140,7 +140,8 @@ def play_live(
         known = stored_response(config.response, play.interval_ns)
     else:
         highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * NS_PER_S / play.interval_ns)
-        settings = MultisineSettings(play.interval_ns, LOWEST_HZ, highest_hz, AMPLITUDES[0])
+        lowest_hz = near_frequency_hz(LOWEST_HZ, play.interval_ns)
+        settings = MultisineSettings(play.interval_ns, lowest_hz, highest_hz, AMPLITUDES[0])
         known = _measured(running, maker, model.position_um, settings)
     of = KnownAxis(maker, model.creep, known, config.compensator.sensor_delay_s)
     command = command_of(play.wave, play.interval_ns)
@@ -160,6 +161,15 @@ def play_live(
     write_table(path, to_table_file(learned, conditions, datetime.now().astimezone()))
     note(f"stored as {path.name}")
     return learned
+
+
+def near_frequency_hz(frequency_hz: float, interval_ns: int) -> float:
+    """Return the frequency nearest to this one with a whole number of points per period, in Hz.
+
+    The clocks of some devices, of 24 µs for example, do not divide a period of 0.1 s.
+    """
+    n_points = max(round(NS_PER_S / frequency_hz / interval_ns), 1)
+    return NS_PER_S / (n_points * interval_ns)
 
 
 def _measured(

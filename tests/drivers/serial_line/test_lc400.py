@@ -201,6 +201,7 @@ DECODERS: list[Callable[[bytes], object]] = [
     codec.Poll([POSITION_1]).values,
     codec.parse_request,
     codec.text_of,
+    codec.array_words,
     lambda got: codec.has_tag(got, 1),
 ]
 LENGTHS = [

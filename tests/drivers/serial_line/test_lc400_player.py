@@ -1,6 +1,8 @@
 """An LC.400 plays tables by its wavetables and records by its recorder."""
 
+from collections.abc import Callable
 from itertools import pairwise
+from math import isnan
 
 import numpy as np
 import pytest
@@ -79,12 +81,12 @@ def test_a_play_of_a_dead_host_repeats_without_a_jump() -> None:
     bench = play_bench()
     loaded = bench.start(sine())
     bench.rig.driven_v.clear()
-    bench.wait(2000 * MS)
+    bench.wait(700 * MS)
     driven_v = [v for (v,) in bench.rig.driven_v]
     largest = max(abs(b - a) for a, b in pairwise(played(loaded)[:, 0].tolist()))
     assert max(abs(b - a) for a, b in pairwise(driven_v)) < 1.5 * largest + 1e-3
     first_v = SCALE.volts(loaded.lead_in[0, 0])
-    assert sum(v == pytest.approx(first_v, abs=1e-4) for v in driven_v) >= 6
+    assert sum(v == pytest.approx(first_v, abs=1e-4) for v in driven_v) >= 3
 
 
 def test_a_late_computer_fails_the_play() -> None:
@@ -124,6 +126,19 @@ def test_a_stopped_wavetable_of_another_program_fails_the_play() -> None:
     found = bench.progress_to_end()
     assert found.state is PlayState.FAILED
     assert "has stopped the wavetable" in found.reason
+
+
+def test_a_command_of_another_program_fails_the_play() -> None:
+    """It would be added to the wavetable."""
+    bench = play_bench()
+    bench.start(sine(cycles=60))
+    bench.wait(10 * MS)
+    register(bench, Lc400Register.SETPOINT, 1000)
+    found = bench.progress_to_end()
+    assert found.state is PlayState.FAILED
+    assert "another program sets a command" in found.reason
+    (value,) = bench.device.abort(bench.time.t_ns)
+    assert SCALE.volts(value) == pytest.approx(bench.rig.drive_v[0], abs=1e-3)
 
 
 def test_a_wavetable_of_another_program_is_reported() -> None:
@@ -221,3 +236,36 @@ def test_an_aborted_play_leaves_the_registers_in_order() -> None:
     ):
         assert read(bench, name) == 0
     assert read(bench, Lc400Register.SETPOINT) == round(value / 100 * FULL_SCALE)
+
+
+def test_no_flipped_bit_makes_a_stop_jump() -> None:
+    """Of the bits of a loop input only the lowest ones, less than 0.1 % of the span, go unseen."""
+    bench = play_bench()
+    bench.start(sine(cycles=10))
+    bench.wait(10 * MS)
+    unseen = []
+    for bit in range(40, 72):  # the word of the tag's reply is first: 80 bits further is ours
+        bench.line.change = _flipping(80 + bit)
+        (value,) = bench.device.abort(bench.time.t_ns)
+        bench.line.change = lambda reply: reply
+        if not isnan(value):
+            unseen.append(bit - 40)
+            assert SCALE.volts(value) == pytest.approx(bench.rig.drive_v[0], abs=0.2)
+            bench.device.write([SCALE.rest], bench.time.t_ns)
+            bench.start(sine(cycles=10))
+            bench.wait(10 * MS)
+    assert unseen == list(range(11))
+
+
+def _flipping(bit: int) -> Callable[[bytes], bytes]:
+    """Return a change of the replies that flips a bit of the first one."""
+    replies: list[bytes] = []
+
+    def change(reply: bytes) -> bytes:
+        changed = bytearray(reply)
+        if not replies:
+            changed[bit // 8] ^= 1 << bit % 8
+        replies.append(reply)
+        return bytes(changed)
+
+    return change

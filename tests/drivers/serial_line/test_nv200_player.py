@@ -115,6 +115,19 @@ def test_a_setpoint_that_is_not_stored_leaves_the_generator_the_source() -> None
     assert not bench.device.write([0.0], bench.time.t_ns)
 
 
+def test_a_wrong_digit_of_the_measured_voltage_is_seen() -> None:
+    """Two samples must agree; the voltage is found by the next stop."""
+    bench = play_bench()
+    bench.start(sine(cycles=100))
+    bench.wait(40 * MS)
+    bench.line.change = changed(b"\x13recout,1,0,", b"\x13recout,1,0,7.000\r\n\x11")
+    assert np.isnan(bench.device.abort(bench.time.t_ns)).all()
+    assert "the measured voltage is 7 V, then" in bench.device.last_fault
+    bench.line.change = lambda reply: reply
+    (value_v,) = bench.device.abort(bench.time.t_ns)
+    assert value_v == pytest.approx(bench.rig.drive_v[0], abs=1e-3)
+
+
 def test_a_play_in_the_device_s_own_loop_is_refused() -> None:
     """There a waveform is one of positions."""
     bench = play_bench()

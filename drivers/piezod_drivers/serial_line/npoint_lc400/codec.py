@@ -207,7 +207,13 @@ def _garbage(got: bytes, start: int) -> int:
 
 
 def array_words(frame: bytes) -> tuple[int, ...]:
-    """Return the words of a reply to `read_array`."""
+    """Return the words of a reply to `read_array`.
+
+    Raises:
+        Lc400FrameError: If it is not such a reply.
+    """
+    if len(frame) < 6 or len(frame) % 4 != 2:
+        raise Lc400FrameError(f"not a reply with words: {frame.hex()}")
     return tuple(word for (word,) in _INT.iter_unpack(frame[5:-1]))
 
 

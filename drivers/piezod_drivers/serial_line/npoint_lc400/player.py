@@ -161,6 +161,8 @@ class Lc400Player:
         table, state = self._require_table(), self._requests.state()
         if not state.active:
             return self._failed("another program, or a trigger input, has stopped the wavetable")
+        if state.commanded:
+            return self._failed("another program sets a command during the play")
         through = state.point >= self._n_play
         # If it is held at the end of a later repetition, the record is that of the first one.
         if state.point >= self._n_play + self._n_hold or not (through or state.recording):

@@ -22,7 +22,9 @@ _BITS: Final = 10
 _BYTES_PER_POINT: Final = 10
 """Bytes of a point on the line: 6 to write it, 4 to read it."""
 _NEAR: Final = 1049
-"""Counts by which the loop input may differ from the command before a play: 0.1 % of the span."""
+"""Counts by which the loop input may differ from the command before a play, or from its second
+reading: 0.1 % of the span."""
+_POSSIBLE_SCALES: Final = (0.1, 10.0)
 
 
 class PlayHost(Protocol):
@@ -62,12 +64,14 @@ class WaveState(NamedTuple):
 
     Attributes:
         point: Index of the present point.
-        active: Whether the wavetable is played.
+        active: Whether all wavetables are played.
+        commanded: Whether a command is not 0.
         recording: Whether the recorder records.
     """
 
     point: int
     active: bool
+    commanded: bool
     recording: bool
 
 
@@ -88,7 +92,8 @@ class WaveRequests:
     def __init__(self, host: PlayHost, baud: int) -> None:
         self._host, self._baud = host, baud
         outputs = host.outputs
-        self._inputs_poll = codec.Poll(_addresses(outputs, Lc400Register.LOOP_INPUT))
+        # Twice: a flipped bit in a word cannot be detected otherwise.
+        self._inputs_poll = codec.Poll(_addresses(outputs, Lc400Register.LOOP_INPUT) * 2)
         self._stopped_poll = codec.Poll(
             [
                 *_addresses(outputs, Lc400Register.SETPOINT),
@@ -96,12 +101,12 @@ class WaveRequests:
                 *_addresses(outputs, Lc400Register.WAVE_ENABLE),
             ]
         )
-        first = outputs[:1]
         self._state_poll = codec.Poll(
             [
-                *_addresses(first, Lc400Register.WAVE_INDEX),
-                *_addresses(first, Lc400Register.WAVE_ACTIVE),
                 codec.RECORD_START,
+                *_addresses(outputs[:1], Lc400Register.WAVE_INDEX),
+                *_addresses(outputs, Lc400Register.WAVE_ACTIVE),
+                *_addresses(outputs, Lc400Register.SETPOINT),
             ]
         )
         self._scales = [1.0] * len(outputs)
@@ -112,9 +117,19 @@ class WaveRequests:
         return any(self._host.ask_words(b"", self._stopped_poll)[n:])
 
     def read_scales(self) -> None:
-        """Read the scales of the loop inputs."""
-        scales = codec.Poll(_addresses(self._host.outputs, Lc400Register.INVERSE_SCALE))
-        self._scales = list(map(codec.float_of, self._host.ask_words(b"", scales)))
+        """Read the scales of the loop inputs.
+
+        Raises:
+            LineFault: If one is not possible.
+        """
+        scales = codec.Poll(_addresses(self._host.outputs, Lc400Register.INVERSE_SCALE) * 2)
+        words = self._host.ask_words(b"", scales)
+        n = len(self._host.outputs)
+        found = list(map(codec.float_of, words[:n]))
+        low, high = _POSSIBLE_SCALES
+        if words[:n] != words[n:] or not all(low <= scale <= high for scale in found):
+            raise LineFault(DeviceFlag.GARBAGE, f"the scales of the loop inputs are {found}")
+        self._scales = found
 
     def check_commands(self) -> None:
         """Check that each loop input is the command, before a play.
@@ -132,12 +147,19 @@ class WaveRequests:
                     f"{command}, allowed: a difference of {_NEAR}; remove its analog input"
                 )
 
-    def loop_inputs(self) -> list[float]:
-        """Return the input of each output's loop, in counts of the command. Real-time safe."""
-        return self.commands_of(self._host.ask_words(b"", self._inputs_poll))
+    def loop_inputs(self, writes: bytes = b"") -> list[float]:
+        """Write, then return the loop inputs, in counts of the command. Real-time safe.
+
+        Raises:
+            LineFault: If two readings of one differ.
+        """
+        words, n = self._host.ask_words(writes, self._inputs_poll), len(self._host.outputs)
+        if any(abs(a - b) > _NEAR for a, b in zip(words[:n], words[n:], strict=True)):
+            raise LineFault(DeviceFlag.GARBAGE, f"the loop inputs are {words}, read twice")
+        return self.commands_of(words[n:])
 
     def commands_of(self, words: Sequence[int]) -> list[float]:
-        """Return the loop inputs of the outputs in counts of the command. Real-time safe."""
+        """Return loop inputs in counts of the command. Real-time safe."""
         return [word * scale for word, scale in zip(words, self._scales, strict=True)]
 
     def write_wave(self, channel: int, counts: Sequence[int]) -> None:
@@ -211,7 +233,7 @@ class WaveRequests:
         """
         outputs, n = self._host.outputs, len(self._host.outputs)
         freeze = _write_all(outputs, Lc400Register.WAVE_DELAY, [_FREEZE] * n)
-        in_force = self.commands_of(self._host.ask_words(freeze, self._inputs_poll))
+        in_force = self.loop_inputs(freeze)
         counts = [max(-HALF_SCALE, min(round(each), HALF_SCALE)) for each in in_force]
         writes = _write_all(outputs, Lc400Register.WAVE_ACTIVE, [0] * n)
         writes += _write_all(outputs, Lc400Register.WAVE_ENABLE, [0] * n)
@@ -239,8 +261,9 @@ class WaveRequests:
         return samples
 
     def _state(self, writes: bytes) -> WaveState:
-        point, active, recording = self._host.ask_words(writes, self._state_poll)
-        return WaveState(point, bool(active), bool(recording))
+        recording, point, *others = self._host.ask_words(writes, self._state_poll)
+        n = len(self._host.outputs)
+        return WaveState(point, all(others[:n]), any(others[n:]), bool(recording))
 
     def _within_ns(self, n_points: int) -> int:
         """Return the time-out of an exchange of many words, in ns: twice its time, and some."""

@@ -26,6 +26,8 @@ _ON_RUN: Final = 2
 _SHORT: Final = 20
 """Samples of a record of which only the first one is read, as the maker's library does."""
 _NEAR_V: Final = 0.01
+_STEADY_V: Final = 1.0
+"""Largest difference between two samples of the voltage of a generator that has stopped."""
 _BYTES_PER_SAMPLE: Final = 10
 _BITS: Final = 10
 
@@ -128,9 +130,12 @@ class WaveRequests:
         self._session.ask("grun", None, 0)
         if self.is_source():
             self._record(_SHORT, 1, 0)
-            values = self._session.indexed("recout", 1, 0, 1)
-            # The reply has the index, and its value.
-            self.take_over(codec.number(values[-1] if len(values) == 2 else ""))
+            first_v, second_v = self._sample_v(0), self._sample_v(1)
+            # A digit that has become another one can only be detected by a second sample.
+            if not abs(second_v - first_v) <= _STEADY_V:
+                what = f"the measured voltage is {first_v:g} V, then {second_v:g} V"
+                raise LineFault(DeviceFlag.GARBAGE, what)
+            self.take_over(second_v)
         return self.setpoint_v()
 
     def take_over(self, drive_v: float) -> None:
@@ -156,6 +161,12 @@ class WaveRequests:
         if len(values) < n_samples:
             raise DeviceError(f"the record has {len(values)} points, expected {n_samples}")
         return [codec.number(value) for value in values[:n_samples]]
+
+    def _sample_v(self, index: int) -> float:
+        """Return a sample of the recorded voltage, in V. Real-time safe."""
+        values = self._session.indexed("recout", 1, index, 1)
+        # The reply has the index, and its value.
+        return codec.number(values[1] if len(values) == 2 and values[0] == str(index) else "")
 
     def _record(self, n_samples: int, factor: int, starts: int) -> None:
         ask = self._session.ask
