@@ -14,10 +14,16 @@ from piezod.devices.outputs import CalibratedOutput
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import ChannelPair
+from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 from tests.drivers.serial_line.scripted_line import MS, TestTime
 from tests.experiment.play.rig_axis import INTERVAL_NS, LIMITS, OPTIONS
+
+LEAST_S = 0.1
+"""Duration of the ramp to rest, and of half of the rest then, in s."""
+CYCLES_AT_REST = 5
+"""As long as this many of them is the play that zeroes the sensor."""
 
 
 class TrueRig(SimulatedRig):
@@ -61,9 +67,12 @@ class LearnedAxis:
 
     Args:
         connect: Connects a device to a rig.
+        interval_ns: Time between two points, in ns.
     """
 
-    def __init__(self, connect: Connect) -> None:
+    def __init__(self, connect: Connect, interval_ns: int = INTERVAL_NS) -> None:
+        self._interval_ns = interval_ns
+        self._points = round(LEAST_S * NS_PER_S / interval_ns)
         self._time, self._rig = TestTime(), TrueRig()
         self._rig.open()
         self._rig.activate(self._time.t_ns)
@@ -75,13 +84,16 @@ class LearnedAxis:
         able = self._played.capabilities
         self._guard = TableGuard(LIMITS, 0.0, able.at_end, able.cycles)
         self._zero = 0.0, 0.0
-        record = self._play_now(AxisTable(INTERVAL_NS, np.zeros(0), np.zeros(2000), 1))
+        record = self._play_now(
+            AxisTable(interval_ns, np.zeros(0), np.zeros(self._points), CYCLES_AT_REST)
+        )
         self._zero = float(np.mean(record.position_um)), float(np.mean(record.true_um))
 
     def rest(self) -> float:
         """Play a ramp to 0 V; return the voltage in force."""
-        down_v = self._in_force_v() * (0.5 + 0.5 * np.cos(np.pi * np.arange(2000) / 2000))
-        self._play_now(AxisTable(INTERVAL_NS, down_v, np.zeros(4000), 1))
+        turns = np.arange(self._points) / self._points
+        down_v = self._in_force_v() * (0.5 + 0.5 * np.cos(np.pi * turns))
+        self._play_now(AxisTable(self._interval_ns, down_v, np.zeros(self._points), 2))
         return self._in_force_v()
 
     def play(self, table: AxisTable) -> AxisRecord:
