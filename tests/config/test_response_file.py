@@ -135,11 +135,11 @@ def test_problem_of_the_file_has_its_place(
     assert "axes.x.response: no such file" in absent
 
 
-def test_hold_adds_half_a_period() -> None:
-    """The delay of the file has no hold; the model includes it."""
-    model = response_model(RESPONSE, 0.001)
+def test_model_of_a_file_has_its_delay_and_resonances() -> None:
+    """The delay of the file has no hold, and the model adds none."""
+    model = response_model(RESPONSE)
 
-    assert model.delay_s == pytest.approx(RESPONSE.delay_s + 0.0005)
+    assert model.delay_s == RESPONSE.delay_s
     assert model.resonances == (
         Resonance(450.0, 0.7, 1.3),
         Resonance(MODE.frequency_hz, 0.03, -0.3),

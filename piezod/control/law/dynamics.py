@@ -49,7 +49,7 @@ def known_dynamics(config: AxisConfig, period_s: float) -> StageDynamics | None:
     """
     if config.response is None:
         return None
-    resonances = response_model(config.response, 0.0).resonances
+    resonances = response_model(config.response).resonances
     modes = _behind_filters(resonances)
     filters_s = _slow_delay_s(resonances) - _slow_delay_s(modes)
     # A straight line up to the next voltage is half a period later than the held voltage.

@@ -56,7 +56,7 @@ def margins_text(config: AxisConfig, period_s: float, delay_s: float) -> str:
 def _loop_stage(config: AxisConfig, period_s: float, delay_s: float) -> ResponseModel:
     """Return the stage as the loop of the trim sees it, without the hold."""
     if config.response is not None:
-        return response_model(config.response, 0.0)
+        return response_model(config.response)
     mode = config.first_mode
     modes = (Resonance(mode.frequency_hz, mode.damping),) if mode else ()
     # Counted from the middle of the cycle in which a voltage holds.

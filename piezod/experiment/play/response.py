@@ -82,7 +82,7 @@ def stored_response(response: ResponseFile, interval_ns: int) -> KnownResponse:
     The delay of a file does not contain the hold of the voltage; a point is held for an interval.
     """
     nothing, hold_s = np.empty(0), interval_ns / NS_PER_S
-    model = response_model(response, 0.0)
+    model = response_model(response)
     return KnownResponse(model, response.high_hz, nothing, nothing, STORED_SHIFT, hold_s)
 
 

@@ -20,8 +20,8 @@ from piezod_drivers.simulated.options import SimulatedOptions
 from tests.drivers.serial_line.scripted_line import MS, TestTime
 from tests.experiment.play.rig_axis import INTERVAL_NS, LIMITS, OPTIONS
 
-RAMP_NS, REST_NS = 100 * MS, 200 * MS
-"""Time of a ramp to 0 V, and of a rest there."""
+RAMP_NS, REST_NS, ZERO_NS = 100 * MS, 200 * MS, 500 * MS
+"""Time of a ramp to 0 V, of a rest there, and of the rest that zeroes the sensor."""
 
 
 class TrueRig(SimulatedRig):
@@ -93,14 +93,14 @@ class LearnedAxis:
         able = self._played.capabilities
         self._guard = TableGuard(LIMITS, 0.0, able.at_end, able.cycles)
         self._zero = 0.0, 0.0
-        record = self._play_now(self._table(np.zeros(0), np.zeros(1)))
+        record = self._play_now(self._at_rest(np.zeros(0), ZERO_NS))
         self._zero = float(np.mean(record.position_um)), float(np.mean(record.true_um))
 
     def rest(self) -> float:
         """Play a ramp to 0 V; return the voltage in force."""
         n = round(RAMP_NS / self._interval_ns)
         down_v = self._in_force_v() * (0.5 + 0.5 * np.cos(np.pi * np.arange(n) / n))
-        self._play_now(self._table(down_v, np.zeros(1)))
+        self._play_now(self._at_rest(down_v, REST_NS))
         return self._in_force_v()
 
     def play(self, table: AxisTable) -> AxisRecord:
@@ -108,10 +108,10 @@ class LearnedAxis:
         self._guard.check(table, self._in_force_v())
         return self._play_now(table)
 
-    def _table(self, lead_in_v: FloatArray, period_v: FloatArray) -> AxisTable:
-        """Return a table whose short period lasts for the time of a rest."""
-        cycles = round(REST_NS / self._interval_ns / period_v.size)
-        return AxisTable(self._interval_ns, lead_in_v, period_v, cycles)
+    def _at_rest(self, lead_in_v: FloatArray, duration_ns: int) -> AxisTable:
+        """Return a table whose period is one point at rest, repeated for a duration."""
+        cycles = round(duration_ns / self._interval_ns)
+        return AxisTable(self._interval_ns, lead_in_v, np.zeros(1), cycles)
 
     def _in_force_v(self) -> float:
         return self._to_v.voltage(self._device.read_back(self._time.t_ns)[0])

@@ -59,7 +59,7 @@ def test_files_agree_with_the_fit(record: ResponseRecord, tmp_path: Path) -> Non
     written = write_response(tmp_path / "r.yaml", record, datetime(2024, 5, 1, tzinfo=UTC))
 
     file = load_response(written.response)
-    assert response_model(file, 0.0) == record.fit.model
+    assert response_model(file) == record.fit.model
     assert file.source is not None
     assert (file.source.file, file.source.sha256) == (
         "r.csv",
