@@ -40,6 +40,7 @@ def check_table(
         raise DeviceError(
             f"a table has {n_points} points{for_outputs}, allowed: at most {able.points}"
             + (" together" if shared else "")
+            + "; choose a longer interval"
         )
     # A device whose play only the host ends has no limit of its own.
     if table.cycles < 1 or 0 < able.cycles < table.cycles:

@@ -34,7 +34,7 @@ def make(driver: str, options: dict[str, object], wiring: Wiring) -> PlayingBusD
 def sine(device: PlayingBusDevice, cycles: int, n_lead_in: int) -> Table:
     """Return a table: a ramp to the middle of the output's range, then a sine around it."""
     (_, high) = device.capabilities().ranges[0]
-    wave = high * (0.4 + 0.25 * np.sin(2 * np.pi * np.arange(N_POINTS) / N_POINTS))
+    wave = high * (0.5 + 0.22 * np.sin(2 * np.pi * np.arange(N_POINTS) / N_POINTS))
     ramp = np.linspace(device.read_back(0)[0], wave[0], n_lead_in, endpoint=False)
     interval_ns = device.player_capabilities().legal_interval_ns(SHORTEST_NS)
     return Table(interval_ns, ramp[:, None], wave[:, None], cycles)

@@ -28,6 +28,7 @@ _SHORT: Final = 20
 _NEAR_V: Final = 0.01
 _STEADY_V: Final = 1.0
 """Largest difference between two samples of the voltage of a generator that has stopped."""
+_SLACK_NS: Final = 250_000_000
 _BYTES_PER_SAMPLE: Final = 10
 _BITS: Final = 10
 
@@ -155,8 +156,8 @@ class WaveRequests:
         Raises:
             DeviceError: If there are fewer.
         """
-        # Twice the time of the longest reply.
-        within_ns = 2 * N_SAMPLES * _BYTES_PER_SAMPLE * _BITS * NS_PER_S // self._baud
+        # Twice the time of the reply: a lost one blocks the line for ten time-outs.
+        within_ns = _SLACK_NS + 2 * n_samples * _BYTES_PER_SAMPLE * _BITS * NS_PER_S // self._baud
         values = self._session.record("recoutf", channel, within_ns)
         if len(values) < n_samples:
             raise DeviceError(f"the record has {len(values)} points, expected {n_samples}")
