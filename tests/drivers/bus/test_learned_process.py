@@ -114,7 +114,9 @@ def test_waveforms_are_learned_over_a_bus(
     task = known.task(command_of(wave_of(kind, frequency_hz), interval_ns), SETTINGS)
     rig = tmp_path / "rig.yaml"
     rig.write_text(RIG, encoding="utf-8")
-    with emulated(player.profile, arguments=("--config", str(rig))) as devices:
-        with DistantAxis(player, devices.where[0], interval_ns) as distant:
-            learned = learn(ZeroedAxis(distant, interval_ns), task, lambda _: None)
+    with (
+        emulated(player.profile, arguments=("--config", str(rig))) as devices,
+        DistantAxis(player, devices.where[0], interval_ns) as distant,
+    ):
+        learned = learn(ZeroedAxis(distant, interval_ns), task, lambda _: None)
     assert learned.best.measured.max_pct <= 0.2, learned.stopped
