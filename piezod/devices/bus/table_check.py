@@ -40,6 +40,7 @@ def check_table(
         raise DeviceError(
             f"a table has {n_points} points{for_outputs}, allowed: at most {able.points}"
             + (" together" if shared else "")
+            + "; a longer interval needs fewer"
         )
     if not 1 <= table.cycles <= able.cycles:
         raise DeviceError(f"a table has {table.cycles} cycles, allowed: 1 to {able.cycles}")
