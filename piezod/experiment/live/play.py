@@ -9,7 +9,6 @@ import numpy as np
 
 from piezod.config.play import WaveConfig
 from piezod.control.law.compensated import limits_of
-from piezod.devices.interface import Identity
 from piezod.errors import DataError, RefusedError
 from piezod.experiment.live.setup import LiveAxis
 from piezod.experiment.live.stage import LiveStage
@@ -21,7 +20,7 @@ from piezod.experiment.play.response import (
     measure_response,
     stored_response,
 )
-from piezod.experiment.play.stage import AxisRecord, AxisTable, PlayedStage
+from piezod.experiment.play.stage import AxisRecord, AxisTable, Identity, PlayedStage
 from piezod.experiment.play.stored import (
     Conditions,
     file_part,

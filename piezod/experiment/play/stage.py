@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from piezod.devices.interface import Identity
 from piezod.devices.played_axis import AxisRecord, AxisTable
 
 
@@ -29,4 +30,4 @@ class PlayedStage(Protocol):
         ...
 
 
-__all__ = ["AxisRecord", "AxisTable", "PlayedStage"]
+__all__ = ["AxisRecord", "AxisTable", "Identity", "PlayedStage"]

@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import pytest
@@ -85,8 +86,10 @@ class DistantAxis:
         self._in_force_v = float(loaded.period_v[-1])
         return self._axis.recording()
 
-    def close(self) -> None:
-        """Close the device."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
         self._device.close()
 
     def _has_ended(self) -> bool:
@@ -111,8 +114,9 @@ def test_waveforms_are_learned_over_a_bus(
     task = known.task(command_of(wave_of(kind, frequency_hz), interval_ns), SETTINGS)
     rig = tmp_path / "rig.yaml"
     rig.write_text(RIG, encoding="utf-8")
-    with emulated(player.profile, arguments=("--config", str(rig))) as devices:
-        distant = DistantAxis(player, devices.where[0], interval_ns)
+    with (
+        emulated(player.profile, arguments=("--config", str(rig))) as devices,
+        DistantAxis(player, devices.where[0], interval_ns) as distant,
+    ):
         learned = learn(ZeroedAxis(distant, interval_ns), task, lambda _: None)
-        distant.close()
     assert learned.best.measured.max_pct <= 0.2, learned.stopped
