@@ -12,7 +12,8 @@ from piezod.units import NS_PER_S
 
 ZERO_S = 1.0
 """Duration of the play at rest, in s."""
-_POINTS = 100
+_LONGEST_PERIOD = 100
+"""Points of its table, which repeats: the memory of a device may be small."""
 
 
 class ZeroedAxis:
@@ -28,9 +29,10 @@ class ZeroedAxis:
 
     def __init__(self, axis: PlayedStage, interval_ns: int) -> None:
         self._axis = axis
-        period_v = np.full(_POINTS, axis.rest())
-        cycles = max(1, round(ZERO_S * NS_PER_S / (_POINTS * interval_ns)))
-        record = axis.play(AxisTable(interval_ns, np.empty(0), period_v, cycles))
+        points = max(1, round(ZERO_S * NS_PER_S / interval_ns))
+        period = min(points, _LONGEST_PERIOD)
+        period_v = np.full(period, axis.rest())
+        record = axis.play(AxisTable(interval_ns, np.empty(0), period_v, points // period))
         self._zero_um = _mean(record.position_um)
         self._true_zero_um = _mean(record.true_um)
 

@@ -137,6 +137,7 @@ def test_table_and_record_are_calibrated(tmp_path: Path) -> None:
     assert document["position_um"] == [pytest.approx(2.0), None, pytest.approx(5.0)]
     assert document["drive_v"] == pytest.approx([20.0, 40.0, 30.0])
     assert (document["number"], document["failed"], document["cycles"]) == (1, "", 2)
+    assert document["device"] == {"maker": "maker", "model": "model", "serial": "7"}
 
 
 def test_abort_ends_a_play(tmp_path: Path) -> None:

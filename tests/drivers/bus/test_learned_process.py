@@ -17,6 +17,8 @@ from piezod.experiment.play.learn import learn
 from piezod.experiment.play.task import PlaySettings
 from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.units import NS_PER_S
+from piezod_drivers.serial_line.gcs import dialogue
+from piezod_drivers.serial_line.pi_gcs2 import wave_requests
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import emulated
 from tests.drivers.bus.played_table import make
@@ -96,6 +98,13 @@ class DistantAxis:
         progress = self._device.progress(time.monotonic_ns())
         assert progress.state in {PlayState.PLAYING, PlayState.ENDED}, progress
         return progress.state is PlayState.ENDED
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait longer for replies: an emulator on a busy computer is slower than a controller."""
+    for module in (dialogue, wave_requests):
+        monkeypatch.setattr(module, "OPENING_NS", 10 * NS_PER_S)
 
 
 PI = PI_TCP._replace(options={**PI_TCP.options, "wave_end": "holds"})

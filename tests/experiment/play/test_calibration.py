@@ -50,13 +50,17 @@ def test_limit_is_unknown_without_the_truth() -> None:
 class NoisyRest:
     """Implements `PlayedStage`: an axis at rest, 0.3 µm from the zero of the loop."""
 
+    def __init__(self) -> None:
+        self.durations_ns: list[int] = []
+
     def rest(self) -> float:
         return 1.0
 
     def play(self, table: AxisTable) -> AxisRecord:
+        self.durations_ns.append(table.duration_ns)
         n = table.lead_in_v.size + table.period_v.size * table.cycles
         position_um = 0.3 + 0.1 * RNG.standard_normal(n)
-        position_um[3] = np.nan
+        position_um[-1] = np.nan
         return AxisRecord(table.interval_ns, position_um, np.full(n, np.nan), 0)
 
 
@@ -68,3 +72,12 @@ def test_zero_is_the_mean_of_a_play_at_rest() -> None:
     assert axis.rest() == 1.0
     assert np.nanmean(record.position_um) == pytest.approx(0.0, abs=5e-3)
     assert np.isnan(record.true_um).all()
+
+
+@pytest.mark.parametrize("interval_ns", [INTERVAL_NS, 300_000, 100_000_000, 700_000_000])
+def test_play_at_rest_lasts_about_a_second(interval_ns: int) -> None:
+    """A long interval means fewer points, and not a longer play."""
+    axis = NoisyRest()
+    ZeroedAxis(axis, interval_ns)
+
+    assert axis.durations_ns[0] == pytest.approx(1e9, rel=0.31)
