@@ -17,7 +17,6 @@ from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.emulation.faults import WireFaults, parse
 from piezod.devices.emulation.places import address, make_own_folder
-from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.devices.emulators import Emulation, EmulationRequest
 from piezod.errors import DeviceError, DeviceUnavailableError, RegistryError
 from tests.daemon.waiting import eventually
@@ -376,26 +375,3 @@ def test_error_is_a_device_error() -> None:
     """Commands derive the exit code from it."""
     with pytest.raises(DeviceError):
         address("x:y")
-
-
-def test_a_long_reply_comes_whole_over_a_pty(tmp_path: Path) -> None:
-    """The rest of it follows when the kernel has room again."""
-    end, long = PtyEnd(tmp_path / "long.tty"), bytes(range(256)) * 200
-    end.appear()
-    client = os.open(tmp_path / "long.tty", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    try:
-        end.send(long)
-        got = b""
-
-        def is_whole() -> bool:
-            nonlocal got
-            end.receive(0)
-            with suppress(BlockingIOError):
-                got += os.read(client, 65_536)
-            return len(got) >= len(long)
-
-        eventually(is_whole)
-        assert got == long
-    finally:
-        os.close(client)
-        end.vanish()

@@ -25,10 +25,7 @@ PROMPT = "prompt"
 """A stage beside the variants, on which learning at full pace does ring."""
 NEEDS_ALL = "bouc-wen"
 """A surface fits this class so badly that the fit of a short record is refused."""
-FAST = {
-    ("light-damping", 2000.0, "surface"),
-    (PROMPT, 500.0, "surface"),
-}
+FAST = {("light-damping", 2000.0, "surface")}
 """Tested by `make test`, too; with stops see `test_stage_mode_rings.py`."""
 _FULL = {"kind": "sine", "low": 0, "high": 140}
 RECORD = {

@@ -18,7 +18,7 @@ from tests.experiment.virtual.test_mode_rings import (
     pace_margin,
 )
 
-FAST = {(PROMPT, 500.0, "surface"), ("light-damping", 5000.0, "surface")}
+FAST = {(PROMPT, 500.0, "surface")}
 """Tested by `make test`, too."""
 FACTORS = (0.95, 1.05)
 """The mode is known within 5 %."""
