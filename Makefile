@@ -21,7 +21,7 @@ help: ## show this list
 
 demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a report
 	@ready=$$(date +%s); \
-	$(BIN)/piezod experiment config/experiments/qiu.yaml --out $(DEMO) && \
+	$(BIN)/piezod demo --out $(DEMO) && \
 	echo "make demo: $$((ready - $(STARTED))) s to set up, $$(($$(date +%s) - ready)) s to run"
 
 test: $(STAMP) ## run the tests

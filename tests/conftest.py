@@ -97,7 +97,7 @@ def shared_data() -> Path:
 def leave_figures_blank(patch: pytest.MonkeyPatch) -> None:
     """Have reports with blank figures: to make and draw them takes longer than the rest."""
     module = "piezod.records.report_figures"
-    for kind in ("case", "identification", "mode", "overview"):
+    for kind in ("case", "identification", "mode", "overview", "published", "remaining"):
         patch.setattr(f"{module}.{kind}_figure", lambda *_: None)
     patch.setattr(f"{module}.png_bytes", lambda _: BLANK_PNG)
 

@@ -32,7 +32,7 @@ from docs.figures.runs import (
 )
 from docs.figures.stages import stages_figure
 from piezod.config.modes import Mode
-from piezod.records.figures import mode_figure, overview_figure, save_png
+from piezod.records.figures import mode_figure, overview_figure, published_figure, save_png
 from tests.experiment.beyond import experiment_of
 
 DOCS: Final = Path(__file__).parents[1]
@@ -67,9 +67,9 @@ def draw_paper() -> None:
     """Draw what the README shows of the experiment of the paper."""
     result, reference = of_the_paper()
     save_png(IMAGES / "errors.png", overview_figure(result, reference))
-    for recording in result.recordings:
-        if recording.case == SHOWN_CASE and recording.mode != Mode.FEEDFORWARD:
-            save_png(IMAGES / f"{recording.mode}.png", mode_figure(recording))
+    shown = {each.mode: each for each in result.recordings if each.case == SHOWN_CASE}
+    save_png(IMAGES / "uncompensated.png", mode_figure(shown[Mode.UNCOMPENSATED]))
+    save_png(IMAGES / "adaptive.png", published_figure(shown[Mode.ADAPTIVE], reference))
 
 
 def write_table(page: Path, table: str, begin: str = BEGIN) -> None:

@@ -18,6 +18,7 @@ import piezod
 from piezod.cli.check import check
 from piezod.cli.client_verbs import add_client_verbs
 from piezod.cli.commission import commission
+from piezod.cli.demo import demo
 from piezod.cli.drivers import drivers
 from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
@@ -49,7 +50,7 @@ app = typer.Typer(
     "stderr; so does progress, on a terminal.",
 )
 OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
-    "Experiments and models": (experiment, identify, response, play, check),
+    "Experiments and models": (demo, experiment, identify, response, play, check),
     "Recordings": (plot, export, replay),
     "Devices": (drivers, emulate, probe, commission),
     "Daemon of a stage": (init, run_daemon, safe, install_service),

@@ -14,7 +14,10 @@ from piezod.records.figures import (
     mode_figure,
     overview_figure,
     png_bytes,
+    published_figure,
+    remaining_figure,
 )
+from piezod.records.figures.published import compared_errors
 from piezod.records.labels import metric_text
 from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.reference import Reference
@@ -29,12 +32,14 @@ class ReportFigure:
         title: Heading above it.
         alt: Description for readers who cannot see it.
         png: The image.
+        rest: Figure with the other panels of the same run, if there is one.
     """
 
     name: str
     title: str
     alt: str
     png: bytes
+    rest: "ReportFigure | None" = None
 
     @property
     def base64(self) -> str:
@@ -54,12 +59,16 @@ class Gallery(NamedTuple):
 
     Attributes:
         overview: Comparison of all modes; None if there is no metric to compare.
+        published: Runs drawn as their figures in the publication, in the order of the modes, which
+            is that of the paper.
         models: Models and the records that they were fitted to; models from files have no figure.
-        runs: Figures of the modes by (axis, case).
+        runs: Figures of the modes by (axis, case); only error and parameters if `published` has the
+            rest.
         cases: Figure of all modes by (axis, case), for cases with several.
     """
 
     overview: ReportFigure | None
+    published: tuple[ReportFigure, ...]
     models: tuple[ReportFigure, ...]
     runs: dict[tuple[str, str], tuple[ReportFigure, ...]]
     cases: dict[tuple[str, str], ReportFigure]
@@ -68,7 +77,7 @@ class Gallery(NamedTuple):
         """Return every figure, in the order of the page."""
         first = () if self.overview is None else (self.overview,)
         runs = chain.from_iterable(self.runs.values())
-        return (*first, *self.models, *self.cases.values(), *runs)
+        return (*first, *self.published, *self.models, *self.cases.values(), *runs)
 
 
 def draw_gallery(result: ExperimentResult, reference: Reference | None = None) -> Gallery:
@@ -80,11 +89,13 @@ def draw_gallery(result: ExperimentResult, reference: Reference | None = None) -
     """
     number = count(1)
     fitted = [each for each in result.identifications if each.t_s.size]
+    published = _published(result, reference) if reference else {}
     return Gallery(
         _overview(result, reference) if result.metric_names else None,
+        tuple(published.values()),
         tuple(_model(index, each) for index, each in enumerate(fitted, 1)),
         {
-            key: tuple(_run(next(number), each, reference) for each in recordings)
+            key: tuple(_run(next(number), each, published.get(each.key)) for each in recordings)
             for key, recordings in result.by_case().items()
         },
         {
@@ -118,12 +129,40 @@ def _case(number: int, recordings: Sequence[Recording]) -> ReportFigure:
     return ReportFigure(name, "all modes", alt, png_bytes(case_figure(recordings)))
 
 
-def _run(number: int, recording: Recording, reference: Reference | None) -> ReportFigure:
+def _published(
+    result: ExperimentResult, reference: Reference
+) -> dict[tuple[str, str, str], ReportFigure]:
+    """Return the published figures by the key of their run."""
+    drawn = (
+        each
+        for mode in result.modes
+        for each in result.recordings
+        if each.mode == mode and reference.figure(each)
+    )
+    return {
+        each.key: ReportFigure(
+            _file_name(f"published_{number:02d}", *each.key),
+            f"As in {reference.figure(each)}: {each.case}, {each.mode}",
+            f"Voltages and displacement over time, and the displacement over the uncompensated "
+            f"voltage, of {each.case}, mode {each.mode}; {compared_errors(each, reference)}.",
+            png_bytes(published_figure(each, reference)),
+        )
+        for number, each in enumerate(drawn, 1)
+    }
+
+
+def _run(number: int, recording: Recording, published: ReportFigure | None) -> ReportFigure:
     name = _file_name(f"run_{number:02d}", *recording.key)
-    compare_with = reference.figure(recording) if reference else ""
-    title = f"{recording.mode}, as in {compare_with}" if compare_with else recording.mode
-    png = png_bytes(mode_figure(recording, compare_with))
-    return ReportFigure(name, title, _run_alt(recording), png)
+    draw, panels = mode_figure, ["voltage", "displacement", "loop", "error"]
+    if published is not None:
+        draw, panels = remaining_figure, ["error"]
+    if recording.weights.size:
+        panels.append("parameters")
+    shown = " and ".join(filter(None, (", ".join(panels[:-1]), panels[-1]))).capitalize()
+    alt = f"{shown} of {recording.case}, mode {recording.mode}"
+    errors = [metric_text(*item) for item in recording.metrics.items()]
+    png = png_bytes(draw(recording))
+    return ReportFigure(name, recording.mode, _sentence(alt, errors), png, published)
 
 
 def figures_in(page: str) -> list[str]:
@@ -133,7 +172,9 @@ def figures_in(page: str) -> list[str]:
         page: Text of the page.
     """
     return re.findall(
-        r'^<figure id="((?:overview|model_\d|case_\d\d|run_\d\d)[A-Za-z0-9_-]*)">$', page, re.M
+        r'^<figure id="((?:overview|published_\d\d|model_\d|case_\d\d|run_\d\d)[A-Za-z0-9_-]*)">$',
+        page,
+        re.M,
     )
 
 
@@ -146,14 +187,6 @@ def _fit_alt(identification: Identification) -> str:
     errors = [metric_text(*item) for item in identification.fit_errors.items()]
     shown = "Measured and predicted drive voltage over time and as a loop, and their difference"
     return _sentence(shown, errors)
-
-
-def _run_alt(recording: Recording) -> str:
-    panels = "Voltage, displacement, loop and error"
-    if recording.weights.size:
-        panels = "Voltage, displacement, loop, error and parameters"
-    errors = [metric_text(*item) for item in recording.metrics.items()]
-    return _sentence(f"{panels} of {recording.case}, mode {recording.mode}", errors)
 
 
 def _sentence(shown: str, errors: list[str]) -> str:

@@ -31,6 +31,7 @@ def test_help_lists_verbs_under_headings(piezod: Command) -> None:
 
     assert list(found) == [*OWN_VERBS, *Group]
     assert found["Experiments and models"] == [
+        "demo",
         "experiment",
         "identify",
         "response",

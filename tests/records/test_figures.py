@@ -17,6 +17,7 @@ from piezod.records.figures import (
     mode_figure,
     overview_figure,
     png_bytes,
+    remaining_figure,
     save_png,
 )
 from piezod.records.figures.style import house_style
@@ -126,11 +127,14 @@ def test_headline_has_the_true_error_even_if_it_is_no_metric(recording: Recordin
     assert headline.splitlines()[-1] == f"worst true tracking error {10.0 / range_um:.2f} %"
 
 
-def test_figure_names_the_published_one(recording: Recording) -> None:
-    """The headline names the figure of the paper to compare with."""
-    headline = mode_figure(recording, "Fig. 7 of the paper").get_suptitle()
+def test_what_a_published_figure_lacks_is_a_figure_of_its_own(recording: Recording) -> None:
+    """It has the panels (d) and (e) of the run, with the same headline."""
+    figure = remaining_figure(recording)
 
-    assert "(compare with Fig. 7 of the paper)" in headline.splitlines()[0]
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == ["(d) Error: measured minus command", "(e) Parameters"]
+    assert _xy(_panel(figure, "(d)").lines[0])[1] == recording.error_um.tolist()
+    assert figure.get_suptitle() == mode_figure(recording).get_suptitle()
 
 
 def test_largest_parameters_are_labelled(recording: Recording) -> None:

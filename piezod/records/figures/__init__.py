@@ -3,7 +3,8 @@
 from piezod.records.figures.case import case_figure
 from piezod.records.figures.fit import identification_figure
 from piezod.records.figures.overview import overview_figure
-from piezod.records.figures.run import mode_figure
+from piezod.records.figures.published import published_figure
+from piezod.records.figures.run import mode_figure, remaining_figure
 from piezod.records.figures.style import png_bytes, save_png
 
 __all__ = [
@@ -12,5 +13,7 @@ __all__ = [
     "mode_figure",
     "overview_figure",
     "png_bytes",
+    "published_figure",
+    "remaining_figure",
     "save_png",
 ]

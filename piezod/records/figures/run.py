@@ -1,4 +1,4 @@
-"""The figure of one case in one mode, laid out like figures 6 to 11 of the paper."""
+"""The figure of one case in one mode: the panels of the paper, the error and the parameters."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -41,7 +41,7 @@ _LABEL_SHARE: Final = 0.06
 
 
 @house_style()
-def mode_figure(recording: Recording, compare_with: str = "") -> Figure:
+def mode_figure(recording: Recording) -> Figure:
     """Draw one case in one mode.
 
     Panels: (a) uncompensated and applied voltage, (b) commanded and measured displacement, (c)
@@ -50,14 +50,8 @@ def mode_figure(recording: Recording, compare_with: str = "") -> Figure:
 
     Args:
         recording: The recording to draw.
-        compare_with: Published figure of the same run, as in "Fig. 7 of the paper"; "" for none.
     """
-    title = f"{recording.case} · {recording.mode} · axis {recording.axis}"
-    if recording.title:
-        title += f": {recording.title}"
-    if compare_with:
-        title += f" (compare with {compare_with})"
-    figure = new_figure(13.0, 8.0, title, _metrics_text(recording))
+    figure = new_figure(13.0, 8.0, _headline(recording), _metrics_text(recording))
     columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))
     left = columns[0].subgridspec(3, 1)
     voltage = figure.add_subplot(left[0])
@@ -75,6 +69,27 @@ def mode_figure(recording: Recording, compare_with: str = "") -> Figure:
     _draw_loop(figure.add_subplot(right[0]), recording)
     _draw_weights(figure.add_subplot(right[1]), recording)
     return figure
+
+
+@house_style()
+def remaining_figure(recording: Recording) -> Figure:
+    """Draw what a published figure of the run lacks: panels (d) and (e) of `mode_figure`.
+
+    Args:
+        recording: The recording to draw.
+    """
+    figure = new_figure(13.0, 4.2, _headline(recording), _metrics_text(recording))
+    both = recording.weights.size > 0
+    panels = figure.subplots(1, 1 + both, squeeze=False)[0]
+    _draw_error(panels[0], recording)
+    if both:
+        _draw_weights(panels[1], recording)
+    return figure
+
+
+def _headline(recording: Recording) -> str:
+    headline = f"{recording.case} · {recording.mode} · axis {recording.axis}"
+    return f"{headline}: {recording.title}" if recording.title else headline
 
 
 def _metrics_text(recording: Recording) -> str:
