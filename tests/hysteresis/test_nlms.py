@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from piezod.errors import ModelError
 from piezod.hysteresis import NLMSIdentifier, even_thresholds, new_bank, stop_regressors
+from piezod.hysteresis.slopes import LEAST_SLOPE, cells, fill_slopes, least_slope
 from tests.hysteresis import oracle
 from tests.hysteresis.draw import inputs
 
@@ -35,12 +36,15 @@ def test_a_step_is_that_of_the_normalised_equation(
     """Each step is a ← a + μ e φ / (ε + ‖φ‖²), while the weights have an inverse."""
     nlms = NLMSIdentifier(BANK, gain=gain, floor=floor)
     stops = oracle.stops(list(THRESHOLDS), list(THRESHOLDS))
-    weights = np.zeros(38)
+    weights, widths = np.zeros(38), cells(BANK)
+    slopes = np.empty_like(widths)
 
     for x in positions:
         phi, drive = stops(float(x)) - x, 0.98 * x + 0.01
         error = drive - (x + weights @ phi)
         weights = weights + gain * error * phi / (floor + phi @ phi)
+        fill_slopes(BANK, weights, slopes)
+        assume(least_slope(slopes, widths) > LEAST_SLOPE)  # otherwise they are projected
         assert nlms.step(x, drive) == pytest.approx(error, abs=1e-12)
 
     np.testing.assert_allclose(nlms.weights, weights, rtol=0, atol=1e-12)
