@@ -69,7 +69,8 @@ def preview_filter(modes: ResponseModel, period_s: float) -> PreviewFilter:
         period_s: Period of the loop, in s.
 
     Raises:
-        ModelError: If the modes are so close together that no taps follow them.
+        ModelError: If no taps follow the modes, for instance because they are close together, or
+            because a slow one has a small share beside a fast one.
     """
     modes = ResponseModel(0.0, modes.resonances)
     followed_hz = min(_followed_hz(modes), BAND_PER_RATE / period_s)
