@@ -116,6 +116,14 @@ _ROWS: Final = (
         Group.LOOK,
         "watch",
     ),
+    _get(
+        "metrics",
+        "Print the metrics for Prometheus.\n\nThe text is in the format of the textfile collector "
+        "of node_exporter. Over HTTP it is OpenMetrics, or that format for a client that accepts "
+        "only `text/plain`.",
+        Group.LOOK,
+        "metrics",
+    ),
     Endpoint(
         "stream",
         "POST",
