@@ -111,8 +111,9 @@ _ROWS: Final = (
     _get(
         "telemetry",
         "Show a stage as it moves.\n\nEach update has the minimum, the maximum and the last value "
-        "of all cycles since the update before, so that no spike is lost. `piezod watch` shows the "
-        "worst error, prints one line per update if stdout is no terminal, and ends with Ctrl-C.",
+        "of all cycles since the update before, so that no spike is lost. `piezod watch` shows "
+        "error and drive of the last 30 s, timing, and faults with their remedies. It prints one "
+        "line per update if stdout is no terminal, and ends with Ctrl-C.",
         Group.LOOK,
         "watch",
     ),
