@@ -5,6 +5,7 @@ from typing import Final
 
 import typer
 
+from piezod.cli.metrics import metrics
 from piezod.cli.motion import goto, wave
 from piezod.cli.operation import arm, mode, reset
 from piezod.cli.params import history, list_params, load, restore, save
@@ -21,6 +22,7 @@ OWN_FUNCTIONS: Final[Mapping[str, Callable[..., None]]] = {
     "status": status,
     "faults": faults,
     "watch": watch,
+    "metrics": metrics,
     "arm": arm,
     "mode": mode,
     "goto": goto,

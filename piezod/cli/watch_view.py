@@ -1,22 +1,22 @@
-"""The view of one interval of telemetry in `piezod watch`."""
+"""The view of telemetry in `piezod watch`, for terminals of 80 columns and more."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from piezod.cli.sparkline import SPAN_S, History, Sparkline
 from piezod.cli.status import number
+from piezod.client.results import Fault
 from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.states import State
 
 Bounds: TypeAlias = tuple[float, float]
 
-_BAR_WIDTH = 14
-_STYLES: Mapping[str, str] = {
+_STYLES: Final[Mapping[str, str]] = {
     State.RUN: "bold green",
     State.IDENT: "bold green",
     State.READY: "bold cyan",
@@ -69,20 +69,74 @@ class LoopRate:
         return (interval.cycles + interval.lost) / (interval.t_s - before_s)
 
 
-def view(
-    interval: Telemetry, ranges: Mapping[str, AxisRanges], rate_hz: float | None
-) -> RenderableType:
-    """Return the view of an interval for a terminal.
+class AxisHistory:
+    """The last half minute of an axis."""
+
+    def __init__(self) -> None:
+        self.error_um = History(max)
+        """Largest error without its sign, in µm."""
+        self.drive_v = History(lambda values: values[-1])
+
+    def add(self, t_s: float, axis: AxisTelemetry) -> None:
+        """Take the next interval."""
+        self.error_um.add(t_s, _worst(axis.error_um))
+        self.drive_v.add(t_s, axis.drive_v.last)
+
+
+class WatchView:
+    """The view of a stage, which follows its telemetry.
 
     Args:
-        interval: The interval.
+        name: Name of the stage.
         ranges: Ranges of the bars, by axis.
-        rate_hz: Rate of the loop, in Hz; None if unknown.
     """
-    state = Text(interval.state, _STYLES.get(interval.state, "bold yellow"))
-    shadow = ", in shadow: nothing is written" if interval.shadow else ""
-    loop = f"   {number(rate_hz, 0)} Hz, {interval.skipped_cycles} skipped cycles"
-    return Group(Text.assemble(state, shadow, loop), _table(interval, ranges), _faults(interval))
+
+    def __init__(self, name: str, ranges: Mapping[str, AxisRanges]) -> None:
+        self._name, self._ranges = name, ranges
+        self._rate, self._late_us = LoopRate(), History(max)
+        self._skipped = History(max)
+        self._axes: dict[str, AxisHistory] = {}
+
+    def update(self, interval: Telemetry, faults: Sequence[Fault]) -> RenderableType:
+        """Take the next interval, and return the view.
+
+        Args:
+            interval: The interval.
+            faults: The faults that the interval names, with their remedies.
+        """
+        t_s = interval.t_s
+        self._late_us.add(t_s, interval.late_max_us)
+        self._skipped.add(t_s, interval.skipped_cycles)
+        for name, axis in interval.axes.items():
+            self._axes.setdefault(name, AxisHistory()).add(t_s, axis)
+        head = self._head(interval), self._timing(interval)
+        return Group(*head, *self._tables(interval), _faults(interval.faults, faults))
+
+    def _head(self, interval: Telemetry) -> Text:
+        state = Text(interval.state, _STYLES.get(interval.state, "bold yellow"))
+        shadow = "   in shadow: nothing is written" if interval.shadow else ""
+        return Text.assemble((self._name, "bold"), "   ", state, shadow)
+
+    def _timing(self, interval: Telemetry) -> Text:
+        late, skipped = self._late_us.range, self._skipped.range
+        new = round(skipped[1] - skipped[0]) if skipped else 0
+        worst = number(late[1] if late else None, 0)
+        rate = number(self._rate.hz(interval), 0)
+        cycles = f"{interval.skipped_cycles} skipped, {new} of them in the last {SPAN_S:.0f} s"
+        style = "yellow" if new else "dim"
+        return Text.assemble(f"{rate} Hz   late up to {worst} µs   ", (cycles, style))
+
+    def _tables(self, interval: Telemetry) -> Iterator[Table]:
+        for name, axis in interval.axes.items():
+            table = Table.grid(padding=(0, 1), expand=True)
+            table.add_column(width=9)
+            table.add_column(width=12, justify="right")
+            table.add_column(width=20, style="dim")
+            table.add_column(ratio=1)
+            ranges = self._ranges.get(name, AxisRanges(None, None))
+            for row in _rows(name, axis, ranges, self._axes[name]):
+                table.add_row(*row)
+            yield table
 
 
 def view_line(interval: Telemetry) -> str:
@@ -96,42 +150,52 @@ def view_line(interval: Telemetry) -> str:
     return "; ".join(filter(None, (interval.state, *axes, faults)))
 
 
-def _table(interval: Telemetry, ranges: Mapping[str, AxisRanges]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("axis")
-    for heading in ("position/µm", "command/µm", "error/µm", "worst", "drive/V"):
-        table.add_column(heading, justify="right")
-    for name, axis in interval.axes.items():
-        table.add_row(*_cells(name, axis, ranges.get(name, AxisRanges(None, None))))
-    return table
-
-
-def _cells(name: str, axis: AxisTelemetry, ranges: AxisRanges) -> Iterator[RenderableType]:
-    yield f"{name}\n{axis.mode}"
-    yield _with_bar(axis.position_um.last, 3, ranges.position_um)
-    yield number(axis.command_um.last, 3)
-    yield number(axis.error_um.last, 3)
-    yield number(_worst(axis.error_um), 3)
-    yield _with_bar(axis.drive_v.last, 2, ranges.drive_v)
+def _rows(
+    name: str, axis: AxisTelemetry, ranges: AxisRanges, history: AxisHistory
+) -> Iterator[Sequence[RenderableType]]:
+    """Yield the lines of an axis: heading, position, error and drive."""
+    yield "", "", "", ""
+    arrived = Text("on target", "green") if axis.on_target else ""
+    yield Text(name, "bold"), Text(axis.mode, "cyan"), arrived, Text(f"last {SPAN_S:.0f} s", "dim")
+    position_um, error_um, drive_v = axis.position_um, axis.error_um, axis.drive_v
+    command = f"of {number(axis.command_um.last, 3)} µm"
+    bar = _bar(position_um.last, ranges.position_um)
+    yield "position", f"{number(position_um.last, 3)} µm", command, bar
+    worst_um = history.error_um.range or (None, None)
+    # From 0, because the sign is left out.
+    line = Sparkline(history.error_um, low=0.0, style="yellow")
+    yield "error", f"{number(error_um.last, 3)} µm", f"up to {number(worst_um[1], 3)} µm", line
+    low_v, high_v = history.drive_v.range or (None, None)
+    between = f"{number(low_v, 1)} to {number(high_v, 1)} V"
+    lowest_v, highest_v = ranges.drive_v or (None, None)
+    line = Sparkline(history.drive_v, lowest_v, highest_v, style="cyan")
+    yield "drive", f"{number(drive_v.last, 2)} V", between, line
 
 
 def _worst(error_um: Range) -> float | None:
-    found = [each for each in (error_um.min, error_um.max) if each is not None]
-    return max(found, key=abs, default=None)
+    """Return the largest error without its sign; None if it is unknown."""
+    found = [abs(each) for each in (error_um.min, error_um.max) if each is not None]
+    return max(found, default=None)
 
 
-def _with_bar(value: float | None, decimals: int, bounds: Bounds | None) -> RenderableType:
-    """Return a number above a bar that shows its share of the range."""
-    text = Text(number(value, decimals), justify="right")
+def _bar(value: float | None, bounds: Bounds | None) -> RenderableType:
+    """Return a bar that shows the share of a range."""
     if value is None or bounds is None:
-        return text
+        return ""
     low, high = bounds
     share = min(max((value - low) / (high - low), 0.0), 1.0)
-    bar = ProgressBar(total=1.0, completed=share, width=_BAR_WIDTH, finished_style="bar.complete")
-    return Group(text, bar)
+    return ProgressBar(total=1.0, completed=share, finished_style="bar.complete")
 
 
-def _faults(interval: Telemetry) -> Text:
-    if not interval.faults:
-        return Text("no fault")
-    return Text(f"faults {', '.join(interval.faults)}: `piezod faults` shows more", "bold red")
+def _faults(ids: Sequence[str], faults: Sequence[Fault]) -> Text:
+    """Return the faults, with the remedies that are known, one per line."""
+    if not ids:
+        return Text("\nno fault", "dim")
+    known = {fault.id: fault for fault in faults}
+    text = Text()
+    for each in ids:
+        fault = known.get(each, Fault(id=each, remedy="`piezod faults` shows more"))
+        gone = "" if fault.present else " (gone)"
+        text.append(f"\n{' '.join((each, fault.name)).rstrip()}{gone}", "bold red")
+        text.append(f": {fault.remedy}")
+    return text

@@ -29,6 +29,7 @@ class Call(Generic[ResultT]):
         body: Document to send; None for none.
         also_fine: HTTP status that is no error for this call.
         answer_within_s: Longest time to wait for the answer, in s.
+        plain_text: Whether the answer is a text and no document; `read` gets {"text": …} then.
     """
 
     endpoint: Endpoint
@@ -36,6 +37,7 @@ class Call(Generic[ResultT]):
     body: Document | None = None
     also_fine: int = 200
     answer_within_s: float = ANSWER_WITHIN_S
+    plain_text: bool = False
 
     @property
     def method(self) -> str:

@@ -47,6 +47,11 @@ class StageReports:
         return Call(ENDPOINTS["realtime"], _unchanged)
 
     @ClientMethod
+    def metrics(self) -> Call[str]:
+        """Return the metrics in the text format of Prometheus."""
+        return Call(ENDPOINTS["metrics"], _text, plain_text=True)
+
+    @ClientMethod
     def config(self) -> Call[Document]:
         """Return the configuration in force."""
         return Call(ENDPOINTS["config"], _unchanged)
@@ -127,6 +132,11 @@ class StageReports:
     def release_lease(self) -> Call[Document]:
         """Release the lease, so that other clients do not wait for its end."""
         return Call(ENDPOINTS["release_lease"], _unchanged)
+
+
+def _text(document: Document) -> str:
+    text: str = document["text"]
+    return text
 
 
 def _unchanged(document: Document) -> Document:

@@ -61,6 +61,7 @@ class Telemetry(Result):
         shadow: Whether the stage is in shadow mode: everything is computed, nothing written.
         faults: Ids of the faults that were present in any cycle or are latched.
         skipped_cycles: Number of skipped cycles since the loop started.
+        late_max_us: Largest lateness of a cycle in the interval, in µs; None from an older daemon.
         axes: Axes by name.
     """
 
@@ -71,6 +72,7 @@ class Telemetry(Result):
     shadow: bool = False
     faults: tuple[str, ...]
     skipped_cycles: int
+    late_max_us: float | None = None
     axes: dict[str, AxisTelemetry]
 
 

@@ -94,7 +94,10 @@ def request_of(call: Call[Any], client: str) -> HttpRequest:
     """Return the request of a call."""
     connect_s, _, write_s, pool_s = TIMEOUT_S
     timeout_s = connect_s, call.answer_within_s, write_s, pool_s
-    return http_request(call.method, call.path, client, body=call.body, timeout_s=timeout_s)
+    request = http_request(call.method, call.path, client, body=call.body, timeout_s=timeout_s)
+    if call.plain_text:
+        request["headers"].append(("Accept", "text/plain"))
+    return request
 
 
 def telemetry_path(rate_hz: float, axes: Sequence[str]) -> str:
@@ -143,6 +146,9 @@ def read_answer(call: Call[ResultT], response: "httpcore.Response") -> ResultT:
     Raises:
         ClientError: If the answer is an error, or has an unexpected form.
     """
+    if call.plain_text:
+        check(response)
+        return call.read({"text": response.content.decode(errors="replace")})
     return call.read(read_document(response, call.also_fine))
 
 

@@ -111,10 +111,19 @@ _ROWS: Final = (
     _get(
         "telemetry",
         "Show a stage as it moves.\n\nEach update has the minimum, the maximum and the last value "
-        "of all cycles since the update before, so that no spike is lost. `piezod watch` shows the "
-        "worst error, prints one line per update if stdout is no terminal, and ends with Ctrl-C.",
+        "of all cycles since the update before, so that no spike is lost. `piezod watch` shows "
+        "error and drive of the last 30 s, timing, and faults with their remedies. It prints one "
+        "line per update if stdout is no terminal, and ends with Ctrl-C.",
         Group.LOOK,
         "watch",
+    ),
+    _get(
+        "metrics",
+        "Print the metrics for Prometheus.\n\nThe text is in the format of the textfile collector "
+        "of node_exporter. Over HTTP it is OpenMetrics, or that format for a client that accepts "
+        "only `text/plain`.",
+        Group.LOOK,
+        "metrics",
     ),
     Endpoint(
         "stream",

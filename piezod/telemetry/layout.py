@@ -34,6 +34,14 @@ ANSWER_BYTES: Final = 512
 MAX_WEIGHTS: Final = 2048
 LEARNED_HEADER: Final = 8
 """Words before the weights of an axis."""
+BUCKETS: Final = 22
+"""Buckets of a histogram: 1 µs, 2 µs, 4 µs … 1 s and above; of an error 1 nm … 1 mm and above."""
+COUNTS_WORDS: Final = 64
+"""Words of `cycle_counts` before the histograms of the axes."""
+ERROR_WORDS: Final = 32
+"""Words of the histogram of an axis."""
+DEVICE_WORDS: Final = 64
+"""Words per device: see `device_counts`."""
 EVENT_SLOTS: Final = 512
 EVENT_BYTES: Final = 512
 RING_S: Final = 16.0
@@ -121,11 +129,13 @@ class Layout:
         axes: Names of the axes, in order.
         capacity: Number of records in the ring.
         period_ns: Period of the loop, in ns.
+        devices: Names of the devices, in order.
     """
 
     axes: tuple[str, ...]
     capacity: int
     period_ns: int
+    devices: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, config: DaemonConfig) -> Self:
@@ -133,7 +143,8 @@ class Layout:
         # The 64 MiB bind only for fast loops with many axes.
         fitting = RING_MAX_BYTES // record_bytes(len(config.axes))
         capacity = min(max(round(RING_S * config.rate_hz), 64), fitting)
-        return cls(tuple(config.axes), capacity, s_to_ns(1 / config.rate_hz))
+        period_ns = s_to_ns(1 / config.rate_hz)
+        return cls(tuple(config.axes), capacity, period_ns, tuple(config.devices))
 
     @property
     def rate_hz(self) -> float:
@@ -148,7 +159,12 @@ class Layout:
     def load(cls, text: bytes) -> Self:
         """Return the layout that `dump` wrote."""
         fields = json.loads(text)
-        return cls(tuple(fields["axes"]), fields["capacity"], fields["period_ns"])
+        return cls(
+            tuple(fields["axes"]),
+            fields["capacity"],
+            fields["period_ns"],
+            tuple(fields["devices"]),
+        )
 
     def parts(self) -> dict[str, slice]:
         """Return the bytes of each part; each part starts on a page of its own."""
@@ -162,6 +178,8 @@ class Layout:
             "requests": REQUEST_SLOTS * (SLOT_HEADER + REQUEST_BYTES),
             "answers": ANSWER_SLOTS * (SLOT_HEADER + ANSWER_BYTES),
             "learned": axes * (LEARNED_HEADER + MAX_WEIGHTS) * 8,
+            "counts": (COUNTS_WORDS + axes * ERROR_WORDS) * 8,
+            "devices": len(self.devices) * DEVICE_WORDS * 8,
             "events": EVENT_SLOTS * EVENT_BYTES,
             "ring": self.capacity * record_bytes(axes),
         }

@@ -16,7 +16,7 @@ from piezod.telemetry.layout import Layout
 from piezod.telemetry.words import Word
 
 _MAGIC: Final = int.from_bytes(b"piezodLM", "little")
-_VERSION: Final = 1
+_VERSION: Final = 2
 _HEADER_WORDS: Final = 3
 _TEXT_AT: Final = _HEADER_WORDS * 8
 

@@ -9,7 +9,7 @@ import pytest
 from piezod.cli.outcome import outcome
 from piezod.config.states import State
 from tests.cli.conftest import Command
-from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, interval
+from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, Raw, interval
 
 
 @pytest.mark.parametrize(
@@ -183,6 +183,21 @@ def test_faults(piezod: Command, daemon: FakeDaemon) -> None:
 
     daemon.answers["GET faults"] = {"faults": []}
     assert piezod("faults") == (0, "no fault\n", "")
+
+
+def test_metrics(piezod: Command, daemon: FakeDaemon) -> None:
+    """The text of the daemon is printed unchanged."""
+    text = "# HELP piezod_healthy Whether it runs.\npiezod_healthy 1.0\n"
+    daemon.answers["GET metrics"] = Raw(200, text.encode(), "text/plain")
+
+    assert piezod("metrics") == (0, text, "")
+
+
+def test_metrics_that_are_refused(piezod: Command, daemon: FakeDaemon) -> None:
+    """An error is no text for Prometheus."""
+    daemon.refuse("GET metrics", 429, "too_many", "too many requests", "send fewer")
+
+    assert piezod("metrics") == (1, "", "too many requests; send fewer\n")
 
 
 def test_goto_that_waits(piezod: Command, daemon: FakeDaemon) -> None:

@@ -3,18 +3,20 @@
 import io
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from piezod.cli.interrupt import Interrupted
-from piezod.cli.watch_view import AxisRanges, LoopRate, ranges_of, view
+from piezod.cli.sparkline import BLOCKS, History, Sparkline, blocks_of
+from piezod.cli.watch_view import AxisRanges, LoopRate, WatchView, ranges_of
 from piezod.client import StageClient
+from piezod.client.results import Fault
 from piezod.client.telemetry import Telemetry, TelemetryReader
 from tests.cli.conftest import Command
-from tests.client.fake_daemon import Document, FakeDaemon, events, interval
+from tests.client.fake_daemon import Document, FakeDaemon, events, interval, ranged
 
 
 def telemetry(document: Document) -> Telemetry:
@@ -24,12 +26,26 @@ def telemetry(document: Document) -> Telemetry:
     return read
 
 
-def shown(document: Document, ranges: dict[str, AxisRanges], width: int = 100) -> str:
-    """Return the view of `watch`, without colours."""
+def shown(
+    *documents: Document,
+    ranges: dict[str, AxisRanges] | None = None,
+    faults: Sequence[Fault] = (),
+    width: int = 80,
+) -> str:
+    """Return the view of `watch` after some intervals, without colours."""
     console = Console(file=io.StringIO(), width=width, color_system=None)
-    console.print(view(telemetry(document), ranges, 1000.0))
+    watched = WatchView("bench", ranges or {})
+    for document in documents:
+        view = watched.update(telemetry(document), faults)
+    console.print(view)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
+
+
+def line_of(text: str, word: str) -> str:
+    """Return the only line of a text that begins with a word."""
+    (line,) = (line for line in text.splitlines() if line.startswith(word))
+    return line.rstrip()
 
 
 def test_watch_as_json(piezod: Command, daemon: FakeDaemon) -> None:
@@ -58,16 +74,48 @@ def test_watch_without_a_terminal(piezod: Command, daemon: FakeDaemon) -> None:
 def test_watch_on_a_terminal(
     piezod: Command, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a terminal the view stays in place."""
+    """On a terminal the view has a screen of its own, and its last state stays."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
-    daemon.telemetry = [interval(1.0), interval(2.0, t_s=100.05)]
+    fault = {"id": "S5", "name": "no valid sample", "remedy": "plug the sensor in"}
+    daemon.answers["GET faults"] = {"faults": [fault]}
+    daemon.telemetry = [interval(1.0), *[interval(2.0, t_s=100.05, faults=["S5"])] * 3]
 
     _, out, _ = piezod("watch")
 
-    assert "1.000" in out
+    during, _, after = out.partition("\x1b[?1049l")
+    assert "1.000" in during
+    assert "2.000" in after
+    assert "plug the sensor in" in " ".join(after.split())
+    assert [each.what for each in daemon.asked].count("GET faults") == 1
+
+
+def test_watch_without_remedies(
+    piezod: Command, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If the daemon refuses to list the faults, watching goes on with their ids."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    daemon.refuse("GET faults", 429, "too_many", "too many requests")
+    daemon.telemetry = [interval(1.0, faults=["S5"]), interval(2.0, faults=["S5"])]
+
+    _, out, _ = piezod("watch")
+
+    assert "`piezod faults` shows more" in out
     assert "2.000" in out
-    assert "1000 Hz" in out
+
+
+def test_watch_on_a_terminal_without_a_cursor(
+    piezod: Command, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A terminal that cannot move its cursor gets a line per update, as a file does."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "dumb")
+    daemon.telemetry = [interval(1.0), interval(2.0)]
+
+    _, out, _ = piezod("watch")
+
+    assert len(out.splitlines()) == 2
 
 
 def test_ctrl_c_is_how_watching_ends(
@@ -91,39 +139,101 @@ def test_view() -> None:
     """The view has all quantities, and bars for known ranges."""
     ranges = {"x": AxisRanges((0.0, 24.8), (0.0, 120.0))}
 
-    text = shown(interval(12.4), ranges)
+    text = shown(interval(12.3), interval(12.4, on_target=True, t_s=100.05), ranges=ranges)
 
-    assert "RUN   1000 Hz, 3 skipped cycles" in text
-    assert "adaptive" in text
-    assert " ".join(text.split()).count("12.400") == 1
-    assert "60.00" in text
-    assert "━" in text
+    assert text.startswith("bench   RUN")
+    assert "1000 Hz   late up to 20 µs   3 skipped, 0 of them in the last 30 s" in text
+    assert line_of(text, "x ").split()[:4] == ["x", "adaptive", "on", "target"]
+    assert "12.400 µm of 12.500 µm" in line_of(text, "position")
+    assert "━" in line_of(text, "position")
+    assert "0.100 µm up to 0.200 µm" in line_of(text, "error")
+    assert "60.00 V 60.0 to 60.0 V" in line_of(text, "drive")
     assert "no fault" in text
 
 
+def test_view_shows_the_last_half_minute() -> None:
+    """The sparkline has the worst error of each part of 30 s; the newest is on the right."""
+    ranges = {"x": AxisRanges(None, (0.0, 120.0))}
+    past = [interval(12.5 - i / 100, t_s=100.0 + i) for i in range(60)]
+
+    text = shown(*past, ranges=ranges)
+
+    error, drive = line_of(text, "error"), line_of(text, "drive")
+    assert error[-1] == "█"
+    assert [block for block in error if block in BLOCKS] == sorted(
+        block for block in error if block in BLOCKS
+    )
+    assert "0.590 µm up to 0.590 µm" in error
+    assert set(drive.partition(" to 60.0 V")[2].strip()) <= {"▅", " "}  # half of the range
+
+
+def test_view_counts_new_skipped_cycles() -> None:
+    """Cycles that were skipped in the last half minute are counted apart."""
+    skipping = {**interval(t_s=110.0), "skipped_cycles": 8, "late_max_us": 700.0}
+
+    text = shown(interval(), skipping)
+
+    assert "late up to 700 µs   8 skipped, 5 of them" in text
+
+
 def test_view_of_faults() -> None:
-    """The view names faults; an unknown value has no bar."""
-    text = shown(interval(None, state="FAULT", faults=["S5"]), {})
+    """The view names faults with their remedies; an unknown value has neither bar nor line."""
+    faults = (Fault(id="S5", name="no valid sample", remedy="plug it in", present=False),)
+
+    text = shown(interval(None, state="FAULT", faults=["S5", "A1"]), faults=faults)
 
     assert "FAULT" in text
-    assert "–" in text
+    assert "– µm" in text
     assert "━" not in text
-    assert "faults S5: `piezod faults` shows more" in text
+    assert not set(line_of(text, "error")) & set(BLOCKS)
+    assert "S5 no valid sample (gone): plug it in" in text
+    assert "A1: `piezod faults` shows more" in text
 
 
 def test_view_shows_that_nothing_is_written() -> None:
     """The view says that the stage is in shadow mode."""
-    assert "in shadow: nothing is written" in shown({**interval(), "shadow": True}, {})
+    assert "in shadow: nothing is written" in shown({**interval(), "shadow": True})
 
 
-def test_view_fits_into_80_columns() -> None:
-    """The view fits into 80 columns."""
+@pytest.mark.parametrize("width", [80, 60, 200])
+def test_view_fits_into_the_terminal(width: int) -> None:
+    """The view uses the width of the terminal, 80 columns and others."""
     ranges = {"x": AxisRanges((0.0, 24.8), (0.0, 120.0))}
+    wide = interval(-1234.567)
+    wide["axes"]["x"]["drive_v"] = ranged(-1000.0)
 
-    text = shown(interval(12.4), ranges, width=80)
+    text = shown(wide, ranges=ranges, width=width)
 
-    assert max(map(len, text.splitlines())) <= 80
+    assert max(map(len, text.splitlines())) <= width
     assert "…" not in text
+
+
+def test_history_forgets_and_keeps_its_columns() -> None:
+    """Values older than 30 s are left out; a value stays in its column while time goes on."""
+    history = History(max)
+    for t_s, value in ((0.0, 9.0), (40.0, 1.0), (41.0, None), (55.0, 3.0), (55.2, 2.0)):
+        history.add(t_s, value)
+
+    assert history.range == (1.0, 3.0)
+    assert history.columns(3) == [None, 1.0, 3.0]
+    assert history.columns(30)[-1] == 3.0
+
+
+def test_blocks() -> None:
+    """The lowest value has the lowest block, values beyond the limits the last ones."""
+    assert blocks_of([0.0, None, 7.0, 9.0, -1.0], 0.0, 7.0) == "▁ ██▁"
+    assert blocks_of([4.0, 4.0], 4.0, 4.0) == "▁▁"
+
+
+def test_terminal_without_unicode_has_other_blocks() -> None:
+    """A terminal that has ASCII only gets a sparkline too."""
+    history = History(max)
+    history.add(1.0, 5.0)
+    file = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    Console(file=file, width=10).print(Sparkline(history, low=0.0))
+    file.seek(0)
+
+    assert file.read().strip() == "#"
 
 
 def test_ranges_of_a_configuration() -> None:

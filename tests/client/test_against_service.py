@@ -91,6 +91,7 @@ def test_reports(served: Served, stage: StageClient) -> None:
     assert stage.health().healthy is False
     assert stage.realtime() == {"steps": []}
     assert stage.config() == {"rate_hz": 1000.0}
+    assert stage.metrics() == "lease 0\nopenmetrics 0\n"
     assert stage.params().sequence == 3
     assert stage.params_history().history[0].sequence == 3
     assert stage.save_params().sequence == 4

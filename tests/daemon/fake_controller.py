@@ -27,6 +27,7 @@ class FakeController:
         self.finished = False
         self.state = State.RUN
         self.busy_ns = 0
+        self.command_um = nan
         self.requests: list[Request] = []
         self.setpoints: list[tuple[int, float, int]] = []
         self.timings: list[CycleTiming] = []
@@ -66,7 +67,7 @@ class FakeController:
         axis = AxisRecord(
             sample.t_ns,
             sample.position_um,
-            nan,
+            self.command_um,
             nan,
             nan,
             nan,

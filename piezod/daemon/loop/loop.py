@@ -10,6 +10,7 @@ from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.clock import Clock, clock_offsets_ns
 from piezod.daemon.loop.counters import ProcessCounters
+from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.pacer import Pacer
 from piezod.daemon.loop.publisher import LearnedSource, Publisher
 from piezod.daemon.loop.timed_channels import TimedChannels
@@ -66,6 +67,7 @@ class Loop:
         shared: The memory shared with the supervisor, writable.
         clock: The clock.
         pacer: Keeps the period of this clock.
+        device_counters: Publishes the counts of the devices; None for devices without counts.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class Loop:
         shared: SharedMap,
         clock: Clock,
         pacer: Pacer,
+        device_counters: DeviceCounters | None = None,
     ) -> None:
         self._controller, self._timed = controller, timed
         self._now_ns, self._wait = clock.now_ns, pacer.wait
@@ -82,6 +85,7 @@ class Loop:
         self._mailbox, self._stream = MailboxReader(shared), StreamReader(shared)
         self._supervisor, self._words = SupervisorWatch(shared), shared.words
         self.counters = ProcessCounters(shared.words)
+        self._device_counters = device_counters
         self._counted_ns = self._busy_ns = 0
         # Answers to requests whose consequences the next record will show.
         self._to_answer: list[tuple[Callable[..., None], int, Answer]] = []
@@ -139,6 +143,8 @@ class Loop:
             self._counted_ns = t_ns
             for detection in self.counters.publish():
                 self._controller.report(detection)
+            if self._device_counters is not None:
+                self._device_counters.publish()
 
     def _send_answers(self) -> None:
         """Answer the requests of the cycle before: the record of this one shows what they did."""

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from os import getpid
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
@@ -29,6 +29,7 @@ from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop.accept import accept
+from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.devices import make_channels
 from piezod.daemon.loop.loop import Loop
 from piezod.daemon.loop.pacer import Pacer
@@ -103,7 +104,7 @@ def main(
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
     plays = play_threads(config, channels, placements, clock, runtime / PLAYED)
-    channels.use({one.name: one.device for one in placements})  # the wrappers, from here on
+    counters = _use_wrappers(channels, placements, shared)
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
@@ -115,17 +116,33 @@ def main(
     # Last: everything is imported, compiled, opened and used once.
     steps = realtime.set_up()
     raise_thread_priorities(placements)
-    report = {"steps": [step._asdict() for step in steps]}
-    shared.set_report(report | {"devices": [one.document() for one in placements]})
+    shared.set_report(_report(steps, placements))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
     _take_over(controller, shared, channels, known)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
-    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
+    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), counters)
     loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
     _run(loop, realtime, clock)
     # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
     channels.close()
+
+
+def _use_wrappers(
+    channels: Channels, placements: Sequence[Placement], shared: SharedMap
+) -> DeviceCounters:
+    """Use the wrappers of the devices from now on; return the counters of both."""
+    used = {one.name: one.device for one in placements}
+    counters = DeviceCounters(shared, channels.devices, used)
+    channels.use(used)
+    return counters
+
+
+def _report(steps: list[RealtimeStep], placements: Sequence[Placement]) -> dict[str, Any]:
+    return {
+        "steps": [step._asdict() for step in steps],
+        "devices": [one.document() for one in placements],
+    }
 
 
 def _forget(last_output: LastOutputWriter, clock: Clock) -> None:

@@ -1,11 +1,13 @@
-"""Publishes the results of each cycle in the shared memory: record, events, learned parameters."""
+"""Publishes the results of each cycle in the shared memory: record, counts, events, parameters."""
 
 from collections.abc import Iterable
 from typing import Any, Final, Protocol
 
 from piezod.config.states import State
+from piezod.control.watch.loop import LATE_PART
 from piezod.daemon.loop.pacer import Tick
 from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
+from piezod.telemetry.cycle_counts import CycleCounter
 from piezod.telemetry.encoder import encode_axis, encode_cycle
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.learned_writer import LearnedWriter
@@ -41,6 +43,7 @@ class Publisher:
         self._words = shared.words
         self._ring, self._events = RingWriter(shared), EventWriter(shared)
         self._learned = LearnedWriter(shared)
+        self._counter = CycleCounter(shared, round(LATE_PART * shared.layout.period_ns))
         self._axes = len(shared.layout.axes)
         # The axes take turns, so that no cycle publishes the weights of more than one.
         self._learned_cycles = max(1, round(shared.layout.rate_hz / _LEARNED_HZ / self._axes))
@@ -85,6 +88,9 @@ class Publisher:
         for axis in record.axes:
             values += encode_axis(axis)
         self._ring.append(values)
+        self._counter.cycle(late_ns, skipped, timed.read_ns, timed.write_ns, busy_ns)
+        for place, axis in enumerate(record.axes):
+            self._counter.error(place, axis.command_um - axis.position_um)
         words = self._words
         words[_STATE] = _STATES[id(record.state)]
         words[_SKIPPED], words[_BEAT] = self._skipped, record.t_ns

@@ -117,6 +117,8 @@ class DeviceWorker(DeviceWrapper):
         self._began_ns = 0
         self.crash: Exception | None = None
         """Exception of the driver in the last round; None if that round succeeded."""
+        self.rounds = self.rounds_ns = 0
+        """Number of rounds, and the time that they took, in ns."""
         # No locks: each attribute has one writer, and the tuples that pass between are immutable.
         # Used by the loop only.
         self._seen, self._delivered = self._newest, 0
@@ -217,7 +219,10 @@ class DeviceWorker(DeviceWrapper):
             else:
                 self.crash = None
             self._began_ns = 0
-            left_ns = began_ns + self._pace_ns - self._clock_ns()
+            ended_ns = self._clock_ns()
+            self.rounds += 1
+            self.rounds_ns += ended_ns - began_ns
+            left_ns = began_ns + self._pace_ns - ended_ns
             if left_ns > 0:
                 self._closing.wait(left_ns / NS_PER_S)
 

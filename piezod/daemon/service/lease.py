@@ -41,6 +41,11 @@ class Lease:
         self._now_s = now_s
         self._held: Holding | None = None
 
+    @property
+    def held(self) -> bool:
+        """Whether a client has it."""
+        return self._held is not None and self._held.until_s > self._now_s()
+
     def check(self, peer: Peer) -> Holding | None:
         """Return the holding that is in force; None if the lease is free.
 

@@ -1,11 +1,13 @@
 """Endpoints that report the state of the stage and of the daemon."""
 
 import asyncio
+from functools import partial
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query
 from fastapi import Request as HttpRequest
 from pydantic import BaseModel, ConfigDict
+from starlette.responses import Response
 
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
@@ -14,6 +16,15 @@ from piezod.daemon.service.request_context import ContextOf
 from piezod.daemon.service.route_table import ERRORS, PREFIX, endpoint
 from piezod.daemon.service.stage_service import UnknownNameError
 from piezod.daemon.service.telemetry_stream import TelemetryAnswer
+
+PLAIN_TEXT: Final = "text/plain; version=0.0.4"
+
+
+class MetricsAnswer(Response):
+    """Metrics as OpenMetrics, unless another media type is given."""
+
+    media_type = "application/openmetrics-text; version=1.0.0; charset=utf-8"
+
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
@@ -57,6 +68,18 @@ async def faults(context: ContextOf) -> JsonAnswer:
 async def realtime(context: ContextOf) -> JsonAnswer:
     """Return the real-time settings of the loop."""
     return JsonAnswer(context.stage.realtime())
+
+
+@endpoint(router, "metrics", response_class=MetricsAnswer, status_code=200)
+async def metrics(request: HttpRequest, context: ContextOf) -> MetricsAnswer:
+    """Return the metrics; in the older text format if the client accepts only that one."""
+    accepted = request.headers.get("accept", "")
+    openmetrics = "text/plain" not in accepted or "openmetrics" in accepted
+    held = context.state.lease.held
+    # In a thread: the first time, the library is imported, and no other client should wait for it.
+    make = partial(context.stage.metrics, lease_held=held, openmetrics=openmetrics)
+    text = await asyncio.to_thread(make)
+    return MetricsAnswer(text, media_type=None if openmetrics else PLAIN_TEXT)
 
 
 @endpoint(router, "config")

@@ -180,6 +180,15 @@ class StageService(Protocol):
         """Return the real-time settings that the loop requested and obtained."""
         ...
 
+    def metrics(self, *, lease_held: bool, openmetrics: bool) -> bytes:
+        """Return the metrics as text; called in a thread.
+
+        Args:
+            lease_held: Whether a client has the lease.
+            openmetrics: Whether as OpenMetrics; otherwise in the older text format of Prometheus.
+        """
+        ...
+
     def config(self) -> Document:
         """Return the configuration in force, as JSON."""
         ...

@@ -26,6 +26,7 @@ class Housekeeping:
         events, lost = self._link.loop.events.read()
         for event in events:
             self._link.stage_recordings.take_event(event)
+            self._link.count_fault(event)
             fields = {name: value for name, value in event._asdict().items() if value != ""}
             severity, kind = fields.pop("severity"), fields.pop("kind")
             getattr(_log, severity)(kind, **fields)

@@ -14,7 +14,7 @@ from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.stores.flight_recorder import FlightRecorder
-from piezod.daemon.stores.recorder import Recorder, RecorderError, RecordSource
+from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus, RecordSource
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.errors import DataError
 from piezod.records.repair import repair
@@ -60,6 +60,11 @@ class StageRecordings:
         self._recorder = Recorder(open_reader, partial(_dtype, axes), paths.recordings, learned)
         self._flights = FlightRecorder(last, paths.flights)
         self._one_at_a_time = asyncio.Lock()  # `Recorder.start` and `stop` must not overlap
+
+    @property
+    def status(self) -> RecorderStatus:
+        """Status of the running or the last recording."""
+        return self._recorder.status
 
     @property
     def running_name(self) -> str:

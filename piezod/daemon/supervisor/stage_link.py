@@ -31,6 +31,7 @@ from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
 from piezod.telemetry.learned import LearnedAxis
+from piezod.telemetry.record import StageEvent
 
 if TYPE_CHECKING:
     from piezod.telemetry.arrays import Records
@@ -73,6 +74,7 @@ class StageLink:
         )
         self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
+        self._detections = dict.fromkeys(Fault, 0)
 
     @property
     def axes(self) -> Sequence[str]:
@@ -127,6 +129,29 @@ class StageLink:
     def realtime(self) -> Document:
         """Return what the loop obtained from the operating system, and its counters."""
         return stage_documents.realtime(self.loop.config, self.loop.shared)
+
+    def count_fault(self, event: StageEvent) -> None:
+        """Count an event if it is the detection of a fault."""
+        if event.kind == "fault":
+            self._detections[Fault(event.fault)] += 1
+
+    def metrics(self, *, lease_held: bool, openmetrics: bool) -> bytes:
+        """Return the metrics as text."""
+        # Imported here: a supervisor that nobody scrapes does without the library.
+        from piezod.daemon.supervisor.metrics import StageFacts, metrics_text  # noqa: PLC0415
+
+        healthy, health = self.health()
+        recording = self.stage_recordings.status
+        facts = StageFacts(
+            self._paths.name,
+            self.loop,
+            healthy,
+            health["cycle_age_s"],
+            self._detections,
+            recording,
+            lease_held,
+        )
+        return metrics_text(facts, openmetrics=openmetrics)
 
     def config(self) -> Document:
         """Return the configuration in force."""

@@ -1,6 +1,6 @@
 """A device on a wire: it enforces the order of calls and turns every wire fault into a value."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import isfinite, nan
 from typing import TypeVar, TypeVarTuple
 
@@ -51,6 +51,10 @@ class BusDevice:
         """Reason of the loss, for people; empty if the device is connected."""
         self.last_fault = ""
         """Text of the last failed exchange, for people; empty if none has failed since opening."""
+        self.exchanges = 0
+        """Number of exchanges, also those that failed."""
+        self.exchange_faults = dict.fromkeys(DeviceFlag, 0)
+        """Number of faults of exchanges, by flag."""
 
     def open(self) -> Identity:
         """Connect and return the identity; outputs stay as they are.
@@ -161,7 +165,9 @@ class BusDevice:
             DeviceError: If it is not open.
         """
         self._require_open()
-        self._events |= self._dialogue.take_noticed()
+        if noticed := self._dialogue.take_noticed():
+            self._events |= noticed
+            self._count_faults(noticed)
         flags = self._dialogue.flags() if self._active and not self.lost else self._no_flags
         if not self._events and not self._lasting_flags:
             return flags
@@ -209,6 +215,7 @@ class BusDevice:
         """Return the result of an exchange; None if it fails or the device is lost."""
         if self.lost:
             return None
+        self.exchanges += 1
         try:
             return exchange(*given)
         except LineFault as fault:
@@ -217,9 +224,14 @@ class BusDevice:
 
     def _note_fault(self, fault: LineFault) -> None:
         self._events.add(fault.flag)
+        self._count_faults((fault.flag,))
         self.last_fault = str(fault)
         if fault.flag in LOSING:
             self.lost = str(fault)
+
+    def _count_faults(self, flags: Iterable[DeviceFlag]) -> None:
+        for flag in flags:
+            self.exchange_faults[flag] += 1
 
     def _require_open(self) -> Capabilities:
         if self._able is None:

@@ -1,4 +1,4 @@
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,13 +9,18 @@ from piezod.config.modes import Mode
 from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
 from piezod.config.states import State
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.loop.pacer import Pacer
 from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
+from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
 from piezod.devices.wiring import ChannelPair
 from piezod.telemetry.arrays import RingReader
+from piezod.telemetry.cycle_counts import counts_of
+from piezod.telemetry.device_counts import DeviceCounts, device_counts_of
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.learned import LearnedReader
@@ -33,6 +38,16 @@ from tests.daemon.fake_controller import FakeController
 
 PERIOD_NS = 1_000_000
 AXES = ("x", "y")
+
+
+class FakeBus(SimulatedRig):
+    """A device with counts that a test sets."""
+
+    exchanges: int
+    exchange_faults: Mapping[DeviceFlag, int]
+
+    def __init__(self, wiring: Wiring) -> None:
+        super().__init__(SimulatedOptions(), wiring, 1)
 
 
 class Rig(NamedTuple):
@@ -102,6 +117,39 @@ def test_phases_of_a_cycle_are_recorded(rig: Rig) -> None:
     assert 0 < record["write_ns"] < 1000
     assert record["compute_ns"] == pytest.approx(200_000, abs=1000)
     assert record["write_late_ns"] == pytest.approx(200_000, abs=1000)
+
+
+def test_cycles_are_counted(rig: Rig) -> None:
+    """The histograms have every cycle; one that begins half a period late is a late one."""
+    rig.run(2)
+    rig.controller.command_um = 1e-3
+    rig.run(1)
+    rig.clock.t_ns += 2_700_000
+    rig.run(1)
+
+    counts = counts_of(rig.shared)
+    assert counts.late == 1
+    assert counts.lateness.total == pytest.approx(700_000, abs=1000)
+    assert [sum(each.buckets) for each in (counts.lateness, counts.duration)] == [4, 4]
+    assert [sum(each.buckets) for each in counts.errors] == [2, 2]  # those with a command
+
+
+def test_counts_of_devices_are_published(rig: Rig) -> None:
+    """A device on a bus has its exchanges and faults, one behind a worker also its rounds."""
+    link = FakeBus(Wiring.both(AXES))
+    link.exchanges, link.exchange_faults = 5, {DeviceFlag.BUSY: 2}
+    link.open()
+    worker = DeviceWorker(link, rig.clock, PERIOD_NS, PERIOD_NS)
+    worker.rounds, worker.rounds_ns = 3, 4000
+    shared = create(rig.output.with_name("m"), Layout(AXES, 64, PERIOD_NS, ("rig", "link")))
+    devices = {"rig": SimulatedRig(SimulatedOptions(), Wiring.both(AXES), 1), "link": link}
+
+    DeviceCounters(shared, devices, {**devices, "link": worker}).publish()
+
+    assert device_counts_of(shared, 1) == [
+        DeviceCounts(0, 0, 0, [0]),
+        DeviceCounts(5, 3, 4000, [2]),
+    ]
 
 
 def test_cycle_that_writes_nothing_records_no_write(rig: Rig) -> None:

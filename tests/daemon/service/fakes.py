@@ -107,6 +107,9 @@ class FakeStage:
     def realtime(self) -> Document:
         return {"steps": []}
 
+    def metrics(self, *, lease_held: bool, openmetrics: bool) -> bytes:
+        return f"lease {lease_held:d}\nopenmetrics {openmetrics:d}\n".encode()
+
     def config(self) -> Document:
         return self.configuration
 

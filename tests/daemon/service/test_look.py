@@ -106,6 +106,27 @@ def test_internal_error_is_an_error_document(
     assert client.get("faults").status_code == 200
 
 
+@pytest.mark.parametrize(
+    ("accept", "kind", "openmetrics"),
+    [
+        ("*/*", "application/openmetrics-text", 1),
+        ("application/openmetrics-text;q=0.6,text/plain;q=0.3", "application/openmetrics-text", 1),
+        ("text/plain;version=0.0.4", "text/plain", 0),
+    ],
+)
+def test_metrics_are_in_the_format_that_the_client_accepts(
+    client: httpx.Client, accept: str, kind: str, openmetrics: int
+) -> None:
+    """Metrics are OpenMetrics, unless the client accepts only plain text."""
+    answer = client.get("metrics", headers={"accept": accept})
+    client.post("arm")  # takes the lease
+    armed = client.get("metrics", headers={"accept": accept})
+
+    assert answer.headers["content-type"].startswith(kind)
+    assert answer.text == f"lease 0\nopenmetrics {openmetrics}\n"
+    assert armed.text.startswith("lease 1")
+
+
 @pytest.mark.fault("C6")
 def test_socket_is_not_for_others(tmp_path: Path) -> None:
     """Only user and group can connect to the socket; an old socket is replaced."""

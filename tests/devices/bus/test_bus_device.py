@@ -186,6 +186,25 @@ def test_fault_is_a_value_and_reported_once(
     assert works_again == (flag not in LOSING)
 
 
+def test_exchanges_and_their_faults_are_counted() -> None:
+    """Each exchange counts, each of its faults by flag, and no call of a lost device."""
+    dialogue = FakeDialogue()
+    device = active(dialogue)
+    device.read(0)
+    dialogue.noticed = {DeviceFlag.GARBAGE}
+    device.status(0)
+    for flag in (DeviceFlag.GARBAGE, DeviceFlag.DISCONNECTED):
+        dialogue.fault = flag
+        device.read(1)
+    device.read(2)
+
+    assert device.exchanges == 3
+    assert {flag: n for flag, n in device.exchange_faults.items() if n} == {
+        DeviceFlag.GARBAGE: 2,
+        DeviceFlag.DISCONNECTED: 1,
+    }
+
+
 def test_lost_device_has_no_exchange_until_it_is_opened_again() -> None:
     """Closing it sends nothing, and it can be opened and used again."""
     dialogue = FakeDialogue()
