@@ -69,6 +69,8 @@ clean: ## remove .venv, builds and caches
 
 $(STAMP): requirements.lock pyproject.toml .ci/setup
 	@.ci/setup
+	@echo "piezod: compiling the kernels"
+	@$(BIN)/python -m tests.kernels
 	@touch $@
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers

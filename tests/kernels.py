@@ -6,7 +6,10 @@ time. They load it from numba's cache if one process has compiled it before.
 
 import numpy as np
 
+from piezod.control.reference.preview import PreviewedReference
 from piezod.control.warm_up import warm_up
+from piezod.dynamics import Resonance, ResponseModel
+from piezod.dynamics.preview import preview_filter
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
@@ -41,6 +44,14 @@ def identifiers() -> None:
     LSPO(0.5).step(0.5)
 
 
+def previews() -> None:
+    """Compile the filter of references that are known ahead."""
+    stage = ResponseModel(0.0, (Resonance(734.0, 0.03),))
+    reference = PreviewedReference(preview_filter(stage, 1e-3), 1e-3)
+    reference.follow(lambda t_s: t_s, moving=False)
+    reference.value(0.0)
+
+
 def rigs() -> None:
     """Compile the simulated stage, alone and below a controller."""
     RigStage().run(0.01)
@@ -55,4 +66,5 @@ if __name__ == "__main__":
     fits()
     warm_up(shipped_config())
     identifiers()
+    previews()
     rigs()
