@@ -38,9 +38,9 @@ def fit() -> Fit:
 @pytest.mark.parametrize(
     ("mode", "delay_s"),
     [
-        (MODE, 0.0011),
+        pytest.param(MODE, 0.0011, marks=pytest.mark.stress),
         (MODE._replace(lag_s=5e-4), 0.0011),
-        (FirstMode(60.0, 0.2), 0.0),
+        pytest.param(FirstMode(60.0, 0.2), 0.0, marks=pytest.mark.stress),
         (FirstMode(430.0, 0.008), 0.0003),
     ],
 )

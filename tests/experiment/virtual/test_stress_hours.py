@@ -64,7 +64,9 @@ def rest(stage: Identified, mode: Mode, duration_s: float, figure: Figure) -> No
 
 
 @pytest.mark.parametrize("duration_s", hours(60.0))
-@pytest.mark.parametrize("mode", [Mode.ADAPTIVE, Mode.TRIMMED])
+@pytest.mark.parametrize(
+    "mode", [pytest.param(Mode.ADAPTIVE, marks=pytest.mark.stress), Mode.TRIMMED]
+)
 def test_nothing_is_learned_at_rest(
     beyond_stage: Identified, figure: Figure, mode: Mode, duration_s: float
 ) -> None:

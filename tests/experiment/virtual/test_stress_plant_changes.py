@@ -90,6 +90,7 @@ def test_changed_stage_is_learned(beyond_stage: Identified, figure: Figure, name
     assert np.max(after[round(WITHIN_S / CYCLE_S) :]) < 1.0
 
 
+@pytest.mark.stress
 def test_change_matters_without_adaptation(beyond_stage: Identified, figure: Figure) -> None:
     """Without adaptation the error grows by much of the change, and stays."""
     before, after = errors_of(beyond_stage, CHANGES[BOTH], Mode.FEEDFORWARD)

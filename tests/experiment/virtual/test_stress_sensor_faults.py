@@ -139,7 +139,7 @@ BEGINS_S = [3.1, *(pytest.param(begin_s, marks=pytest.mark.stress) for begin_s i
 """Begin of the fault: on the way down, at the turn, on the way up, and before the turn."""
 
 
-FAST = {"stuck for 1 s", "spike of 10 %"}
+FAST = {"spike of 10 %"}
 
 
 @pytest.mark.parametrize(
