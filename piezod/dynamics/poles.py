@@ -62,6 +62,8 @@ def _unfolded(modes: FloatArray, rate_hz: float) -> Iterator[FloatArray]:
     if not modes.size or modes[least, 1] > _FOLDED_DAMPING:
         return
     for place_hz in (rate_hz - modes[least, 0], rate_hz + modes[least, 0]):
+        if place_hz <= 0.0:
+            continue  # a pole beyond the rate is no image of one below it
         folded = modes.copy()
         # The same decay in time.
         folded[least] = place_hz, modes[least].prod() / place_hz

@@ -297,6 +297,6 @@ def test_file_that_cannot_grow(tmp_path: Path) -> None:
 
     assert done.returncode == 0, done.stderr
     assert "File too large" in done.stdout
-    assert done.stdout.endswith("True\n")
+    assert done.stdout.rstrip().endswith("True")  # the log line of a thread may end after it
     assert seqs.size >= 1000
     np.testing.assert_array_equal(seqs, np.arange(seqs.size))
