@@ -300,7 +300,9 @@ def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
 
     assert before == shortly_before == []
     assert rig.controller.requests == [Shutdown()]
-    assert [found.fault for found in rig.controller.detections] == ["H1"]
+    # Collections and page faults are those of the process of the tests.
+    found = [each.fault for each in rig.controller.detections]
+    assert [fault for fault in found if fault not in {"L6", "L8"}] == ["H1"]
 
 
 @pytest.mark.fault("D8")
