@@ -17,6 +17,8 @@ _LATE, _READ, _WRITE, _LATENESS = range(4)
 _DURATION: Final = _LATENESS + _HISTOGRAM
 _LAST: Final = BUCKETS - 1
 _PM_PER_UM: Final = 1_000_000
+_MOST_UM: Final = 1e6
+"""A larger error counts as this one, so that no garbage of a sensor overflows the sum."""
 
 
 class Histogram(NamedTuple):
@@ -91,7 +93,8 @@ class CycleCounter:
     def error(self, axis: int, error_um: float) -> None:
         """Count the error of an axis in a cycle, in µm; NaN is left out. Real-time safe."""
         if error_um - error_um == 0.0:  # neither NaN nor infinite
-            words, at, error_pm = self._words, self._errors[axis], int(abs(error_um) * _PM_PER_UM)
+            words, at = self._words, self._errors[axis]
+            error_pm = int(min(abs(error_um), _MOST_UM) * _PM_PER_UM)
             bucket = ((error_pm and error_pm - 1) // 1000).bit_length()
             words[at + (bucket if bucket < _LAST else _LAST)] += 1
             words[at + BUCKETS] += error_pm

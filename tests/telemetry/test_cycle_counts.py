@@ -59,6 +59,14 @@ def test_errors_are_counted_for_each_axis(shared: SharedMap) -> None:
     assert counts_of(shared).errors == (only(0, 0), only(2, 7000, 2))
 
 
+@pytest.mark.parametrize("error_um", [1e30, -1e13])
+def test_an_impossible_error_does_not_end_the_loop(shared: SharedMap, error_um: float) -> None:
+    """It counts as one of 1 m."""
+    CycleCounter(shared, LATE_NS).error(1, error_um)
+
+    assert counts_of(shared).errors[1] == only(BUCKETS - 1, 10**12)
+
+
 def test_counts_of_devices(tmp_path_factory: pytest.TempPathFactory) -> None:
     """The counts of each device are those that were published last."""
     layout = Layout(("x",), 64, 1_000_000, ("stage", "sensor"))
