@@ -69,8 +69,8 @@ clean: ## remove .venv, builds and caches
 
 $(STAMP): requirements.lock pyproject.toml .ci/setup
 	@.ci/setup
-	@echo "piezod: compiling the kernels"
-	@$(BIN)/python -m tests.kernels
+	@echo "piezod: compiling the kernels and the tests"
+	@$(BIN)/python -m pytest --collect-only --quiet >/dev/null & $(BIN)/python -m tests.kernels && wait
 	@touch $@
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers
