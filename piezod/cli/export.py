@@ -12,11 +12,13 @@ from piezod.cli.recordings import (
     RecordedAxisOption,
     RecordingArgument,
     checked_out,
+    local_file,
     read_part,
 )
+from piezod.cli.stage_options import SocketOption, StageOption
 
 
-def export(
+def export(  # noqa: PLR0913, PLR0917 - each argument is an option
     recording: RecordingArgument,
     out: Annotated[
         Path | None,
@@ -29,6 +31,8 @@ def export(
     axis: RecordedAxisOption = None,
     begin_s: BeginOption = None,
     end_s: EndOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Write a recording as CSV.
@@ -42,7 +46,8 @@ def export(
     from piezod.records.telemetry_table import table_of
 
     path = checked_out(out, Path(f"{recording.stem}.csv"), (".csv",))
-    telemetry = read_part(recording, begin_s, end_s)
+    with local_file(recording, stage, socket) as file:
+        telemetry = read_part(file, begin_s, end_s)
     axes = telemetry.header.axes if axis is None else (telemetry.chosen_axis(axis),)
     table = table_of(telemetry, axes)
     write_csv(path, table)
