@@ -1,7 +1,7 @@
 """Arguments and options of the commands that read a recording, and their checks."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -74,8 +74,19 @@ def local_file(recording: Path, stage: str | None, socket: Path | None) -> Itera
         yield file
 
 
-def read_part(file: Path, begin_s: float | None, end_s: float | None) -> "RecordedTelemetry":
+def read_part(
+    file: Path,
+    begin_s: float | None,
+    end_s: float | None,
+    columns: Collection[str] | None = None,
+) -> "RecordedTelemetry":
     """Return a recording, or the part of it between two instants.
+
+    Args:
+        file: The file.
+        begin_s: Start of the part, in s; None for that of the recording.
+        end_s: End of the part, in s; None for that of the recording.
+        columns: Names of the columns to read; all if None.
 
     Raises:
         DataError: If the file is not a recording, or has no record in that part.
@@ -89,7 +100,7 @@ def read_part(file: Path, begin_s: float | None, end_s: float | None) -> "Record
     if not is_hdf5(file):
         raise DataError(f"{file}: this is not an HDF5 file; needed is one of `piezod record get`")
     begin, end = -inf if begin_s is None else begin_s, inf if end_s is None else end_s
-    telemetry = read_telemetry(file, begin, end)
+    telemetry = read_telemetry(file, begin, end, columns)
     if not telemetry.cycles["t_s"].size:
         raise DataError(f"{file}: no cycle is recorded in this part; choose another one")
     return telemetry
