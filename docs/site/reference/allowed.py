@@ -1,6 +1,7 @@
 """What a configuration key may contain: unit, range and default, from its annotation."""
 
 import builtins
+import collections.abc
 import re
 import types
 import typing
@@ -95,7 +96,7 @@ def _allowed(annotation: Any, metadata: Iterable[Any]) -> Allowed:
             found = _union([part for part in arguments if part is not type(None)])
         case builtins.tuple | builtins.list:
             found = _sequence(arguments, metadata)
-        case builtins.dict:
+        case builtins.dict | collections.abc.Mapping:
             found = Allowed("", f"name: {_allowed(arguments[1], ()).text}")
         case typing.Literal:
             found = Allowed("", ", ".join(map(code, arguments)))

@@ -11,6 +11,9 @@ from piezod.daemon.service.app import create_app
 _ROWS: Final = {(row.method.lower(), f"/v1/{row.path}"): row for row in TABLE.values()}
 
 
+_STATUS: Final = {"default": "any error"}
+
+
 def page() -> Iterator[str]:
     """Yield the page."""
     document = openapi()
@@ -52,9 +55,9 @@ def _operation(method: str, path: str, operation: dict[str, Any]) -> Iterator[st
     answers = []
     for status, answer in operation["responses"].items():
         for kind, content in answer.get("content", {"": {}}).items():
-            text = answer.get("description", "")
-            answers.append((status, code(kind), _type(content.get("schema", {})), text))
-    yield from table(("status", "content", "value", "meaning"), answers)
+            value = _type(content.get("schema", {}))
+            answers.append((_STATUS.get(status, status), code(kind), value))
+    yield from table(("status", "content", "value"), answers)
 
 
 def _properties(schema: dict[str, Any]) -> Iterator[str]:
@@ -80,7 +83,7 @@ def _type(schema: dict[str, Any]) -> str:
 
 
 def _plain(schema: dict[str, Any]) -> str:
-    kind = schema.get("type", "any")
+    kind = schema.get("type", "any value")
     if kind == "array":
         return f"array of {_type(schema.get('items', {}))}"
     if kind == "object" and (inner := schema.get("additionalProperties")):

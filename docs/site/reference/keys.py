@@ -79,5 +79,6 @@ def _table(model: type[BaseModel], prefix: str = "") -> Iterable[str]:
     for name, field in model.model_fields.items():
         may = allowed(field)
         text = may.text.replace("](#", f"](#{prefix}")
-        rows.append((code(name), may.unit, text, default(field), sentence(field.description or "")))
+        meaning = field.description or ("selects this form" if name == "kind" else "")
+        rows.append((code(name), may.unit, text, default(field), sentence(meaning)))
     return table(_HEAD, rows)
