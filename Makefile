@@ -4,6 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 PEERS := build/peers/.installed
 BENCH_PEERS := build/bench-peers/.installed
+DOCS_ENV := build/docs-env/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
 # More workers than the fewest cores: many tests wait for a device or a daemon most of the time.
@@ -14,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test coverage stress peers fuzz check lint bench bench-peers figures lock clean
+.PHONY: help demo docs docs-test test coverage stress peers fuzz check lint bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
@@ -35,6 +36,13 @@ stress: $(STAMP) ## run the tests that take longer
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers
+
+docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
+	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
+	@echo "Site: build/docs/index.html. With search: $(BIN)/python -m http.server --directory build/docs"
+
+docs-test: $(STAMP) $(DOCS_ENV) ## run the long commands of the documentation, its notebook and its site
+	$(BIN)/python -m pytest -rs -m docs tests/docs
 
 fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
 	$(BIN)/python -m tests.drivers.bus.fuzz
@@ -75,6 +83,10 @@ $(STAMP): requirements.lock pyproject.toml .ci/setup
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 	@.ci/setup-peers
+	@touch $@
+
+$(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
+	@.ci/setup-docs
 	@touch $@
 
 $(BENCH_PEERS): benchmarks/peers/requirements.txt .ci/setup-bench-peers

@@ -28,6 +28,7 @@ class Forked:
         arguments: Of `piezod`.
         streams: What it has for standard input, output and error; they stay open here.
         environ: Its environment; this process's if not given.
+        folder: Its current folder; this process's if not given.
 
     Attributes:
         pid: Its number.
@@ -38,9 +39,10 @@ class Forked:
         arguments: Sequence[str],
         streams: tuple[int, int, int],
         environ: Mapping[str, str] | None = None,
+        folder: Path | None = None,
     ) -> None:
         theirs = [Connection(os.dup(each)) for each in streams]
-        what = tuple(arguments), str(Path.cwd()), dict(environ or os.environ), theirs
+        what = tuple(arguments), str(folder or Path.cwd()), dict(environ or os.environ), theirs
         self._process = _SERVER.Process(target=_run, args=what, daemon=True)
         self._process.start()
         for each in theirs:
@@ -72,6 +74,10 @@ class Forked:
     def terminate(self) -> None:
         """Tell it to end."""
         self.send_signal(signal.SIGTERM)
+
+    def interrupt(self) -> None:
+        """Send it Ctrl-C."""
+        self.send_signal(signal.SIGINT)
 
     def kill(self) -> None:
         """End it."""

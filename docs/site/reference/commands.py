@@ -1,0 +1,49 @@
+"""The commands, from their help."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from typer.main import get_command
+
+from docs.site.reference.text import code, one_line, table
+from piezod.cli.main import app
+
+
+def page() -> Iterator[str]:
+    """Yield the page."""
+    program: Any = get_command(app)
+    context = program.make_context("piezod", [], resilient_parsing=True)
+    yield "# Commands"
+    yield ""
+    yield one_line(program.help)
+    yield from _parameters(program, context)
+    heading = ""
+    for words, command, inner in _commands(program, context):
+        panel = command.rich_help_panel or heading
+        if panel != heading:
+            heading = panel
+            yield f"\n## {heading}\n"
+        usage = " ".join(command.collect_usage_pieces(inner))
+        yield f"\n### `{words}` {{ #{words.replace(' ', '-')} }}\n"
+        yield f"```text\n{words} {usage}\n```\n"
+        yield from ("\n".join(map(one_line, command.help.split("\n\n"))).replace("\n", "\n\n"), "")
+        yield from _parameters(command, inner)
+    title, _, codes = program.epilog.partition(": ")
+    yield f"\n## {title}\n"
+    yield one_line(codes)
+
+
+def _commands(group: Any, context: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Yield each command with its words and context; a family is followed by its commands."""
+    for name in group.list_commands(context):
+        command = group.commands[name]
+        inner = type(context)(command, info_name=name, parent=context)
+        yield inner.command_path, command, inner
+        if hasattr(command, "commands"):
+            yield from _commands(command, inner)
+
+
+def _parameters(command: Any, context: Any) -> Iterator[str]:
+    records = (parameter.get_help_record(context) for parameter in command.get_params(context))
+    rows = [record for record in records if record and not record[0].startswith("--help")]
+    yield from table(("option", "meaning"), ((code(name), text) for name, text in rows))

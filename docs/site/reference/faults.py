@@ -1,0 +1,71 @@
+"""The faults, from the table of faults."""
+
+from collections.abc import Iterator
+
+from docs.site.reference.text import code, sentence, table
+from piezod.control.faults.cases import CASES, Case
+from piezod.control.faults.table import FAULTS, Escalation, FaultRule, Latch, Source
+from piezod.devices import registry
+from piezod.units import NS_PER_S
+
+ENDS = {
+    Latch.L0: "by itself",
+    Latch.L1: "`piezod resume`",
+    Latch.L2: "`piezod reset`",
+    Latch.L3: "`piezod reset --engineer`",
+}
+
+
+def page() -> Iterator[str]:
+    """Yield the page."""
+    yield "# Table of faults"
+    yield ""
+    yield "[Faults](../faults.md) explains the reactions, and what ends a fault."
+    drivers = {name: registry.load(name).sees for name in registry.names()}
+    for source in Source:
+        yield f"\n## {source.name.capitalize()}\n"
+        for rule in FAULTS:
+            if rule.source is source:
+                yield from _fault(
+                    rule, [code(name) for name in drivers if rule.id in drivers[name]]
+                )
+
+
+def _fault(rule: FaultRule, drivers: list[str]) -> Iterator[str]:
+    yield f"\n### {rule.id} {rule.name} {{ #{rule.id.lower()} }}\n"
+    rows = [("severity", rule.severity), ("reaction", _reaction(rule)), ("ends", _ends(rule))]
+    others = [(case, each) for (fault, case), each in CASES.items() if fault is rule.id]
+    for case, each in others:
+        if case is not Case.SINGLE:
+            rows.append((f"reaction: {case.value}", f"{_reaction(each)}; ends: {_ends(each)}"))
+    rows.append(("what to do", sentence(rule.remedy)))
+    if drivers:
+        rows.append(("drivers that detect it", ", ".join(drivers)))
+    yield from table(("", ""), rows)
+
+
+def _reaction(rule: FaultRule) -> str:
+    text, present = rule.reaction.name, rule.reaction
+    for step in _steps(rule):
+        if step.reaction is not present:
+            text, present = f"{text}, {step.reaction.name} after {_when(step)}", step.reaction
+    return text
+
+
+def _ends(rule: FaultRule) -> str:
+    text, present = ENDS[rule.latch], rule.latch
+    for step in _steps(rule):
+        if step.latch is not present:
+            text, present = f"{text}, {ENDS[step.latch]} after {_when(step)}", step.latch
+    return text
+
+
+def _steps(rule: FaultRule) -> Iterator[Escalation]:
+    step = rule.escalation
+    while step is not None:
+        yield step
+        step = step.then
+
+
+def _when(step: Escalation) -> str:
+    return f"{step.after_ns / NS_PER_S:g} s" if step.after_ns else f"{step.cycles} cycles"

@@ -1,0 +1,121 @@
+"""What the blocks of a page find before the first one: files, and a running stage."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from piezod.config import requests
+from piezod.config.modes import Mode
+from piezod.records.csv_file import write_csv
+from tests.docs.blocks import ROOT
+from tests.experiment.conftest import SHORT
+from tests.recorded import RATE_HZ, new_stage, sine, write_recording
+
+SOCKET_FOLDER: Final = "{XDG_RUNTIME_DIR}/piezod/simulated"
+RUN: Final = "piezod run config/simulated.yaml"
+QUICK: Final = (
+    "docs/client.md",
+    "docs/commissioning.md",
+    "docs/how-to/read-a-recording.md",
+    "docs/monitoring.md",
+    "docs/stage.md",
+)
+"""Pages that `make test` runs; all of them take 16 s of processor time."""
+ELSEWHERE: Final = {"docs/writing-a-driver.md": "tests/devices/test_writing_a_driver.py"}
+"""Pages whose blocks form one program, and the test that runs it."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the blocks of a page need.
+
+    Attributes:
+        before: Commands that run before the first block, such as those of a second terminal.
+        files: Functions that write files into a folder.
+        words: Words of the page, and what stands for them.
+    """
+
+    before: str = ""
+    files: tuple[Callable[[Path], None], ...] = ()
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    def prepare(self, folder: Path) -> None:
+        """Write the files."""
+        for write in self.files:
+            write(folder)
+
+
+def recording(folder: Path) -> None:
+    """Write a recording in three modes, as a daemon makes it, and its samples as CSV."""
+    stage = new_stage()
+    stage.do(requests.Arm())
+    for mode in (Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE):
+        stage.do(requests.SelectMode(mode=mode), sine(2.0, 22.0, 1.0, 1.9))
+        stage.run(2.0)
+    write_recording(folder / "scan.h5", stage)
+    axes = [record.axes[0] for record in stage.records]
+    columns = {
+        "t_s": np.arange(len(axes)) / RATE_HZ,
+        "drive_v": np.array([axis.in_force_v for axis in axes]),
+        "position_um": np.array([axis.position_um for axis in axes]),
+    }
+    write_csv(folder / "record.csv", columns)
+
+
+def experiment(folder: Path) -> None:
+    """Write an experiment that takes a second."""
+    (folder / "my.yaml").write_text(SHORT, encoding="utf-8")
+
+
+def stage(folder: Path) -> None:
+    """Write the configuration of a stage."""
+    text = (ROOT / "config" / "simulated.yaml").read_text(encoding="utf-8")
+    (folder / "my.yaml").write_text(text.replace("models/", "config/models/"), encoding="utf-8")
+
+
+def fast_stage(folder: Path) -> None:
+    """Write the configuration of a stage at 2 kHz."""
+    stage(folder)
+    file = folder / "my.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("rate_hz: 200", "rate_hz: 2000"), encoding="utf-8")
+
+
+def model(folder: Path) -> None:
+    """Write a model file."""
+    text = (ROOT / "config" / "models" / "simulated-stack.yaml").read_text(encoding="utf-8")
+    (folder / "other.yaml").write_text(text, encoding="utf-8")
+
+
+def wave(folder: Path) -> None:
+    """Write the waveform of the page about players."""
+    text = "command_um: {kind: sine, low: 8, high: 16, frequency_hz: 50}\n"
+    (folder / "wave.yaml").write_text(text, encoding="utf-8")
+
+
+SETTINGS: Final[Mapping[str, Setting]] = {
+    "README.md": Setting(
+        files=(recording, experiment),
+        words={"NAME.h5": "scan.h5", "DATA.csv": "record.csv", "OTHER.csv": "record.csv"},
+    ),
+    "docs/client.md": Setting(before=RUN, words={"/run/piezod/bench": SOCKET_FOLDER}),
+    "docs/commissioning.md": Setting(files=(stage,)),
+    "docs/experiments.md": Setting(files=(experiment,)),
+    "docs/how-to/read-a-recording.md": Setting(files=(recording,)),
+    "docs/identify.md": Setting(
+        files=(recording,), words={"DATA": "record.csv", "OTHER": "record.csv"}
+    ),
+    "docs/monitoring.md": Setting(before=RUN, words={"/run/piezod/stage1": SOCKET_FOLDER}),
+    "docs/players.md": Setting(before=RUN, files=(wave,)),
+    "docs/recordings.md": Setting(
+        before=RUN,
+        files=(recording, model),
+        words={"record get NAME": "record stop; piezod record get NAME", "NAME.h5": "scan.h5"},
+    ),
+    "docs/response.md": Setting(files=(fast_stage, recording), words={"NAME.h5": "scan.h5"}),
+    "docs/troubleshooting.md": Setting(before=RUN),
+}
+"""Pages with other needs than none."""
