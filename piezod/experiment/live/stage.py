@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from piezod.client import StageClient
+from piezod.client.arrival import because_of
 from piezod.client.calls import Waveforms
 from piezod.client.results import Document
 from piezod.client.telemetry import Telemetry as Interval
@@ -197,7 +198,7 @@ class LiveStage:
             for name in command_um:
                 if interval.state == State.RUN and interval.axes[name].mode != mode:
                     what = f"axis {name}: the mode has become {interval.axes[name].mode}"
-                    raise NotReachedError(what + _fault_text(interval), code="mode")
+                    raise NotReachedError(what + because_of(interval), code="mode")
             if interval.axes[first].motion == motion:
                 start_s = min(start_s, interval.t_s)
             return interval.state == State.RUN and interval.t_s - start_s >= longest_s
@@ -262,10 +263,6 @@ class LiveStage:
                 if done(interval):
                     return interval
                 if interval.state not in through:
-                    what = f"the stage is in {interval.state}{_fault_text(interval)}"
+                    what = f"the stage is in {interval.state}{because_of(interval)}"
                     raise NotReachedError(what, "see `piezod faults`", "state")
         raise NotRunningError("the telemetry has ended", "is the daemon still running?")
-
-
-def _fault_text(interval: Interval) -> str:
-    return f" because of {', '.join(interval.faults)}" if interval.faults else ""
