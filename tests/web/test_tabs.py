@@ -6,6 +6,7 @@ import threading
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -14,8 +15,8 @@ from websockets.sync.client import ClientConnection
 from piezod.client import StageClient
 from piezod.config.endpoints import Role
 from piezod.control.stage.answer import Answer
-from piezod.errors import RefusedError
-from piezod.web import protocol
+from piezod.errors import NotAllowedError, RefusedError
+from piezod.web import connections, protocol
 from piezod.web.tab import MOST_CALLS
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
@@ -206,6 +207,26 @@ def flooded(connection: ClientConnection) -> bool:
     except (ConnectionClosed, OSError):
         return True
     return False
+
+
+def test_socket_that_is_closed_to_this_user(
+    web: Web, daemon: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The error names the group that opens the socket: the daemon itself has not ended."""
+    refusal = NotAllowedError("not for this user", "become a member of the group piezod-view")
+    monkeypatch.setattr(connections, "check_socket", Mock(side_effect=refusal))
+    with web.tab() as tab:
+        know(tab)
+        other = daemon.socket.with_name("moved.sock")
+        daemon.socket.rename(other)
+        try:
+            for each in tuple(daemon.server.server_state.connections):
+                each.transport.get_extra_info("socket").shutdown(socket.SHUT_RDWR)
+            error = tab.call("/v1/status", method="GET")["error"]
+        finally:
+            other.rename(daemon.socket)
+
+    assert (error["code"], error["remedy"]) == ("not_allowed", refusal.remedy)
 
 
 def test_daemon_that_ends_and_starts_again(tmp_path: Path) -> None:
