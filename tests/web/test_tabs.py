@@ -17,10 +17,11 @@ from piezod.config.endpoints import Role
 from piezod.control.stage.answer import Answer
 from piezod.errors import NotAllowedError, RefusedError
 from piezod.web import connections, protocol
+from piezod.web import tab as tab_module
 from piezod.web.tab import MOST_CALLS
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
-from tests.web.browser import Tab, Web
+from tests.web.browser import Tab, Web, close_code
 from tests.web.conftest import new_daemon
 
 
@@ -194,6 +195,19 @@ def test_tab_that_does_not_read_is_closed(
         assert tab.event("telemetry")
         assert web.stages is not None
         eventually(lambda: web.stages and web.stages.tabs == 1)
+
+
+def test_texts_that_wait_are_bounded(
+    web: Web, daemon: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tab for which too much text waits is closed at once; others go on."""
+    monkeypatch.setattr(tab_module, "MOST_WAITING", 100_000)
+    with web.tab() as tab, web.tab() as other:
+        assert tab.call("/v1/config", method="GET")["ok"]
+        daemon.stage.configuration = {"text": "x" * 200_000}
+        tab.connection.send(CONFIG)
+        close_code(tab.connection)
+        assert other.ask(do="stages")["ok"]
 
 
 CONFIG = '{"id": 1, "do": "call", "stage": "bench", "method": "GET", "path": "/v1/config"}'
