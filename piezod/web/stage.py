@@ -17,6 +17,8 @@ from piezod.web.rows import Pacer, Row, encoded, with_time
 STATUS_EACH_S: Final = 1.0
 """Time between two requests of the status of a stage that is watched, in s."""
 UNWATCHED_EACH_S: Final = 3.0
+AT_MOST_EACH_S: Final = 0.2
+"""Shortest time between two of them: near its tolerance a stage changes in every interval."""
 _AGAIN_S: Final = 0.3
 """Time until the next attempt to open the telemetry, in s."""
 _MEASURED: Final = ("skipped_cycles", "gate")
@@ -102,6 +104,7 @@ class WebStage:
             except PageError as error:
                 if error.document["code"] in GONE and not self._watchers:
                     self._set_down(error)
+            await asyncio.sleep(AT_MOST_EACH_S)
             each_s = STATUS_EACH_S if self._watchers else UNWATCHED_EACH_S
             with suppress(TimeoutError):
                 async with asyncio.timeout(each_s):
