@@ -19,7 +19,7 @@ from piezod.records.telemetry_header import TelemetryHeader
 from piezod.records.telemetry_header_reader import read_header
 from piezod.telemetry.record import StageEvent
 
-_PORTION: Final = 2**17
+_PORTION: Final = 2**15
 """Records that a portion has at most."""
 _WEIGHTS: Final = ("weights", "weights_t_s", "weights_form")
 
@@ -162,7 +162,7 @@ def read_portions(
     end_s: float = inf,
     columns: Collection[str] | None = None,
 ) -> Iterator[RecordedTelemetry]:
-    """Yield a recording in portions of some 100,000 records; at least one, which may be empty.
+    """Yield a recording in portions of some 30,000 records; at least one, which may be empty.
 
     Arguments and errors are those of `read_telemetry`.
     """
