@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.recording import Recording
 from piezod.records.telemetry_columns import ENTRY, FORMS
 from piezod.records.telemetry_events import AdoptedModel, read_events, read_models
@@ -178,7 +179,8 @@ def read_portions(
 
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.Group]:
-    with h5py.File(path, "r", swmr=True, libver="v110") as file:
+    cache = CHUNK_CACHE_BYTES
+    with h5py.File(path, "r", swmr=True, libver="v110", rdcc_nbytes=cache) as file:
         try:
             entry = file[ENTRY]
             _ = [entry[name] for name in ("cycles", "gaps")]
