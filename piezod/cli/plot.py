@@ -43,11 +43,11 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
     """
     from piezod.cli.output import new_console, print_json
     from piezod.records.figures.style import FORMATS, save_figure
-    from piezod.records.figures.telemetry import telemetry_figure
+    from piezod.records.figures.telemetry import COLUMNS, telemetry_figure
 
     path = checked_out(out, Path(f"{recording.stem}.png"), FORMATS)
     with local_file(recording, stage, socket) as file:
-        telemetry = read_part(file, begin_s, end_s)
+        telemetry = read_part(file, begin_s, end_s, COLUMNS)
     name = telemetry.chosen_axis(axis)
     save_figure(path, telemetry_figure(telemetry, name))
     if json:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.recording import Recording
 from piezod.records.telemetry_columns import ENTRY, FORMS
 from piezod.records.telemetry_events import AdoptedModel, read_events, read_models
@@ -19,7 +20,7 @@ from piezod.records.telemetry_header import TelemetryHeader
 from piezod.records.telemetry_header_reader import read_header
 from piezod.telemetry.record import StageEvent
 
-_PORTION: Final = 2**17
+_PORTION: Final = 2**15
 """Records that a portion has at most."""
 _WEIGHTS: Final = ("weights", "weights_t_s", "weights_form")
 
@@ -162,7 +163,7 @@ def read_portions(
     end_s: float = inf,
     columns: Collection[str] | None = None,
 ) -> Iterator[RecordedTelemetry]:
-    """Yield a recording in portions of some 100,000 records; at least one, which may be empty.
+    """Yield a recording in portions of some 30,000 records; at least one, which may be empty.
 
     Arguments and errors are those of `read_telemetry`.
     """
@@ -178,7 +179,8 @@ def read_portions(
 
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.Group]:
-    with h5py.File(path, "r", swmr=True, libver="v110") as file:
+    cache = CHUNK_CACHE_BYTES
+    with h5py.File(path, "r", swmr=True, libver="v110", rdcc_nbytes=cache) as file:
         try:
             entry = file[ENTRY]
             _ = [entry[name] for name in ("cycles", "gaps")]

@@ -273,6 +273,19 @@ def test_recording_survives_a_full_disk(file: Path) -> None:
     np.testing.assert_array_equal(seqs, np.arange(seqs.size))
 
 
+def test_memory_does_not_grow_with_the_file(file: Path) -> None:
+    """The supervisor records for days: HDF5 keeps no chunk that has been written."""
+    with TelemetryWriter(file, replace(header(), rate_hz=20_000.0), record_dtype()) as writer:
+        portion = records(0, 8192)
+        sizes_mb = []
+        for _ in range(40):
+            writer.append(portion)
+            pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+            sizes_mb.append(int(pages) * os.sysconf("SC_PAGESIZE") / 1e6)
+
+    assert sizes_mb[-1] - sizes_mb[4] < 5.0
+
+
 def test_file_explains_itself(file: Path) -> None:
     """With h5py alone each column shows its unit, its meaning, and the names of its numbers."""
     write(file, (0, 3))

@@ -1,5 +1,6 @@
 """Recordings in several files, with events and models, and the limit of their folder."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -206,6 +207,27 @@ def test_recording_beyond_the_limit_ends(recorder: Recorder) -> None:
 
     assert "fetch and delete some, or raise max_total_mb" in recorder.status.why
     assert recorder.status.disk_full
+
+
+@pytest.mark.fault("P6")
+def test_disk_without_room_for_the_next_file(
+    recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The recording ends with the reason, and the file before is complete."""
+    recorder.start(header(), limits=EVERY_SECOND)
+    run(recorder, ring, 1000)
+
+    def fail(*_arguments: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", fail)
+    ring.run(500)
+    eventually(lambda: not recorder.status.recording)
+    (found,) = files(recorder)
+
+    assert "No space left" in recorder.status.why
+    assert (recorder.status.disk_full, recorder.status.files) == (True, 1)
+    np.testing.assert_array_equal(found.cycles["seq"], np.arange(300, 1300))
 
 
 KILLED = """
