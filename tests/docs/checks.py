@@ -15,13 +15,27 @@ from tests.docs.blocks import ROOT, Block
 
 SYSTEM: Final = frozenset(
     {
-        *(".", "cp", "curl", "env", "grep", "mv", "pip", "pipx", "python", "python3", "sleep"),
+        *(
+            ".",
+            "cp",
+            "curl",
+            "echo",
+            "env",
+            "grep",
+            "mv",
+            "pip",
+            "pipx",
+            "python",
+            "python3",
+            "sleep",
+            "ssh",
+        ),
         *("journalctl", "setpriv", "udevadm", "usermod"),
         *("systemctl", "systemd-sysusers", "systemd-tmpfiles"),
     }
 )
 """Programs that piezod does not bring."""
-WITHOUT_PIEZOD: Final = frozenset({"pandas"})
+WITHOUT_PIEZOD: Final = frozenset({"pandas", "pyarrow"})
 """Modules that a block may import and the tests do not have."""
 _END: Final = frozenset({"&&", "||", "|", ";", "&"})
 _MAKE: Final = re.compile(r"^([a-z-]+):", re.MULTILINE)

@@ -13,14 +13,16 @@ from tests.daemon.waiting import eventually
 from tests.forked import Forked
 
 Streams: TypeAlias = tuple[int, int, int]
-READY: Final = {"run": "ready", "emulate": "serving"}
-"""Commands that run until somebody ends them, and a word that they print when they are ready.
+READY: Final = {"run": "ready ", "emulate": "serving ", "web": "?token="}
+"""Commands that run until somebody ends them, and a text that they print when they are ready.
 
 The server leaves them running, as in a terminal of their own, and the shell goes on.
 """
 ENDLESS: Final = "watch"
 """It prints until Ctrl-C: the server interrupts it after its first output."""
 READY_WITHIN_S: Final = 90.0
+LONGEST_S: Final = 1200.0
+"""Longest time of a command, in s: a generous one, for a busy machine."""
 SLOWER: Final = {"rate_hz: 200\n": "rate_hz: 20\n", "gain_per_s: 50,": "gain_per_s: 5,"}
 """Changes to the shipped configuration for a rate that a busy machine keeps."""
 
@@ -89,7 +91,7 @@ class CommandServer:
             return self._leave_running(arguments, folder)
         if verb == ENDLESS:
             return self._interrupt(arguments, folder, streams)
-        return Forked(arguments, streams, self._environ, folder).wait(120.0)
+        return Forked(arguments, streams, self._environ, folder).wait(LONGEST_S)
 
     def _slow_down(self, config: Path) -> None:
         text = config.read_text(encoding="utf-8")
@@ -106,7 +108,7 @@ class CommandServer:
 
         def ready() -> bool:
             assert process.poll() is None, log.read_text("utf-8")
-            return f"{READY[arguments[0]]} " in log.read_text("utf-8")
+            return READY[arguments[0]] in log.read_text("utf-8")
 
         eventually(ready, READY_WITHIN_S)
         return 0

@@ -106,16 +106,24 @@ SETTINGS: Final[Mapping[str, Setting]] = {
     "docs/experiments.md": Setting(files=(experiment,)),
     "docs/how-to/read-a-recording.md": Setting(files=(recording,)),
     "docs/identify.md": Setting(
-        files=(recording,), words={"DATA": "record.csv", "OTHER": "record.csv"}
+        before=RUN, files=(recording,), words={"DATA": "record.csv", "OTHER": "record.csv"}
     ),
     "docs/monitoring.md": Setting(before=RUN, words={"/run/piezod/stage1": SOCKET_FOLDER}),
     "docs/players.md": Setting(before=RUN, files=(wave,)),
     "docs/recordings.md": Setting(
         before=RUN,
         files=(recording, model),
-        words={"record get NAME": "record stop; piezod record get NAME", "NAME.h5": "scan.h5"},
+        words={
+            "record get NAME": "record stop; piezod record get NAME",
+            "NAME.h5": "scan.h5",
+            **{f"record {verb} NAME": f"record {verb} scan.h5" for verb in ("plot", "replay")},
+        },
     ),
-    "docs/response.md": Setting(files=(fast_stage, recording), words={"NAME.h5": "scan.h5"}),
+    "docs/response.md": Setting(
+        files=(fast_stage,),
+        words={"piezod response --from NAME.h5": "piezod record get NAME --out m.h5 &&"}
+        | {"# evaluates": "piezod response --from m.h5  # evaluates"},
+    ),
     "docs/troubleshooting.md": Setting(before=RUN),
 }
 """Pages with other needs than none."""

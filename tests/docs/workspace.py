@@ -68,7 +68,6 @@ class Workspace:
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
-            timeout=600,
             check=False,
         )
         output = done.stdout + done.stderr

@@ -53,11 +53,13 @@ def default(field: FieldInfo) -> str:
         return "required"
     if value is None or value is PydanticUndefined:
         return "–"
+    if value in ("", (), {}):
+        return "empty"
     if isinstance(value, BaseModel):
         return "its defaults"
     if isinstance(value, bool):
         return code(str(value).lower())
-    return code(f"{value:g}" if isinstance(value, float) else value) if value != "" else "empty"
+    return code(f"{value:g}" if isinstance(value, float) else value)
 
 
 def models_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -16,6 +16,8 @@ def page() -> Iterator[str]:
     yield "# Commands"
     yield ""
     yield one_line(program.help)
+    yield ""
+    yield "Every command also has `--help`."
     yield from _parameters(program, context)
     heading = ""
     for words, command, inner in _commands(program, context):
@@ -44,6 +46,11 @@ def _commands(group: Any, context: Any) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _parameters(command: Any, context: Any) -> Iterator[str]:
-    records = (parameter.get_help_record(context) for parameter in command.get_params(context))
-    rows = [record for record in records if record and not record[0].startswith("--help")]
-    yield from table(("option", "meaning"), ((code(name), text) for name, text in rows))
+    records = (
+        parameter.get_help_record(context)
+        for parameter in command.get_params(context)
+        if parameter.name != "help"  # every command has it
+    )
+    # The name of an argument, without that of its type in Python.
+    rows = ((code(name.partition(" <")[0]), text) for name, text in filter(None, records))
+    yield from table(("option", "meaning"), rows)
