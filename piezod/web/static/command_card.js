@@ -1,6 +1,6 @@
 /** A group of controls, with the answer of the stage beside them: what was refused, and what helps. */
 
-import { el, newId } from "./dom.js";
+import { el, newId, withCode } from "./dom.js";
 
 /** A card of controls. `run` sends a request and shows its refusal in the card. */
 export class CommandCard {
@@ -10,6 +10,7 @@ export class CommandCard {
    */
   constructor(title, ...children) {
     const id = newId("card");
+    this.said = "";
     this.refusal = el("p", { class: "refusal", role: "status" });
     this.element = el(
       "section", { class: "control-card", "aria-labelledby": id }, el("h2", { id }, title), ...children, this.refusal,
@@ -18,7 +19,9 @@ export class CommandCard {
 
   /** Show a text that says why something is not possible; "" removes it. */
   say(text) {
-    if (this.refusal.textContent !== text) this.refusal.textContent = text;
+    if (this.said === text) return;
+    this.said = text;
+    this.refusal.replaceChildren(...withCode(text));
   }
 
   /** Wait for a request; return its result, or null after its refusal was shown. */

@@ -32,6 +32,11 @@ export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** Return a text as nodes: what stands between back quotes is code, as in `piezod status`. */
+export function withCode(text) {
+  return text.split("`").map((part, index) => (index % 2 ? el("code", {}, part) : part)).filter((part) => part !== "");
+}
+
 let numbers = 0;
 
 /** Return an id that no other element has, for labels and descriptions. */

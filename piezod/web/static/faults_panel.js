@@ -1,6 +1,6 @@
 /** The faults of a stage with their remedies. A new one is read out at once. */
 
-import { el } from "./dom.js";
+import { el, withCode } from "./dom.js";
 import { announce } from "./notices.js";
 
 const SHOWN_MS = 10_000; // a fault that ends by itself stays so long: people read slower than cycles
@@ -46,7 +46,7 @@ export function faultsPanel() {
 function faultLine({ id, name, latched, remedy }, now) {
   return el(
     "li", { class: latched ? "fault" : "fault mild" },
-    el("strong", { class: "fault-id" }, id), el("span", {}, name), el("span", { class: "remedy" }, `What to do: ${remedy}`),
+    el("strong", { class: "fault-id" }, id), el("span", {}, name), el("span", { class: "remedy" }, "What to do: ", withCode(remedy)),
     el("span", { class: "fault-now" }, now),
   );
 }

@@ -3,7 +3,7 @@
 import { baseOptions } from "./charts.js";
 import { button } from "./command_card.js";
 import { el } from "./dom.js";
-import { clockTime, fixed } from "./format.js";
+import { fixed } from "./format.js";
 import { facts } from "./panels.js";
 import { colour, onTheme } from "./theme.js";
 
@@ -21,7 +21,7 @@ export function modelPanel(context, axis) {
   const plot = el("div", { class: "plot small", role: "img", "aria-label": "Weights of the model" });
   const note = el("p", { class: "note" });
   const { list, set } = facts({
-    method: "identified by", made: "identified", drift: "drift of the return point", gain: "change of gain", change: "weights changed by",
+    method: "identified by", drift: "drift of return point", gain: "change of gain", change: "weights changed by",
   });
   // Dialogs of their own, loaded when they are opened.
   const open = async (file) => (await import(file)).open(context);
@@ -44,19 +44,18 @@ export function modelPanel(context, axis) {
   const take = (params) => {
     const weights = weightsOf(params.model);
     if (first?.axis !== axis.name() || first.weights.length !== weights.length) {
-      first = { axis: axis.name(), weights, when: new Date() };
+      first = { axis: axis.name(), weights };
     }
     shown = params;
     draw(weights);
     const size = Math.hypot(...first.weights);
     const change = Math.hypot(...weights.map((each, index) => each - first.weights[index]));
     set("method", params.model.method);
-    set("made", new Date(params.model.created_at).toLocaleString("en-GB"));
-    set("drift", `${fixed(100 * params.offset, 3)} % of the range`);
+    set("drift", `${fixed(100 * params.offset, 3)} % of range`);
     set("gain", `${fixed(100 * params.scale, 3)} %`);
-    set("change", `${fixed(size ? (100 * change) / size : 0, 2)} % since ${clockTime(first.when)}`);
+    set("change", `${fixed(size ? (100 * change) / size : 0, 2)} %`);
     const surface = params.model.surface_coefficients?.length;
-    note.textContent = surface ? "coefficients of the surface" : "weights of the right stops, then of the left stops";
+    note.textContent = surface ? "Coefficients of the surface. Dots: when this page was opened." : "Weights: right stops, then left. Dots: when this page was opened.";
   };
   const draw = (weights) => {
     const data = [weights.map((_, index) => index + 1), weights, first.weights];

@@ -103,14 +103,13 @@ export function facts(rows) {
 /** Return the details of axis and timing. */
 export function detailsPanel(context, axis) {
   const { list, set } = facts({
-    mode: "mode", target: "target", gate: "learning", trim: "trim", readBack: "read-back voltage", rate: "loop rate",
-    skipped: "skipped cycles", realtime: "not real-time", device: "device",
+    target: "target", gate: "learning", trim: "trim", readBack: "read-back voltage", rate: "loop rate",
+    skipped: "skipped cycles", realtime: "not real-time",
   });
   const element = el("section", { class: "panel" }, el("h2", {}, "Axis and loop"), list);
   const show = ({ up, status }) => {
     const values = status?.axes?.[axis.name()];
     if (!up || !values) return;
-    set("mode", values.mode);
     set("target", values.target_um == null ? "–" : `${microns(values.target_um)} µm${values.on_target ? ", reached" : ""}`);
     set("gate", values.gate ?? "–");
     set("trim", values.trim_um == null ? "–" : `${microns(values.trim_um)} µm`);
@@ -118,8 +117,6 @@ export function detailsPanel(context, axis) {
     set("rate", axis.config() ? `${short(axis.config().rate_hz)} Hz` : "–");
     set("skipped", status.skipped_cycles.toLocaleString("en-GB"));
     set("realtime", status.not_realtime?.join(", ") || "nothing is missing");
-    const devices = (status.devices ?? []).map(({ identity }) => `${identity.maker} ${identity.model}`.trim());
-    set("device", [...new Set(devices)].join(", ") || "–");
   };
   return { element, show };
 }

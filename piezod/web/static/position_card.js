@@ -60,7 +60,7 @@ export function positionCard(context, axis) {
     button("−", (event) => jog(-1, event), { "aria-label": "One step down", "aria-keyshortcuts": "ArrowLeft ArrowDown" }),
     el("span", { class: "with-unit" }, step, el("span", { class: "unit" }, "µm")),
     button("+", (event) => jog(1, event), { "aria-label": "One step up", "aria-keyshortcuts": "ArrowRight ArrowUp" }),
-    el("span", { class: "hint" }, "or arrow keys; Shift ×10"),
+    el("span", { class: "hint", title: "With Shift, a step is ten times as large" }, "or arrow keys"),
   );
   jogGroup.addEventListener("keydown", (event) => {
     if (!(event.key in KEYS) || event.target === step) return;

@@ -85,7 +85,7 @@ export function mount(element, context) {
       el("section", { class: "controls", "aria-label": "Controls" }, axes, commands.elements),
       el(
         "section", { class: "middle", "aria-label": "Measured values" },
-        readouts.element, spanChoice(clock, painter), el("div", { class: "charts" }, charts.map(({ figure }) => figure)),
+        readouts.element, spanChoice(clock, painter), charts[0].figure, el("div", { class: "charts" }, charts.slice(1).map(({ figure }) => figure)),
       ),
       el("section", { class: "side", "aria-label": "Details" }, faults.element, details.element, model.element, events.element),
     ),
@@ -94,7 +94,9 @@ export function mount(element, context) {
   const show = (stage, change) => {
     showAxes(axes, stage, axis, () => show(context.stage()));
     for (const panel of [head, banner, faults, commands, details, model, events]) panel.show(stage, change);
-    if (change?.up) axis.ask().then(() => commands.show(context.stage()));
+    if (change?.up) axis.ask().then(() => {
+      for (const panel of [commands, details]) panel.show(context.stage());
+    });
   };
   const forgets = [
     context.onStage(show),
