@@ -113,7 +113,8 @@ export class TimeChart {
   #create(width, height) {
     const { series, unit } = this.options;
     const base = baseOptions({ unit, width, height });
-    base.axes[0].values = (_, splits) => splits.map((each) => clockTime(each));
+    // A time at the very end would be cut off.
+    base.axes[0].values = (u, splits) => splits.map((each) => (u.valToPos(each, "x") > u.width - SCALE_PX - 36 ? "" : clockTime(each)));
     this.chart = new uPlot({
       ...base,
       scales: {

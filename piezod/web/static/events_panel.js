@@ -52,7 +52,7 @@ export function eventsPanel(context) {
 
 /** Add what has changed: the state, faults, and whether the daemon answers. */
 function compare(log, { up, status }, change, add) {
-  if (change.event === "stage" && !change.up) add(`the daemon does not answer since ${clockTime(change.since)}`, "bad");
+  if (change.event === "stage" && !change.up) add(`the daemon has not answered since ${clockTime(change.since)}`, "bad");
   if (change.missing) add(`the daemon answers; no data from ${clockTime(change.missing.from)} to ${clockTime(change.missing.to)}`, "warn");
   if (change.connection === false && log.state !== "lost") add("no connection to piezod web", "bad");
   if (change.connection === false) log.state = "lost";

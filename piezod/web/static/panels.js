@@ -27,7 +27,7 @@ export function headPanel(context) {
     setText(badge, state + (status?.shadow ? " · shadow" : ""));
     badge.dataset.state = state;
     const why = up && status ? reason(status) : "";
-    setText(meaning, up ? [MEANINGS[state] ?? "", why].filter(Boolean).join(" Because of ") : "");
+    setText(meaning, up ? [MEANINGS[state] ?? "", why && `Cause: ${why}.`].filter(Boolean).join(" ") : "");
     setText(title, status?.title ?? "");
     setText(lease, leaseText(status));
     const said = `${stage}: ${state}`;
@@ -40,7 +40,7 @@ export function headPanel(context) {
 function showAway(away, stage, up, since, lost) {
   away.hidden = up && !lost;
   if (away.hidden) return;
-  const what = lost ? "No connection to piezod web" : `The daemon of ${stage} does not answer`;
+  const what = lost ? "There has been no connection to piezod web" : `The daemon of ${stage} has not answered`;
   const when = since ? ` since ${clockTime(since)} (${duration((Date.now() - new Date(since)) / 1000)})` : "";
   setText(away, `${what}${when}. Values are missing from then on. The page goes on by itself.`);
 }

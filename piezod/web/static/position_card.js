@@ -82,11 +82,11 @@ export function positionCard(context, axis) {
     // `any` has no steps for the keyboard; a thousandth of the range is one.
     slider.step = Number(((range[1] - range[0]) / 1000).toPrecision(1));
     range.forEach((each, index) => (ends[index].textContent = `${fixed(each, 1)} µm`));
-    const target_um = axis.newest()?.target_um;
-    if (target_um != null && document.activeElement !== slider && jogged == null) {
-      slider.value = target_um;
-      say(target_um);
-    }
+    const { target_um = null, position_um = null } = axis.newest() ?? {};
+    if (jogged != null && target_um === jogged) jogged = null; // the stage has taken it
+    if (document.activeElement === slider || jogged != null) return;
+    slider.value = target_um ?? position_um ?? range[0];
+    say(target_um);
   };
   return { card, show };
 }

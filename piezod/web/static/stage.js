@@ -92,6 +92,7 @@ export function mount(element, context) {
   );
 
   const show = (stage, change) => {
+    element.classList.toggle("stale", !stage.up || !context.socket.connected);
     showAxes(axes, stage, axis, () => show(context.stage()));
     for (const panel of [head, banner, faults, commands, details, model, events]) panel.show(stage, change);
     if (change?.up) axis.ask().then(() => {
