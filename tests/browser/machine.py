@@ -1,4 +1,4 @@
-"""A machine with stages and a page: daemons and `piezod web` of the checkout, in their own folders."""
+"""A machine with stages and a page: processes of the checkout, in folders of their own."""
 
 import os
 import signal
@@ -82,7 +82,7 @@ class Machine:
         """Return the next line that a process prints."""
         assert process.stdout is not None
         line = process.stdout.readline().strip()
-        assert line, f"{process.args} has ended, see {self.folder}"
+        assert line, f"{process.args!r} has ended"
         return line
 
     def run(self, *arguments: str) -> str:
