@@ -13,7 +13,7 @@ from piezod.client.telemetry import LineSplitter
 from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request, is_error, telemetry_path
 from piezod.config.requests import TABLE
 from piezod.errors import ClientError
-from piezod.web.errors import NOT_RUNNING, PageError, of_answer, of_connection
+from piezod.web.errors import NOT_RUNNING, PageError, document_of, of_answer, of_connection
 from piezod.web.rows import RATE_HZ
 
 _CALLS: Final = 6
@@ -59,8 +59,7 @@ class Connections:
         health = request["url"].endswith(f"/{TABLE['health'].path}")
         if is_error(response) and not (health and response.status == _UNHEALTHY):
             raise of_answer(response)
-        document: Document = json.loads(response.content)
-        return document
+        return document_of(response)
 
     async def metrics(self) -> str:
         """Return the metrics in the text format of Prometheus.
@@ -133,8 +132,7 @@ class Connections:
         response = await self._sent(self._urgent, request)
         if is_error(response):
             raise of_answer(response)
-        document: Document = json.loads(response.content)
-        return document
+        return document_of(response)
 
     async def _sent(
         self, pool: httpcore.AsyncConnectionPool, request: HttpRequest

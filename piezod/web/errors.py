@@ -1,6 +1,7 @@
 """Errors of a page's request, as the documents that daemons use: code, text and remedy."""
 
 import json
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from piezod.client.errors import OTHER_VERSION
@@ -29,6 +30,19 @@ class PageError(Exception):
     ) -> None:
         super().__init__(code, what, remedy)
         self.document: Document = {**(details or {}), "code": code, "what": what, "remedy": remedy}
+
+
+def document_of(response: "httpcore.Response") -> Document:
+    """Return the document of a complete answer that is no error.
+
+    Raises:
+        PageError: If it is not a JSON object.
+    """
+    with suppress(ValueError):
+        document = json.loads(response.content)
+        if isinstance(document, dict):
+            return document
+    raise PageError("unexpected", "the daemon's answer is not a JSON object", OTHER_VERSION)
 
 
 def of_answer(response: "httpcore.Response") -> PageError:

@@ -25,6 +25,11 @@ class Row:
     def __init__(self, stage: str, document: Document) -> None:
         self.stage, self.document = stage, document
 
+    def fits(self, other: "Row") -> bool:
+        """Return whether one event may have both rows: they are of the same axes."""
+        axes, others = self.document["axes"].keys(), other.document["axes"].keys()
+        return self.stage == other.stage and axes == others
+
     @cached_property
     def text(self) -> str:
         """The event with this row alone; made once for all tabs."""

@@ -10,6 +10,7 @@ from ipaddress import ip_address
 from typing import Final
 
 import uvicorn
+from starlette.applications import Starlette
 
 from piezod.config.origins import host_name
 from piezod.errors import PiezodError
@@ -63,11 +64,14 @@ def bind(host: str, port: int) -> socket.socket:
         raise PiezodError(f"cannot listen on {host}:{port}: {error.strerror}; {remedy}") from error
 
 
-async def _serve(endpoint: socket.socket, host: str, announce: Callable[[str], None]) -> None:
-    port = endpoint.getsockname()[1]
-    access = Access(f"piezod-{port}", {host_name(host)})
+def make_server(app: Starlette) -> WebServer:
+    """Return a server; `await server.serve(sockets=[bind(host, port)])` runs it.
+
+    Args:
+        app: The application from `create_app`.
+    """
     config = uvicorn.Config(
-        create_app(Stages(f"web:{port}"), access),
+        app,
         http="h11",
         ws=TabProtocol,
         ws_max_size=LONGEST,
@@ -81,7 +85,13 @@ async def _serve(endpoint: socket.socket, host: str, announce: Callable[[str], N
         h11_max_incomplete_event_size=_MAX_HEADER,
         timeout_graceful_shutdown=5,
     )
-    server = WebServer(config)
+    return WebServer(config)
+
+
+async def _serve(endpoint: socket.socket, host: str, announce: Callable[[str], None]) -> None:
+    port = endpoint.getsockname()[1]
+    access = Access(f"piezod-{port}", {host_name(host)})
+    server = make_server(create_app(Stages(f"web:{port}"), access))
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, _end, server)
     announce(f"http://{_in_url(host)}:{port}/?token={access.token}")

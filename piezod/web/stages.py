@@ -114,6 +114,4 @@ class Stages:
                 await known.relocate(socket)
                 continue
             stage = self._stages[name] = WebStage(name, socket, self.client, self.publish)
-            with suppress(PageError):
-                await stage.refresh()
             self.publish(encoded({"event": "stage", **stage.document()}))

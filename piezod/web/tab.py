@@ -23,7 +23,6 @@ MOST_WAITING: Final = 8 * 1024 * 1024
 """Text that may wait for a tab which does not read, in characters; more closes the tab."""
 _LAST_CALLS_S: Final = 2.0
 """Time for the calls of a closed tab to end before its leases are released, in s."""
-_TOO_SLOW: Final = 1013
 
 
 class Tab:
@@ -31,7 +30,7 @@ class Tab:
 
     Args:
         name: Name for the lease, as other clients see it.
-        socket: Its WebSocket, accepted.
+        socket: Its accepted WebSocket.
         stages: All stages.
     """
 
@@ -39,40 +38,42 @@ class Tab:
         self.name, self._socket, self._stages = name, socket, stages
         self._waiting: deque[str | Row] = deque()
         self._waiting_size = 0
-        self._wake = asyncio.Event()
+        self._wake, self._closed = asyncio.Event(), asyncio.Event()
         self._watched: WebStage | None = None
         self._calls: set[asyncio.Task[None]] = set()
         self._stops: set[asyncio.Task[None]] = set()
         self._leased: set[str] = set()
 
     async def run(self) -> None:
-        """Serve the tab until it closes."""
-        sending = asyncio.create_task(self._send())
-        receiving = asyncio.create_task(self._receive())
+        """Serve the tab until it closes, or does not read."""
+        await self._stages.enter(self)
+        works = [
+            asyncio.create_task(each)
+            for each in (self._send(), self._receive(), self._closed.wait())
+        ]
         try:
-            await self._stages.enter(self)
-            await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for task in (sending, receiving):
-                task.cancel()
-                with suppress(asyncio.CancelledError, WebSocketDisconnect):
-                    await task
+            self._closed.set()
+            for work in works:
+                work.cancel()
+            ended = await asyncio.gather(*works, return_exceptions=True)
             await self._release()
             await self._stages.leave(self)
+        for each in ended:
+            if isinstance(each, Exception) and not isinstance(each, WebSocketDisconnect):
+                raise each
 
     def put(self, item: str | Row) -> None:
-        """Send an event or a row as soon as the tab reads."""
+        """Send an event or a row as soon as the tab reads; close a tab that does not."""
+        size = len(item if isinstance(item, str) else item.text)
+        if self._waiting_size + size > MOST_WAITING:
+            self._closed.set()
+        if self._closed.is_set():
+            return
         self._waiting.append(item)
-        self._waiting_size += len(item if isinstance(item, str) else item.text)
+        self._waiting_size += size
         self._wake.set()
-
-    async def _send(self) -> None:
-        while self._waiting_size <= MOST_WAITING:
-            await self._wake.wait()
-            self._wake.clear()
-            while self._waiting and self._waiting_size <= MOST_WAITING:
-                await self._socket.send_text(self._next())
-        await self._socket.close(_TOO_SLOW)
 
     def _next(self) -> str:
         """Take the next text to send: consecutive rows of a stage become one event."""
@@ -82,23 +83,30 @@ class Tab:
             return item
         rows = [item]
         while self._waiting and isinstance(more := self._waiting[0], Row):
-            if more.stage != item.stage:
+            if not item.fits(more):
                 break
             rows.append(more)
             self._waiting.popleft()
         self._waiting_size -= sum(len(row.text) for row in rows)
         return item.text if len(rows) == 1 else telemetry_event(rows)
 
+    async def _send(self) -> None:
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._waiting:
+                await self._socket.send_text(self._next())
+
     async def _receive(self) -> None:
-        with suppress(WebSocketDisconnect):
-            while True:
-                text = await self._socket.receive_text()
-                try:
-                    message = messages.read(text)
-                except PageError as error:
-                    self._answer(None, error)
-                    continue
-                await self._carry_out(message)
+        while True:
+            received = await self._socket.receive()
+            if received["type"] == "websocket.disconnect":
+                return
+            try:
+                await self._carry_out(messages.read(received.get("text") or ""))
+            except PageError as error:
+                self._answer(None, error)
+            await asyncio.sleep(0)  # a tab that sends without pause delays no other one
 
     async def _carry_out(self, message: messages.AnyMessage) -> None:
         try:
