@@ -1,0 +1,133 @@
+/** The charts over time, on uPlot: at most two series each, in the colours of the theme. */
+
+import { el, setText } from "./dom.js";
+import { clockTime, fixed } from "./format.js";
+import { colour, onTheme } from "./theme.js";
+
+/* global uPlot */
+const SCALE_PX = 54; // of the left scale: numbers of any length fit, so that nothing moves
+const FONT = "11px system-ui, sans-serif";
+
+/** Return the options that all charts share: scales in quiet colours, and no legend by uPlot. */
+export function baseOptions({ unit, width, height }) {
+  const axis = {
+    stroke: () => colour("--muted"),
+    grid: { stroke: () => colour("--grid"), width: 1 },
+    ticks: { show: false },
+    font: FONT,
+    gap: 6,
+  };
+  return {
+    width: Math.max(width, 60),
+    height: Math.max(height, 60),
+    legend: { show: false },
+    cursor: { show: false },
+    padding: [8, 10, 0, 0],
+    axes: [
+      { ...axis, size: 26, space: 80 },
+      { ...axis, size: SCALE_PX, space: 28, values: (_, splits) => splits.map((each) => scaleText(each, splits)) },
+    ],
+    unit,
+  };
+}
+
+/** Return a number of a scale with the decimals that its steps need. */
+export function scaleText(value, splits) {
+  const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) : 1;
+  return fixed(value, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
+}
+
+/**
+ * Return a range for values that stays as it is while it fits them well.
+ *
+ * @param {number} least Smallest height of the range: noise does not fill a chart.
+ */
+export function steadyRange(least, fromZero = false) {
+  let range = [0, least];
+  return (low, high) => {
+    if (low == null || high == null) return range;
+    if (fromZero) low = 0;
+    const height = Math.max(high - low, least);
+    const fits = low >= range[0] && high <= range[1] && height > 0.55 * (range[1] - range[0]);
+    if (!fits) {
+      const middle = (low + high) / 2;
+      const margin = 0.08 * height;
+      range = fromZero ? [0, height + margin] : [middle - height / 2 - margin, middle + height / 2 + margin];
+    }
+    return range;
+  };
+}
+
+/** Return the frame of a chart: a figure with a heading, a legend with values, and a place to draw. */
+export function frame(title, unit, series, note = "") {
+  const values = series.map(() => el("output", { "aria-hidden": "true" }, "–"));
+  const legend = series.map(({ label, ink }, index) => el(
+    "span", { class: "key" }, el("i", { class: `swatch ${ink}` }), label, values[index], el("span", { class: "unit" }, unit),
+  ));
+  const plot = el("div", { class: "plot", role: "img", "aria-label": `${title}, in ${unit}` });
+  const noteLine = el("span", { class: "note" }, note);
+  const figure = el(
+    "figure", { class: "chart" },
+    el("figcaption", {}, el("strong", {}, title), el("span", { class: "legend" }, legend), noteLine),
+    plot,
+  );
+  return { figure, plot, values, noteLine };
+}
+
+/** A chart of one or two quantities over time. */
+export class TimeChart {
+  /**
+   * @param {object} options `title`, `unit`, `series` (each `label`, `ink`, `column`), `decimals`, `least`
+   *   (smallest height of the scale, in the unit), `fromZero`.
+   * @param {() => object} view Returns `ring`, `span_s` and `now_s`.
+   */
+  constructor(options, view) {
+    Object.assign(this, { options, view, chart: null, drawnText_ms: 0 });
+    const { figure, plot, values } = frame(options.title, options.unit, options.series);
+    Object.assign(this, { figure, element: plot, values });
+    this.range = steadyRange(options.least, options.fromZero);
+    this.forget = onTheme(() => this.chart?.redraw(false, true));
+  }
+
+  /** Time between two drawings, in ms: a frame, or the time in which the picture moves by half a pixel. */
+  get each_ms() {
+    return Math.max(33, (500 * this.view().span_s) / Math.max(this.element.clientWidth, 100));
+  }
+
+  resize(width, height) {
+    if (this.chart) this.chart.setSize({ width, height });
+    else if (width > 0) this.#create(width, height);
+  }
+
+  draw() {
+    if (!this.chart) return;
+    const { ring, span_s, now_s } = this.view();
+    const columns = this.options.series.map(({ column }) => column);
+    this.chart.setData(ring.lines.since(now_s - span_s - 1, ["time_s", ...columns]));
+    const now_ms = performance.now();
+    if (now_ms - this.drawnText_ms < 100) return; // nobody reads numbers faster
+    this.drawnText_ms = now_ms;
+    columns.forEach((column, index) => setText(this.values[index], fixed(ring.newest?.[column], this.options.decimals)));
+  }
+
+  close() {
+    this.forget();
+    this.chart?.destroy();
+  }
+
+  #create(width, height) {
+    const { series, unit } = this.options;
+    const base = baseOptions({ unit, width, height });
+    base.axes[0].values = (_, splits) => splits.map((each) => clockTime(each));
+    this.chart = new uPlot({
+      ...base,
+      scales: {
+        x: { time: true, range: () => [this.view().now_s - this.view().span_s, this.view().now_s] },
+        y: { range: (_, low, high) => this.range(low, high) },
+      },
+      series: [{}, ...series.map(({ label, ink }) => ({
+        label, stroke: () => colour(`--${ink}`), width: 1.6, points: { show: false }, spanGaps: false,
+      }))],
+    }, [[], ...series.map(() => [])], this.element);
+  }
+}

@@ -1,0 +1,12 @@
+/** The recordings of a stage. */
+
+import { el } from "./dom.js";
+
+/** Show the recordings in an element; return a function that ends it. */
+export async function mount(element, context) {
+  const { recordings } = await context.call("GET", "/v1/recordings");
+  element.replaceChildren(
+    el("ul", {}, recordings.map((each) => el("li", {}, each.name ?? String(each)))),
+  );
+  return () => {};
+}
