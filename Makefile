@@ -3,6 +3,7 @@
 BIN := .venv/bin
 STAMP := .venv/.installed
 PEERS := build/peers/.installed
+BROWSER := build/browser/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
@@ -14,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test coverage stress peers fuzz check lint bench bench-peers figures lock clean
+.PHONY: help demo test coverage stress peers browser fuzz check lint bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
@@ -35,6 +36,9 @@ stress: $(STAMP) ## run the tests that take longer
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers
+
+browser: $(STAMP) $(BROWSER) ## use the page in a browser, as people do (needs chromium)
+	build/browser/bin/python -m pytest -rs -m browser tests/browser
 
 fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
 	$(BIN)/python -m tests.drivers.bus.fuzz
@@ -75,6 +79,10 @@ $(STAMP): requirements.lock pyproject.toml .ci/setup
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 	@.ci/setup-peers
+	@touch $@
+
+$(BROWSER): tests/browser/requirements.txt .ci/setup-browser | $(STAMP)
+	@.ci/setup-browser
 	@touch $@
 
 $(BENCH_PEERS): benchmarks/peers/requirements.txt .ci/setup-bench-peers

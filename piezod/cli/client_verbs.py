@@ -10,7 +10,7 @@ from piezod.cli.motion import goto, wave
 from piezod.cli.operation import arm, mode, reset
 from piezod.cli.params import history, list_params, load, restore, save
 from piezod.cli.plain_verb import Verb, plain_verb
-from piezod.cli.record import get, list_records, repair, start, stop
+from piezod.cli.record import get, keep, list_records, repair, start, stop
 from piezod.cli.reload import reload
 from piezod.cli.status import faults, status
 from piezod.cli.stream import stream
@@ -37,6 +37,7 @@ OWN_FUNCTIONS: Final[Mapping[str, Callable[..., None]]] = {
     "record start": start,
     "record stop": stop,
     "record list": list_records,
+    "record keep": keep,
     "record get": get,
     "reload": reload,
 }

@@ -90,7 +90,7 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
 def _recorded_axis(
     recording: Path, telemetry: "RecordedTelemetry", axis: str, *, needed: bool
 ) -> tuple["StageAxisConfig", "StageModel | None"]:
-    """Return configuration and model of a recorded axis, from the notes of the file.
+    """Return configuration and model of a recorded axis, in use at the begin, from the file.
 
     Raises:
         DataError: If the file has no configuration, or a needed model is not in it.
@@ -106,7 +106,7 @@ def _recorded_axis(
     with TemporaryDirectory(prefix="piezod-") as folder:
         for name, each in document["axes"].items():
             each.pop("model", None)  # its path may lead to another model by now
-            if text := notes.get(f"model_{name}"):
+            if text := telemetry.model_text(name):
                 file = Path(folder) / f"model-{name}.yaml"
                 file.write_text(text, encoding="utf-8")
                 each["model"] = str(file)

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from piezod.errors import DataError
 from piezod.records.recording import Recording
 from piezod.records.telemetry_columns import ENTRY, FORMS
+from piezod.records.telemetry_events import AdoptedModel, read_events, read_models
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.record import StageEvent
 
 _WEIGHTS: Final = ("weights", "weights_t_s", "weights_form")
 
@@ -32,6 +34,9 @@ class RecordedTelemetry:
         axes: Columns of each axis, by its name.
         weights: `weights`, shape (n_snapshots, n_weights), `weights_t_s`, shape (n_snapshots,), and
             `weights_form`, of `FORMS`, the same, of each axis; (0, 0) if they were not recorded.
+            A row of a model with fewer weights than another one ends with NaN.
+        events: The log of the loop during the whole recording.
+        adopted: Models that axes adopted during the whole recording.
     """
 
     header: TelemetryHeader
@@ -40,6 +45,8 @@ class RecordedTelemetry:
     cycles: dict[str, NDArray[Any]]
     axes: dict[str, dict[str, NDArray[Any]]]
     weights: dict[str, dict[str, NDArray[Any]]]
+    events: tuple[StageEvent, ...] = ()
+    adopted: tuple[AdoptedModel, ...] = ()
 
     def chosen_axis(self, axis: str | None) -> str:
         """Return the name of an axis: the given one, or the only one.
@@ -85,9 +92,9 @@ class RecordedTelemetry:
     def first_weights(
         self, axis: str, begin_s: float = -inf, end_s: float = inf
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
-        """Return the weights of one form, of the first model in an interval, of an axis.
+        """Return the weights of one form and number, of the first model in an interval, of an axis.
 
-        Weights of a model of the other form, which was adopted later, are left out.
+        Weights of a model of another form or number, which was adopted later, are left out.
 
         Args:
             axis: Name of the axis.
@@ -102,9 +109,16 @@ class RecordedTelemetry:
         within = (t_s >= begin_s) & (t_s < end_s)
         if not within.any():
             return weights[:0], t_s[:0], axis in self.header.surfaces
-        first = forms[within][0]
-        within &= forms == first
-        return weights[within], t_s[within], bool(first == FORMS["surface"])
+        numbers = np.count_nonzero(np.isfinite(weights), axis=1)
+        first, number = forms[within][0], numbers[within][0]
+        within &= (forms == first) & (numbers == number)
+        return weights[within, :number], t_s[within], bool(first == FORMS["surface"])
+
+    def model_text(self, axis: str) -> str | None:
+        """Return the text of the model file in use in the first cycle; None without a model."""
+        begin_ns = self.cycles["t_ns"][0]
+        adopted = [each for each in self.adopted if each.axis == axis and each.t_ns <= begin_ns]
+        return adopted[-1].text if adopted else self.header.notes.get(f"model_{axis}")
 
     def _mode(self, numbers: NDArray[Any]) -> str:
         found = np.unique(numbers)
@@ -149,6 +163,8 @@ def _read(entry: h5py.Group, begin_s: float, end_s: float) -> RecordedTelemetry:
         cycles=_columns(cycles, part),
         axes={name: _columns(group, part) for name, group in axes.items()},
         weights={name: _weights(entry, name, begin_s, end_s) for name in names},
+        events=read_events(entry),
+        adopted=read_models(entry),
     )
 
 
@@ -199,7 +215,8 @@ def _read_header(entry: h5py.Group) -> TelemetryHeader:
             if group.attrs.get("NX_class") == "NXnote"
         },
         weights={
-            name: entry[f"weights_{name}/weights"].shape[1]
+            # Those of the start; the shape may have grown with an adopted model.
+            name: entry[f"weights_{name}/weights"].chunks[1]
             for name in entry.attrs["axes"]
             if f"weights_{name}" in entry
         },
@@ -218,4 +235,5 @@ def _read_header(entry: h5py.Group) -> TelemetryHeader:
             for name, each in fields.items()
             if "bits" in each.attrs
         },
+        part=int(entry.attrs.get("part", 1)),
     )

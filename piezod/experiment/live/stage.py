@@ -18,6 +18,8 @@ from piezod.config.states import State
 from piezod.config.waveforms import Setpoint
 from piezod.errors import ClientError, DataError, NotReachedError, NotRunningError
 from piezod.experiment.live.setup import LiveSetup
+from piezod.records.part_names import part_name
+from piezod.records.telemetry_joined import joined
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 
 RATE_HZ: Final = 20.0
@@ -217,7 +219,7 @@ class LiveStage:
         """End the recording, and return it.
 
         Args:
-            file: Path of its copy.
+            file: Path of its copy; if the recording has several files, that of the first one.
 
         Raises:
             DataError: If it has ended by itself.
@@ -226,8 +228,11 @@ class LiveStage:
         self._recording = False
         if recording.why:
             raise DataError(f"the recording has ended by itself: {recording.why}")
-        self._client.fetch_recording(recording.name, file)
-        return read_telemetry(file)
+        parts = range(1, recording.files + 1)
+        files = [file.with_stem(part_name(file.stem, part)) for part in parts]
+        for part, each in zip(parts, files, strict=True):
+            self._client.fetch_recording(part_name(recording.name, part), each)
+        return joined([read_telemetry(each) for each in files])
 
     # ------------------------------------------------------------------ waiting
 
