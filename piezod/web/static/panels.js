@@ -10,7 +10,7 @@ const TEXT_EACH_MS = 100; // nobody reads numbers faster
 
 /** Return the head: name, state with its reason, who has the lease; and a line while the daemon is away. */
 export function headPanel(context) {
-  const badge = el("span", { class: "badge large" });
+  const badge = el("span", { class: "badge large", id: "state" });
   const meaning = el("span", { class: "meaning" });
   const lease = el("span", { class: "lease quiet" });
   const title = el("span", { class: "quiet" });

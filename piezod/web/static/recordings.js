@@ -6,6 +6,7 @@ import { el } from "./dom.js";
 export async function mount(element, context) {
   const { recordings } = await context.call("GET", "/v1/recordings");
   element.replaceChildren(
+    el("h1", {}, `Recordings of ${context.stage().stage}`),
     el("ul", {}, recordings.map((each) => el("li", {}, each.name ?? String(each)))),
   );
   return () => {};
