@@ -34,9 +34,8 @@ export function baseOptions({ unit, width, height }) {
 /** Return a number of a scale with the decimals that its steps need. */
 export function scaleText(value, splits) {
   const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) : 1;
-  let decimals = 0;
-  while (decimals < 9 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-6) decimals += 1;
-  return fixed(value, decimals);
+  const decimals = [0, 1, 2, 3, 4, 5].find((each) => Math.abs(step * 10 ** each - Math.round(step * 10 ** each)) < 1e-3);
+  return fixed(value, decimals ?? 6); // steps such as 2.5 need a digit more than their size tells
 }
 
 /**

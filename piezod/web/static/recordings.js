@@ -1,13 +1,9 @@
-/** The recordings of a stage. */
+/** The recordings of a stage: their list, or the one that the address names. */
 
-import { el } from "./dom.js";
+import { mountList } from "./recording_list.js";
+import { mountView } from "./recording_view.js";
 
 /** Show the recordings in an element; return a function that ends it. */
-export async function mount(element, context) {
-  const { recordings } = await context.call("GET", "/v1/recordings");
-  element.replaceChildren(
-    el("h1", {}, `Recordings of ${context.stage().stage}`),
-    el("ul", {}, recordings.map((each) => el("li", {}, each.name ?? String(each)))),
-  );
-  return () => {};
+export function mount(element, context) {
+  return context.file() ? mountView(element, context) : mountList(element, context);
 }
