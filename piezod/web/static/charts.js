@@ -22,7 +22,7 @@ export function baseOptions({ unit, width, height }) {
     height: Math.max(height, 60),
     legend: { show: false },
     cursor: { show: false },
-    padding: [8, 10, 0, 0],
+    padding: [8, 16, 0, 0],
     axes: [
       { ...axis, size: 26, space: 80 },
       { ...axis, size: SCALE_PX, space: 28, values: (_, splits) => splits.map((each) => scaleText(each, splits)) },
