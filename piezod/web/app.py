@@ -13,6 +13,8 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from piezod.web.access import METRICS, Access, Door
+from piezod.web.downloads import PATH as RECORDING
+from piezod.web.downloads import download
 from piezod.web.metrics import PLAIN_TEXT, joined
 from piezod.web.stages import Stages
 from piezod.web.tab import Tab
@@ -44,10 +46,14 @@ def create_app(stages: Stages, access: Access) -> Starlette:
     async def metrics(_request: Request) -> Response:
         return PlainTextResponse(joined(await stages.metrics()), media_type=PLAIN_TEXT)
 
+    async def recording(request: Request) -> Response:
+        return await download(request, stages)
+
     return Starlette(
         routes=[
             Route("/", index),
             Route(METRICS, metrics),
+            Route(RECORDING, recording),
             WebSocketRoute("/ws", socket),
             Mount("/static", StaticFiles(directory=_FILES)),
         ],

@@ -71,7 +71,20 @@ class EmergencyStop(Message):
     stage: str
 
 
-AnyMessage: TypeAlias = ListStages | Watch | Unwatch | CallStage | EmergencyStop
+class ReadRecording(Message):
+    """Read a part of a recording; `begin_s` and `end_s` are null for its begin and end."""
+
+    do: Literal["contents", "view", "marks", "loop"]
+    stage: str
+    recording: Annotated[str, Field(max_length=200)]
+    column: Annotated[str, Field(max_length=100)] = ""
+    axis: Annotated[str, Field(max_length=100)] = ""
+    begin_s: float | None = None
+    end_s: float | None = None
+    points: Annotated[int, Field(ge=4, le=8000)] = 2000
+
+
+AnyMessage: TypeAlias = ListStages | Watch | Unwatch | CallStage | EmergencyStop | ReadRecording
 _READ: Final[TypeAdapter[AnyMessage]] = TypeAdapter(
     Annotated[AnyMessage, Field(discriminator="do")]
 )

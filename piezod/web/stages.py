@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from piezod.client.places import running_stages
+from piezod.client.results import Document
 from piezod.web.connections import Connections
 from piezod.web.errors import PageError
+from piezod.web.messages import ReadRecording
+from piezod.web.recording_reader import RecordingReader
 from piezod.web.rows import encoded
 from piezod.web.stage import WebStage
 
@@ -38,6 +41,7 @@ class Stages:
         self._tabs: set[Listener] = set()
         self._stages: dict[str, WebStage] = {}
         self._looking: asyncio.Task[None] | None = None
+        self._recordings = RecordingReader()
 
     @property
     def tabs(self) -> int:
@@ -67,6 +71,7 @@ class Stages:
             stages, self._stages = self.all(), {}
             for stage in stages:
                 await stage.close()
+            await self._recordings.aclose()
 
     def all(self) -> list[WebStage]:
         """Return all stages that were found, also those that are down since, by name."""
@@ -83,6 +88,16 @@ class Stages:
             what = f"no stage {name[:64]!r} on this machine"
             raise PageError("not_found", what, f"stages: {found}")
         return self._stages[name]
+
+    async def read(self, wanted: ReadRecording) -> Document:
+        """Return a part of a recording.
+
+        Raises:
+            PageError: If there is no such recording, or it cannot be read.
+        """
+        socket = self.named(wanted.stage).connections.socket
+        request = wanted.model_dump(exclude={"id", "do", "stage"})
+        return await self._recordings.ask({**request, "what": wanted.do, "socket": str(socket)})
 
     async def metrics(self) -> list[str]:
         """Return the metrics of each stage whose daemon runs and answers."""

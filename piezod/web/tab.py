@@ -116,6 +116,8 @@ class Tab:
                     self._start(self._stops, message.id, stage.connections.estop(self.name))
                 case messages.CallStage():
                     self._start(self._calls, message.id, self._call(message))
+                case messages.ReadRecording():
+                    self._start(self._calls, message.id, self._stages.read(message))
                 case messages.ListStages():
                     self._answer(message.id, await self._list())
                 case messages.Watch():

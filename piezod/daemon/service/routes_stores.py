@@ -90,9 +90,10 @@ async def reload(_body: Nothing, context: ContextOf) -> JsonAnswer:
 
 @endpoint(router, "recordings")
 async def recordings(context: ContextOf) -> JsonAnswer:
-    """Return the recording in progress and the finished recordings."""
+    """Return the recording in progress, the finished recordings, and their folder."""
     running, finished = await context.stage.recordings()
-    return JsonAnswer({"running": running, "recordings": finished})
+    folder = str(context.stage.recordings_folder)
+    return JsonAnswer({"running": running, "recordings": finished, "folder": folder})
 
 
 @endpoint(router, "start_recording")

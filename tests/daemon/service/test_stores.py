@@ -64,7 +64,11 @@ def test_recording_arrives_as_it_is(served: Served, client: httpx.Client) -> Non
 
     assert answer.content == content
     assert answer.headers["content-type"] == "application/x-hdf5"
-    assert client.get("recordings").json() == {"running": None, "recordings": [{"name": NAME}]}
+    assert client.get("recordings").json() == {
+        "running": None,
+        "recordings": [{"name": NAME}],
+        "folder": str(served.stage.recordings_folder),
+    }
 
 
 def test_recording_that_is_being_made_is_not_sent(served: Served, client: httpx.Client) -> None:
