@@ -22,41 +22,17 @@ from tests.daemon.daemons import NO_TLS
 Document = dict[str, Any]
 
 
-class Web:
-    """A server of the page on a free port.
+class Browser:
+    """What a browser sends to a server of the page.
 
     Args:
-        find: Returns the sockets of the running daemons.
+        port: Its port.
+        token: Its token.
     """
 
-    def __init__(self, find: Callable[[], dict[str, Path]]) -> None:
-        self.endpoint = bind("127.0.0.1", 0)
-        self.port: int = self.endpoint.getsockname()[1]
-        self.host = f"127.0.0.1:{self.port}"
-        self.access = Access(f"piezod-{self.port}")
-        self._find = find
-        self.stages: Stages | None = None
-
-    @contextmanager
-    def running(self) -> Iterator[None]:
-        """Serve until the end of the block."""
-        ready = threading.Event()
-
-        async def serve() -> None:
-            self.stages = Stages(f"web:{self.port}", self._find)
-            self.server = make_server(create_app(self.stages, self.access))
-            ready.set()
-            await self.server.serve(sockets=[self.endpoint])
-
-        thread = threading.Thread(target=lambda: asyncio.run(serve()))
-        with self.endpoint:
-            thread.start()
-            ready.wait()
-            try:
-                yield
-            finally:
-                self.server.should_exit = True
-                thread.join()
+    def __init__(self, port: int, token: str) -> None:
+        self.port, self.token = port, token
+        self.host = f"127.0.0.1:{port}"
 
     def request(self, method: str, path: str, **headers: str) -> httpx.Response:
         """Send a request without a body; follow no redirection."""
@@ -64,7 +40,7 @@ class Web:
 
     def cookie(self) -> str:
         """Exchange the token; return the cookie as a browser sends it."""
-        response = self.request("GET", f"/?token={self.access.token}")
+        response = self.request("GET", f"/?token={self.token}")
         assert response.status_code == 303
         return response.headers["set-cookie"].partition(";")[0]
 
@@ -95,6 +71,43 @@ class Web:
         )
 
 
+class Web(Browser):
+    """A server of the page on a free port.
+
+    Args:
+        find: Returns the sockets of the running daemons.
+    """
+
+    def __init__(self, find: Callable[[], dict[str, Path]]) -> None:
+        self.endpoint = bind("127.0.0.1", 0)
+        port = self.endpoint.getsockname()[1]
+        self.access = Access(f"piezod-{port}")
+        super().__init__(port, self.access.token)
+        self._find = find
+        self.stages: Stages | None = None
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Serve until the end of the block."""
+        ready = threading.Event()
+
+        async def serve() -> None:
+            self.stages = Stages(f"web:{self.port}", self._find)
+            self.server = make_server(create_app(self.stages, self.access))
+            ready.set()
+            await self.server.serve(sockets=[self.endpoint])
+
+        thread = threading.Thread(target=lambda: asyncio.run(serve()))
+        with self.endpoint:
+            thread.start()
+            ready.wait()
+            try:
+                yield
+            finally:
+                self.server.should_exit = True
+                thread.join()
+
+
 class Tab:
     """A page: it sends messages and keeps the events.
 
@@ -118,9 +131,11 @@ class Tab:
         """Send a message; return its answer."""
         return self.answer(self.send(**message))
 
-    def call(self, path: str, body: Document | None = None, method: str = "POST") -> Document:
-        """Call an endpoint of the stage "bench"; return the answer."""
-        return self.ask(do="call", stage="bench", method=method, path=path, body=body)
+    def call(
+        self, path: str, body: Document | None = None, method: str = "POST", stage: str = "bench"
+    ) -> Document:
+        """Call an endpoint of a stage; return the answer."""
+        return self.ask(do="call", stage=stage, method=method, path=path, body=body)
 
     def answer(self, number: int | None) -> Document:
         """Return the answer with a number."""

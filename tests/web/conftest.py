@@ -26,6 +26,13 @@ class ClockReader(FakeReader):
         return super().read(limit)
 
 
+def new_daemon(folder: Path) -> Served:
+    """Return a daemon whose stage moves in time; the caller runs it."""
+    served = Served(folder, ConnectionLimits())
+    served.stage.reader = ClockReader()
+    return served
+
+
 @pytest.fixture(scope="session")
 def shared_daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """Return a daemon for all tests that do not end it."""

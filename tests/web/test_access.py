@@ -131,9 +131,12 @@ def test_too_long_message_closes_the_socket(web: Web) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{", "[]", "7", '{"id": 1}', '{"id": -1, "do": "stages"}', '{"id": 1, "do": "format"}']
-    + ['{"id": 1, "do": "stages", "more": 1}', '{"id": "1", "do": "stages"}', "[" * 100_000]
-    + ['{"id": 1, "do": "watch", "stage": "bench", "rate_hz": 1000}', "\x00"],
+    [
+        *("", "{", "[]", "7", "\x00", "[" * 100_000),
+        *('{"id": 1}', '{"id": -1, "do": "stages"}', '{"id": "1", "do": "stages"}'),
+        *('{"id": 1, "do": "format"}', '{"id": 1, "do": "stages", "more": 1}'),
+        '{"id": 1, "do": "watch", "stage": "bench", "rate_hz": 1000}',
+    ],
 )
 def test_malformed_message_is_answered(web: Web, text: str) -> None:
     """A text that is no message is refused in words, and the tab goes on."""
@@ -154,10 +157,12 @@ def test_bytes_are_no_message(web: Web) -> None:
 
 @pytest.mark.parametrize(
     ("method", "path"),
-    [("GET", "/v1/telemetry"), ("POST", "/v1/stream"), ("POST", "/v1/session")]
-    + [("GET", "/v1/recordings/a"), ("GET", "/etc/passwd"), ("GET", "/v1/../v1/status")]
-    + [("POST", "/v1/status"), ("TRACE", "/v1/status"), ("POST", "//evil.example/v1/arm")]
-    + [("GET", "/v1/status?a=b c"), ("GET", "/v1/status\r\nX: y"), ("POST", "/v1/arm#x")],
+    [
+        *(("GET", "/v1/telemetry"), ("POST", "/v1/stream"), ("POST", "/v1/session")),
+        *(("GET", "/v1/recordings/a"), ("GET", "/etc/passwd"), ("GET", "/v1/../v1/status")),
+        *(("POST", "/v1/status"), ("TRACE", "/v1/status"), ("POST", "//evil.example/v1/arm")),
+        *(("GET", "/v1/status?a=b c"), ("GET", "/v1/status\r\nX: y"), ("POST", "/v1/arm#x")),
+    ],
 )
 def test_other_paths_are_refused(web: Web, daemon: Served, method: str, path: str) -> None:
     """A page may send the requests of the table of commands only."""

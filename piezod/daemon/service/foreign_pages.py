@@ -1,8 +1,8 @@
 """Refuses requests that a web page of a foreign site makes a browser send.
 
-The socket is out of reach of a browser, until somebody forwards it to a TCP port, as with `ssh -L`.
-Then any page could arm the stage: for a browser, a POST without a body is a simple request, which it
-sends across origins without asking. Programs other than browsers are not restricted.
+A browser cannot reach the socket, unless somebody forwards it to a TCP port, as with `ssh -L`. Then
+any page could arm the stage: a POST without a body is a simple request, which a browser sends
+across origins without asking the server. Other programs than browsers are not restricted.
 """
 
 from typing import Final

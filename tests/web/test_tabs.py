@@ -1,0 +1,231 @@
+"""What tabs do together, and what they leave behind."""
+
+import asyncio
+import socket
+import threading
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
+
+from piezod.client import StageClient
+from piezod.config.endpoints import Role
+from piezod.control.stage.answer import Answer
+from piezod.errors import RefusedError
+from piezod.web import protocol
+from piezod.web.tab import MOST_CALLS
+from tests.daemon.service.fakes import Served
+from tests.daemon.waiting import eventually
+from tests.web.browser import Tab, Web
+from tests.web.conftest import new_daemon
+
+
+def streams(served: Served) -> int:
+    """Return the number of connections that get telemetry now."""
+    found = 0
+    for each in tuple(served.server.server_state.connections):
+        cycle = getattr(each, "cycle", None)  # None before its first request
+        if cycle is not None and not cycle.response_complete:
+            found += cycle.scope["path"] == "/v1/telemetry"
+    return found
+
+
+def know(tab: Tab) -> None:
+    """Wait until the server has a status of the stage."""
+    eventually(lambda: tab.ask(do="stages")["result"]["stages"][0]["status"])
+
+
+def test_stages_are_listed(web: Web) -> None:
+    """A tab gets the names of the stages, and its own name."""
+    with web.tab() as tab:
+        know(tab)
+        result = tab.ask(do="stages")["result"]
+
+    assert result["client"].startswith(f"web:{web.port}:tab")
+    assert [each["stage"] for each in result["stages"]] == ["bench"]
+    assert result["stages"][0]["up"]
+    assert result["stages"][0]["status"]["state"] == "SAFE"
+
+
+def test_command_has_the_answer_of_the_daemon(web: Web, daemon: Served) -> None:
+    """The answer is the document of the endpoint, a refusal the error document with all keys."""
+    with web.tab() as tab:
+        assert tab.call("/v1/goto", {"position_um": 3.0})["result"]["motion"] == 7
+        assert tab.call("/v1/audit?limit=1", method="GET")["result"]["audit"]
+        daemon.stage.healthy = False
+        assert not tab.call("/v1/health", method="GET")["result"]["healthy"]
+        with web.tab() as other:
+            held = other.call("/v1/arm")["error"]
+
+        assert held["code"] == "lease_held"
+        assert held["holder"]["client"] == tab.ask(do="stages")["result"]["client"]
+        daemon.stage.refusal = "in FAULT"
+        assert tab.call("/v1/arm")["error"]["what"] == "in FAULT"
+        assert tab.call("/v1/arm")["error"]["remedy"]
+        daemon.roles.role = Role.VIEWER
+        assert tab.call("/v1/arm")["error"]["code"] == "forbidden"
+
+
+def test_unknown_stage_is_refused(web: Web) -> None:
+    """The answer names the stages that run."""
+    with web.tab() as tab:
+        for do in ("watch", "estop"):
+            error = tab.ask(do=do, stage="nothing")["error"]
+            assert (error["code"], error["remedy"]) == ("not_found", "stages: bench")
+
+
+def test_all_tabs_share_one_stream(web: Web, daemon: Served) -> None:
+    """Three tabs get the same rows from one stream, which ends when no tab looks."""
+    with ExitStack() as stack:
+        tabs = [stack.enter_context(web.tab()) for _ in range(3)]
+        for tab in tabs:
+            assert tab.ask(do="watch", stage="bench")["ok"]
+        rows = [tab.event("telemetry", stage="bench") for tab in tabs]
+        assert all(row["axes"].keys() == {"x", "y"} for row in rows)
+        assert streams(daemon) == 1
+
+        assert tabs[0].ask(do="unwatch")["ok"]
+        tabs[1].connection.close()
+        assert tabs[2].event("telemetry")
+        assert streams(daemon) == 1
+        assert tabs[2].ask(do="unwatch")["ok"]
+        eventually(lambda: streams(daemon) == 0)
+
+
+def test_change_of_the_status_is_an_event(web: Web, daemon: Served) -> None:
+    """A new state is sent to all tabs without a request; measured values alone are not."""
+    with web.tab() as tab, web.tab() as other:
+        tab.ask(do="watch", stage="bench")
+        daemon.stage.state = "READY"
+        for each in (tab, other):
+            while each.event("status")["status"]["state"] != "READY":
+                pass
+
+
+def test_closed_tab_releases_its_lease(web: Web, daemon: Served) -> None:
+    """Another client gets the lease at once, and the stage goes on: nothing stops it."""
+    with web.tab() as tab:
+        tab.call("/v1/arm")
+        with (
+            StageClient(socket=daemon.socket, name="other") as other,
+            pytest.raises(RefusedError, match="holds the lease"),
+        ):
+            other.goto(1.0)
+
+    def released() -> bool:
+        return not daemon.app.state.service.lease.held
+
+    eventually(released)
+    assert [request.kind for request in daemon.stage.requests] == ["arm"]
+
+
+class HangingStage:
+    """Answers an emergency stop at once, and other requests at the end of the test."""
+
+    def __init__(self, served: Served) -> None:
+        self._answer = served.stage.request
+        self.waiting = 0
+        self.ended = threading.Event()
+
+    async def request(self, request: Any, peer: Any) -> Answer:
+        if request.kind != "estop":
+            self.waiting += 1
+            await asyncio.to_thread(self.ended.wait)
+        return await self._answer(request, peer)
+
+
+def test_emergency_stop_with_six_busy_tabs(
+    web: Web, daemon: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Six tabs wait for all their calls and send messages without pause; a stop is answered."""
+    hanging = HangingStage(daemon)
+    monkeypatch.setattr(daemon.stage, "request", hanging.request)
+    call = {"do": "call", "stage": "bench", "method": "POST", "path": "/v1/stop"}
+    with ExitStack() as stack:
+        tabs = [stack.enter_context(web.tab()) for _ in range(6)]
+        for tab in tabs:
+            tab.ask(do="watch", stage="bench")
+            for _ in range(MOST_CALLS):
+                tab.send(**call)
+        stack.callback(hanging.ended.set)
+        eventually(lambda: hanging.waiting >= 6)
+        for tab in tabs:
+            assert tab.ask(**call)["error"]["code"] == "too_many"
+            tab.connection.send("not a message" * 100)
+            for _ in range(200):
+                tab.send(do="stages")
+        for tab in tabs:
+            assert tab.ask(do="estop", stage="bench")["ok"]
+        assert [request.kind for request in daemon.stage.requests] == ["estop"] * 6
+
+
+def test_emergency_stop_uses_an_open_connection(web: Web, daemon: Served) -> None:
+    """The stop opens no connection: that of the status is already there."""
+    with web.tab() as tab:
+        know(tab)
+        before = {id(each) for each in daemon.server.server_state.connections}
+        assert tab.ask(do="estop", stage="bench")["ok"]
+        assert {id(each) for each in daemon.server.server_state.connections} == before
+
+
+def test_emergency_stop_on_a_connection_that_was_closed(web: Web, daemon: Served) -> None:
+    """The daemon may have closed the idle connection; the stop goes over a new one."""
+    with web.tab() as tab:
+        know(tab)
+        for each in tuple(daemon.server.server_state.connections):
+            each.transport.get_extra_info("socket").shutdown(socket.SHUT_RDWR)
+        assert tab.ask(do="estop", stage="bench")["ok"]
+
+
+def test_tab_that_does_not_read_is_closed(
+    web: Web, daemon: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tab that sends and never reads is closed, with what waits for it; others go on."""
+    monkeypatch.setattr(protocol, "BLOCKED_S", 0.2)
+    daemon.stage.configuration = {"text": "x" * 2_000_000}
+    with web.tab() as tab, web.tab() as slow:
+        tab.ask(do="watch", stage="bench")
+        eventually(lambda: flooded(slow.connection))
+        assert tab.ask(do="stages")["ok"]
+        assert tab.event("telemetry")
+        assert web.stages is not None
+        eventually(lambda: web.stages and web.stages.tabs == 1)
+
+
+CONFIG = '{"id": 1, "do": "call", "stage": "bench", "method": "GET", "path": "/v1/config"}'
+
+
+def flooded(connection: ClientConnection) -> bool:
+    """Send messages without reading; return whether the connection has ended."""
+    try:
+        for _ in range(10):
+            connection.send(CONFIG)
+    except (ConnectionClosed, OSError):
+        return True
+    return False
+
+
+def test_daemon_that_ends_and_starts_again(tmp_path: Path) -> None:
+    """All tabs learn since when it is down, and from when to when data are missing."""
+    daemon = new_daemon(tmp_path)
+    web = Web(lambda: {"bench": daemon.socket} if daemon.socket.exists() else {})
+    with ExitStack() as stack:
+        with daemon.running():
+            stack.enter_context(web.running())
+            tab, other = (stack.enter_context(web.tab()) for _ in range(2))
+            tab.ask(do="watch", stage="bench")
+            tab.event("telemetry")
+        down = tab.event("stage", up=False)
+        assert other.event("stage", up=False)["error"]["code"] == "not_running"
+        assert tab.call("/v1/status", method="GET")["error"]["code"] == "not_running"
+        assert not tab.ask(do="stages")["result"]["stages"][0]["up"]
+
+        again = new_daemon(tmp_path)
+        with again.running():
+            up = tab.event("stage", up=True)
+            assert tab.event("telemetry")
+            assert other.event("stage", up=True)["missing"] == up["missing"]
+            assert up["missing"]["from"] == down["since"] < up["missing"]["to"]
