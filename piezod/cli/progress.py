@@ -1,4 +1,4 @@
-"""Progress of a command: a bar for people, lines of JSON for the page, nothing for other programs."""
+"""Progress of a command: a bar for people, lines of JSON for a program that asks for them."""
 
 import json
 import os
