@@ -13,7 +13,7 @@ import { startTheme } from "./theme.js";
 const RATE_HZ = 30;
 
 const page = Object.fromEntries(
-  ["stages", "link", "theme", "estop", "main", "skip"].map((id) => [id, document.getElementById(id)]),
+  ["stages", "tabs", "link", "theme", "estop", "main", "skip"].map((id) => [id, document.getElementById(id)]),
 );
 const socket = new Socket();
 const stages = new Map(); // STAGE documents by name
@@ -55,8 +55,9 @@ async function show() {
   (await before)?.();
   document.title = route.name ? `${route.name} · piezod` : "piezod";
   const element = el("div", { class: `page ${route.view}` });
-  page.main.replaceChildren(...(route.name ? [tabs(), element] : [element]));
+  page.main.replaceChildren(element);
   showStages();
+  showTabs();
   const mount = { overview: mountOverview, stage: mountStage, recordings: mountRecordings }[route.view];
   mounted = Promise.resolve(mount(element, context)).catch((error) => {
     element.replaceChildren(el("p", { class: "empty" }, error.message));
@@ -66,12 +67,12 @@ async function show() {
   watch();
 }
 
-/** Return the head of a stage's pages: its pages as links. */
-function tabs() {
+/** Show the pages of the stage as links. */
+function showTabs() {
   const link = (text, view, end) => el(
     "a", { href: `#/stage/${encodeURIComponent(route.name)}${end}`, "aria-current": route.view === view && "page" }, text,
   );
-  return el("nav", { class: "tabs", "aria-label": `Pages of ${route.name}` }, link("Stage", "stage", ""), link("Recordings", "recordings", "/recordings"));
+  page.tabs.replaceChildren(...(route.name ? [link("Stage", "stage", ""), link("Recordings", "recordings", "/recordings")] : []));
 }
 
 function showStages() {

@@ -1,6 +1,6 @@
 /** The charts over time, on uPlot: at most two series each, in the colours of the theme. */
 
-import { el, setText } from "./dom.js";
+import { el } from "./dom.js";
 import { clockTime, fixed } from "./format.js";
 import { colour, onTheme } from "./theme.js";
 
@@ -59,33 +59,30 @@ export function steadyRange(least, fromZero = false) {
   };
 }
 
-/** Return the frame of a chart: a figure with a heading, a legend with values, and a place to draw. */
+/** Return the frame of a chart: a figure with a heading, a legend, and a place to draw. */
 export function frame(title, unit, series, note = "") {
-  const values = series.map(() => el("output", { "aria-hidden": "true" }, "–"));
-  const legend = series.map(({ label, ink }, index) => el(
-    "span", { class: "key" }, el("i", { class: `swatch ${ink}` }), label, values[index], el("span", { class: "unit" }, unit),
-  ));
+  const legend = series.map(({ label, ink }) => el("span", { class: "key" }, el("i", { class: `swatch ${ink}` }), label));
   const plot = el("div", { class: "plot", role: "img", "aria-label": `${title}, in ${unit}` });
   const noteLine = el("span", { class: "note" }, note);
   const figure = el(
     "figure", { class: "chart" },
-    el("figcaption", {}, el("strong", {}, title), el("span", { class: "legend" }, legend), noteLine),
+    el("figcaption", {}, el("strong", {}, title), el("span", { class: "unit" }, unit), el("span", { class: "legend" }, legend), noteLine),
     plot,
   );
-  return { figure, plot, values, noteLine };
+  return { figure, plot, noteLine };
 }
 
 /** A chart of one or two quantities over time. */
 export class TimeChart {
   /**
-   * @param {object} options `title`, `unit`, `series` (each `label`, `ink`, `column`), `decimals`, `least`
-   *   (smallest height of the scale, in the unit), `fromZero`.
+   * @param {object} options `title`, `unit`, `series` (each `label`, `ink`, `column`), `least` (smallest
+   *   height of the scale, in the unit), `fromZero`, `wide`.
    * @param {() => object} view Returns `ring`, `span_s` and `now_s`.
    */
   constructor(options, view) {
-    Object.assign(this, { options, view, chart: null, drawnText_ms: 0 });
-    const { figure, plot, values } = frame(options.title, options.unit, options.series);
-    Object.assign(this, { figure, element: plot, values });
+    const { figure, plot } = frame(options.title, options.unit, options.series);
+    figure.classList.toggle("wide", Boolean(options.wide));
+    Object.assign(this, { options, view, figure, element: plot, chart: null });
     this.range = steadyRange(options.least, options.fromZero);
     this.forget = onTheme(() => this.chart?.redraw(false, true));
   }
@@ -105,10 +102,6 @@ export class TimeChart {
     const { ring, span_s, now_s } = this.view();
     const columns = this.options.series.map(({ column }) => column);
     this.chart.setData(ring.lines.since(now_s - span_s - 1, ["time_s", ...columns]));
-    const now_ms = performance.now();
-    if (now_ms - this.drawnText_ms < 100) return; // nobody reads numbers faster
-    this.drawnText_ms = now_ms;
-    columns.forEach((column, index) => setText(this.values[index], fixed(ring.newest?.[column], this.options.decimals)));
   }
 
   close() {
@@ -119,15 +112,16 @@ export class TimeChart {
   #create(width, height) {
     const { series, unit } = this.options;
     const base = baseOptions({ unit, width, height });
-    base.axes[0].values = (_, splits) => splits.map((each) => clockTime(each));
+    // A time at the very end would be cut off.
+    base.axes[0].values = (u, splits) => splits.map((each) => (u.valToPos(each, "x") > u.width - SCALE_PX - 36 ? "" : clockTime(each)));
     this.chart = new uPlot({
       ...base,
       scales: {
         x: { time: true, range: () => [this.view().now_s - this.view().span_s, this.view().now_s] },
         y: { range: (_, low, high) => this.range(low, high) },
       },
-      series: [{}, ...series.map(({ label, ink }) => ({
-        label, stroke: () => colour(`--${ink}`), width: 1.6, points: { show: false }, spanGaps: false,
+      series: [{}, ...series.map(({ label, ink, wide }) => ({
+        label, stroke: () => colour(`--${ink}`), width: wide ? 4 : 1.5, alpha: wide ? 0.55 : 1, points: { show: false },
       }))],
     }, [[], ...series.map(() => [])], this.element);
   }

@@ -15,7 +15,7 @@ export function el(tag, attributes = {}, ...children) {
     else if (value === true) element.setAttribute(name, "");
     else if (value !== false && value != null) element.setAttribute(name, value);
   }
-  element.append(...children.flat().filter((child) => child != null));
+  element.append(...children.flat(Infinity).filter((child) => child != null));
   return element;
 }
 
@@ -30,6 +30,11 @@ export function svg(tag, attributes = {}, ...children) {
 /** Set the text of an element if it is another one; a change of nothing costs a layout too. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
+}
+
+/** Return a text as nodes: what stands between back quotes is code, as in `piezod status`. */
+export function withCode(text) {
+  return text.split("`").map((part, index) => (index % 2 ? el("code", {}, part) : part)).filter((part) => part !== "");
 }
 
 let numbers = 0;

@@ -1,6 +1,6 @@
 /** Messages to people: seen for some seconds, and read by screen readers. */
 
-import { el } from "./dom.js";
+import { el, withCode } from "./dom.js";
 
 const SHOWN_MS = 8000;
 const MOST = 4;
@@ -26,7 +26,7 @@ export function notify(text, kind = "info") {
   const close = () => notice.remove();
   const notice = el(
     "li", { class: `notice ${kind}` },
-    el("span", {}, text),
+    el("span", {}, withCode(text)),
     el("button", { type: "button", class: "plain", "aria-label": "Close this message", onclick: close }, "×"),
   );
   list.append(notice);

@@ -8,7 +8,7 @@ export function mount(element, context) {
   const list = el("ul", { class: "cards" });
   const empty = el(
     "p", { class: "empty" },
-    "No stage runs on this machine. Start one with `piezod run CONFIG`; it appears here by itself.",
+    "No stage runs on this machine. Start one with ", el("code", {}, "piezod run CONFIG"), "; it appears here by itself.",
   );
   element.append(el("h1", {}, "Stages of this machine"), list, empty);
   const show = () => {

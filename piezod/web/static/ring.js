@@ -1,6 +1,7 @@
 /** The last minutes of telemetry of one axis, in columns for the charts. */
 
 const GAP_S = 0.5;
+const USUAL_S = 1 / 30; // time of an interval, if the one before is not known
 
 /**
  * Columns of the same length that forget their oldest entries.
@@ -67,9 +68,12 @@ export class Ring {
   }
 
   #push(time_s, row, event, axis) {
-    const step_s = time_s - this.lastTime_s;
+    let step_s = time_s - this.lastTime_s;
     if (step_s <= 0) return; // the clock was set back
-    if (step_s > GAP_S && this.lastTime_s) this.gap(this.lastTime_s + 1e-3);
+    if (step_s > GAP_S) {
+      if (this.lastTime_s) this.gap(this.lastTime_s + 1e-3);
+      step_s = USUAL_S;
+    }
     const [early, late, sample] = [{}, {}, { time_s }];
     for (const name of RANGES) {
       const { min, max, last } = { min: axis[name].min[row], max: axis[name].max[row], last: axis[name].last[row] };
@@ -79,7 +83,9 @@ export class Ring {
       sample[name] = last;
     }
     early.late_us = late.late_us = event.late_max_us[row];
-    early.time_s = time_s - Math.min(step_s, 0.04) / 2;
+    // The first cycle of the interval, so that a steady motion gives a straight line.
+    const cycles = Math.max(1, event.cycles[row]);
+    early.time_s = time_s - step_s * (1 - 1 / cycles);
     late.time_s = time_s;
     this.lines.push(early);
     this.lines.push(late);
