@@ -94,12 +94,14 @@ def make_server(app: Starlette) -> WebServer:
 async def _serve(endpoint: socket.socket, host: str, announce: Callable[[str], None]) -> None:
     port = endpoint.getsockname()[1]
     access = Access(f"piezod-{port}", {host_name(host)})
-    server = make_server(create_app(Stages(f"web:{port}"), access))
+    stages = Stages(f"web:{port}")
+    server = make_server(create_app(stages, access))
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, _end, server)
     _write_token(access.token)
     announce(f"http://{_in_url(host)}:{port}/?token={access.token}")
     await server.serve(sockets=[endpoint])
+    await stages.jobs.aclose()
 
 
 def _write_token(token: str) -> None:
