@@ -1,4 +1,4 @@
-"""The pictures of the page for the documentation: `make screenshots`.
+"""The pictures of the page and of `piezod watch` for the documentation: `make screenshots`.
 
 They are taken of the simulated stage, in a chromium without a window, and stored with few colours.
 """
@@ -13,6 +13,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from tests.browser.machine import ROOT, Machine
+from tests.browser.terminal import picture_of_watch
 
 IMAGES: Final = ROOT / "docs" / "images"
 DESKTOP: Final = (1920, 1080)
@@ -32,13 +33,14 @@ def main() -> None:
         machine = Machine(Path(folder))
         try:
             machine.start_stage()
-            take_all(browser, machine.start_web())
+            socket = machine.folder / "run" / "piezod" / "simulated" / "api.sock"
+            take_all(browser, machine.start_web(), socket)
         finally:
             browser.close()
             machine.stop()
 
 
-def take_all(browser: Browser, address: str) -> None:
+def take_all(browser: Browser, address: str, socket: Path) -> None:
     """Take the pictures of a stage that is at rest at first."""
     page = opened(browser, address, DESKTOP, "light")
     page.get_by_role("button", name="Arm", exact=True).click()
@@ -49,6 +51,7 @@ def take_all(browser: Browser, address: str) -> None:
     save(page, "page-light")
     page.emulate_media(color_scheme="dark")
     save(page, "page-dark")
+    store(picture_of_watch(browser, socket), "watch")
     tablet = opened(browser, address, TABLET, "dark")
     tablet.wait_for_timeout(10_000)  # ms, until the first chart is full
     save(tablet, "page-tablet")
@@ -78,9 +81,14 @@ def wait_for_charts(page: Page) -> None:
 
 
 def save(page: Page, name: str) -> None:
-    """Store a picture of what a person sees, with few colours, so that it is a small file."""
+    """Store a picture of what a person sees."""
     page.wait_for_timeout(1_000)  # ms, until the charts have the colours of the theme
-    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    store(page.screenshot(), name)
+
+
+def store(png: bytes, name: str) -> None:
+    """Store a picture with few colours, so that it is a small file."""
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
     few = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, ROUNDS, dither=Image.Dither.NONE)
     path = IMAGES / f"{name}.png"
     few.save(path, optimize=True)
