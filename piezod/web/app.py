@@ -49,11 +49,18 @@ def create_app(stages: Stages, access: Access) -> Starlette:
     async def recording(request: Request) -> Response:
         return await download(request, stages)
 
+    async def figure(request: Request) -> Response:
+        image = stages.jobs.figure(request.path_params["stage"])
+        return Response(
+            image or b"", 200 if image else 404, {"cache-control": "no-store"}, "image/png"
+        )
+
     return Starlette(
         routes=[
             Route("/", index),
             Route(METRICS, metrics),
             Route(RECORDING, recording),
+            Route("/jobs/{stage}.png", figure),
             WebSocketRoute("/ws", socket),
             Mount("/static", StaticFiles(directory=_FILES)),
         ],

@@ -3,7 +3,7 @@
 import re
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from piezod.client.calls import ANSWER_WITHIN_S
 from piezod.client.reports import RELOADED_WITHIN_S
@@ -13,6 +13,8 @@ from piezod.config.endpoints import LARGE_BODY, Endpoint
 from piezod.config.messages import describe
 from piezod.config.requests import TABLE
 from piezod.web.errors import PageError
+from piezod.web.job_commands import Identify, Learn, LookAtJob
+from piezod.web.message import Message
 from piezod.web.rows import RATE_HZ
 
 LONGEST: Final = LARGE_BODY + 4096
@@ -24,14 +26,6 @@ _CALLABLE: Final = {
     (row.method, _PREFIX + row.path): row for row in TABLE.values() if row.name not in _NOT_HERE
 }
 _QUERY: Final = re.compile(r"[A-Za-z0-9_.,=&%-]{0,256}")
-
-
-class Message(BaseModel):
-    """Base of all messages: a number for the answer."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-    id: Annotated[int, Field(ge=0, lt=2**53)]
 
 
 class ListStages(Message):
@@ -84,7 +78,17 @@ class ReadRecording(Message):
     points: Annotated[int, Field(ge=4, le=8000)] = 2000
 
 
-AnyMessage: TypeAlias = ListStages | Watch | Unwatch | CallStage | EmergencyStop | ReadRecording
+AnyMessage: TypeAlias = (
+    ListStages
+    | Watch
+    | Unwatch
+    | CallStage
+    | EmergencyStop
+    | ReadRecording
+    | Identify
+    | Learn
+    | LookAtJob
+)
 _READ: Final[TypeAdapter[AnyMessage]] = TypeAdapter(
     Annotated[AnyMessage, Field(discriminator="do")]
 )

@@ -22,7 +22,9 @@ class RecordingCache:
 
     @classmethod
     def of_user(cls, environ: Mapping[str, str] = os.environ) -> Self:
-        """Return that of this user."""
+        """Return that of this user, or of this service."""
+        if folder := environ.get("CACHE_DIRECTORY"):
+            return cls(Path(folder) / "recordings")
         base = environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         return cls(Path(base) / "piezod" / "recordings")
 

@@ -2,11 +2,13 @@
 
 import asyncio
 import errno
+import os
 import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ipaddress import ip_address
+from pathlib import Path
 from typing import Final
 
 import uvicorn
@@ -91,11 +93,23 @@ def make_server(app: Starlette) -> WebServer:
 async def _serve(endpoint: socket.socket, host: str, announce: Callable[[str], None]) -> None:
     port = endpoint.getsockname()[1]
     access = Access(f"piezod-{port}", {host_name(host)})
-    server = make_server(create_app(Stages(f"web:{port}"), access))
+    stages = Stages(f"web:{port}")
+    server = make_server(create_app(stages, access))
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, _end, server)
+    _write_token(access.token)
     announce(f"http://{_in_url(host)}:{port}/?token={access.token}")
     await server.serve(sockets=[endpoint])
+    await stages.jobs.aclose()
+
+
+def _write_token(token: str) -> None:
+    """Write the token to the runtime folder of the service, if this is one."""
+    if folder := os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]:
+        file = Path(folder) / "token"
+        file.unlink(missing_ok=True)
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o640), "w") as opened:
+            opened.write(token)
 
 
 def _end(server: WebServer) -> None:

@@ -10,6 +10,8 @@ from piezod.client.places import running_stages
 from piezod.client.results import Document
 from piezod.web.connections import Connections
 from piezod.web.errors import PageError
+from piezod.web.job_commands import LookAtJob
+from piezod.web.jobs import Jobs
 from piezod.web.messages import ReadRecording
 from piezod.web.recording_reader import RecordingReader
 from piezod.web.rows import encoded
@@ -33,6 +35,9 @@ class Stages:
     Args:
         client: Name of this server.
         find: Returns the sockets of the running daemons, by the names of their stages.
+
+    Attributes:
+        jobs: Identification and learning, which go on when a tab is closed.
     """
 
     def __init__(self, client: str, find: Callable[[], dict[str, Path]] = running_stages) -> None:
@@ -42,6 +47,7 @@ class Stages:
         self._stages: dict[str, WebStage] = {}
         self._looking: asyncio.Task[None] | None = None
         self._recordings = RecordingReader()
+        self.jobs = Jobs(self.publish)
 
     @property
     def tabs(self) -> int:
@@ -98,6 +104,15 @@ class Stages:
         socket = self.named(wanted.stage).connections.socket
         request = wanted.model_dump(exclude={"id", "do", "stage"})
         return await self._recordings.ask({**request, "what": wanted.do, "socket": str(socket)})
+
+    def look_at_job(self, wanted: LookAtJob) -> Document:
+        """Return the newest job of a stage, after ending it if that is wanted.
+
+        Raises:
+            PageError: If there is no such stage.
+        """
+        stage = self.named(wanted.stage).name
+        return self.jobs.end(stage) if wanted.do == "end_job" else self.jobs.document(stage)
 
     async def metrics(self) -> list[str]:
         """Return the metrics of each stage whose daemon runs and answers."""

@@ -13,6 +13,7 @@ from piezod.client.wire import http_request
 from piezod.config.requests import TABLE
 from piezod.web import messages
 from piezod.web.errors import PageError
+from piezod.web.job_commands import Identify, Learn, LookAtJob
 from piezod.web.rows import Pacer, Row, encoded, telemetry_event
 from piezod.web.stage import WebStage
 from piezod.web.stages import Stages
@@ -118,6 +119,10 @@ class Tab:
                     self._start(self._calls, message.id, self._call(message))
                 case messages.ReadRecording():
                     self._start(self._calls, message.id, self._stages.read(message))
+                case Identify() | Learn():
+                    self._start(self._calls, message.id, self._start_job(message))
+                case LookAtJob():
+                    self._answer(message.id, self._stages.look_at_job(message))
                 case messages.ListStages():
                     self._answer(message.id, await self._list())
                 case messages.Watch():
@@ -154,6 +159,11 @@ class Tab:
             self._leased.add(call.stage)
         return await stage.connections.call(request)
 
+    async def _start_job(self, wanted: Identify | Learn) -> Document:
+        stage = self._stages.named(wanted.stage)
+        await self._release_lease(stage)  # the command needs it
+        return self._stages.jobs.start(wanted, stage.connections.socket)
+
     async def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]
         return {"client": self.name, "stages": stages}
@@ -182,8 +192,14 @@ class Tab:
             _, late = await asyncio.wait(running, timeout=_LAST_CALLS_S)
             for task in late:
                 task.cancel()
-        row = TABLE["release_lease"]
-        for name in self._leased:
+        for name in tuple(self._leased):
             with suppress(PageError):
-                request = http_request(row.method, row.path, self.name)
-                await self._stages.named(name).connections.call(request)
+                await self._release_lease(self._stages.named(name))
+
+    async def _release_lease(self, stage: WebStage) -> None:
+        if stage.name not in self._leased:
+            return
+        self._leased.discard(stage.name)
+        row = TABLE["release_lease"]
+        with suppress(PageError):  # another client may have it by now
+            await stage.connections.call(http_request(row.method, row.path, self.name))

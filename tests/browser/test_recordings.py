@@ -18,7 +18,7 @@ def record(machine: Machine, label: str) -> None:
 
 
 def test_a_recording_is_found_looked_at_and_downloaded(page: Page, machine: Machine) -> None:
-    """The list leads to the viewer, which zooms, pans and changes its columns; the file is whole."""
+    """The list leads to the viewer, which zooms and changes its columns; the file is whole."""
     record(machine, "scan")
     page.get_by_role("link", name="Recordings").click()
     row = page.get_by_role("row").filter(has_text="-scan")
