@@ -15,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test coverage stress peers browser fuzz check lint bench bench-peers figures lock clean
+.PHONY: help demo test coverage stress peers browser screenshots fuzz check lint bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
@@ -39,6 +39,9 @@ peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 
 browser: $(STAMP) $(BROWSER) ## use the page in a browser, as people do (needs chromium)
 	build/browser/bin/python -m pytest -rs -m browser tests/browser
+
+screenshots: $(STAMP) $(BROWSER) ## make the pictures of the page anew (needs chromium)
+	build/browser/bin/python -m tests.browser.screenshots
 
 fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
 	$(BIN)/python -m tests.drivers.bus.fuzz

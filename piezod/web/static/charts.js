@@ -22,7 +22,7 @@ export function baseOptions({ unit, width, height }) {
     height: Math.max(height, 60),
     legend: { show: false },
     cursor: { show: false },
-    padding: [8, 10, 0, 0],
+    padding: [8, 16, 0, 0],
     axes: [
       { ...axis, size: 26, space: 80 },
       { ...axis, size: SCALE_PX, space: 28, values: (_, splits) => splits.map((each) => scaleText(each, splits)) },
@@ -82,17 +82,19 @@ export class TimeChart {
   constructor(options, view) {
     const { figure, plot } = frame(options.title, options.unit, options.series);
     figure.classList.toggle("wide", Boolean(options.wide));
-    Object.assign(this, { options, view, figure, element: plot, chart: null });
+    Object.assign(this, { options, view, figure, element: plot, width: 0, chart: null });
     this.range = steadyRange(options.least, options.fromZero);
     this.forget = onTheme(() => this.chart?.redraw(false, true));
   }
 
-  /** Time between two drawings, in ms: a frame, or the time in which the picture moves by half a pixel. */
+  /** Time between two drawings, in ms: of an interval, or the time in which the picture moves by half a pixel. */
   get each_ms() {
-    return Math.max(33, (500 * this.view().span_s) / Math.max(this.element.clientWidth, 100));
+    const least_ms = this.options.wide ? 33 : 66; // half the pictures for the small charts: they cost the most
+    return Math.max(least_ms, (500 * this.view().span_s) / Math.max(this.width, 100));
   }
 
   resize(width, height) {
+    this.width = width; // reading it from the element would cost a layout for each frame
     if (this.chart) this.chart.setSize({ width, height });
     else if (width > 0) this.#create(width, height);
   }
