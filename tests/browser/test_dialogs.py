@@ -1,5 +1,7 @@
 """Somebody identifies an axis, and lets a waveform be learned."""
 
+import re
+
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
@@ -61,6 +63,24 @@ def test_an_identification_is_seen_by_a_new_tab_and_stopped_there(
     expect(found).to_contain_text("Ended as requested")
     expect(other.locator("#state")).to_contain_text("SAFE")
     assert '"drive_v": 0.0' in machine.run("status", "--json")
+
+
+def test_a_waveform_is_learned_pass_by_pass(page: Page) -> None:
+    """The error of each pass is shown, and falls; the best table is kept."""
+    found = dialog(page, "Play and learn")
+    found.get_by_label("Passes").fill("2")
+    found.get_by_text("Table and times").click()
+    found.get_by_label("Settle").fill("0.2")
+    found.get_by_label("Record").fill("0.2")
+    found.get_by_role("button", name="Start").click()
+    found.get_by_role("button", name="Play another").wait_for(timeout=DRIVEN_WITHIN_MS)
+
+    rows = found.get_by_role("row").filter(has_text=re.compile("inverse|pass"))
+    worst_pct = [float(row.get_by_role("cell").first.inner_text()) for row in rows.all()]
+    assert len(worst_pct) == 3
+    assert worst_pct[-1] < worst_pct[0] / 2
+    expect(found.get_by_role("row", name="(best)")).to_be_visible()
+    assert "Error of each pass" in (found.get_by_role("img").get_attribute("aria-label") or "")
 
 
 def test_what_cannot_be_learned_is_refused_in_words(page: Page) -> None:

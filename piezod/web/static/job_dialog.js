@@ -112,7 +112,8 @@ export class JobDialog {
     if (job.running) {
       const other = job.kind !== this.kind;
       setText(this.activity, other ? `The stage is busy: ${KINDS[job.kind]}.` : `${upper(job.activity)} …`);
-      this.bar.value = job.share;
+      if (job.share > 0) this.bar.value = job.share;
+      else this.bar.removeAttribute("value"); // it is not known: the bar moves
       if (!other) this.showParts?.(job);
       this.#sections(this.running);
     } else if (job.error) {

@@ -62,7 +62,7 @@ function passChart(passes) {
 }
 
 function passTable(passes, best) {
-  const row = (each) => [each.label === best ? `${each.label} (best)` : each.label, ...["max", "rms", "mean", "noise_pct"].map((name) => (each[name] == null ? UNKNOWN : fixed(each[name], 3)))];
+  const row = (each) => [each.label === best ? `${each.label} (best)` : each.label, ...["max_pct", "rms_pct", "mean_pct", "noise_pct"].map((name) => (each[name] == null ? UNKNOWN : fixed(each[name], 3)))];
   return table("Errors in % of the swing", [["", "worst", "rms", "mean", "noise"], ...passes.map(row)]);
 }
 

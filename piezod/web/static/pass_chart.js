@@ -3,8 +3,8 @@
 import { svg } from "./dom.js";
 import { short } from "./format.js";
 
-const [WIDTH, HEIGHT, LEFT, BOTTOM] = [460, 170, 46, 24];
-const SERIES = [["max", "error", "worst"], ["rms", "position", "rms"]];
+const [WIDTH, HEIGHT, LEFT, BOTTOM] = [460, 170, 58, 24];
+const SERIES = [["max_pct", "error", "worst"], ["rms_pct", "position", "rms"]];
 
 /** The chart as SVG, drawn once. */
 export class PassChart {
@@ -14,7 +14,7 @@ export class PassChart {
     const high = Math.max(Math.ceil(Math.log10(Math.max(...values, 0))), low + 1);
     const x = (index) => LEFT + 12 + ((WIDTH - LEFT - 90) * index) / Math.max(passes.length - 1, 1);
     const y = (value) => 10 + ((HEIGHT - BOTTOM - 10) * (high - Math.log10(value))) / (high - low);
-    const text = `Error of each pass: worst ${passes.map(({ max }) => short(max)).join(", ")} % of the swing`;
+    const text = `Error of each pass: worst ${passes.map((each) => short(each.max_pct)).join(", ")} % of the swing`;
     this.element = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "pass-chart", role: "img", "aria-label": text });
     for (let power = low; power <= high; power += 1) {
       const at = y(10 ** power);
