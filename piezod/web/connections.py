@@ -1,13 +1,15 @@
 """The connections to the daemon of one stage: for calls, for an emergency stop, for telemetry."""
 
 import json
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 import httpcore
 
 from piezod.client.errors import ended, translated
+from piezod.client.places import check_socket
 from piezod.client.results import Document
 from piezod.client.telemetry import LineSplitter
 from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request, is_error, telemetry_path
@@ -114,18 +116,15 @@ class Connections:
             self._client,
             timeout_s=(connect_s, _SILENT_S, write_s, pool_s),
         )
-        try:
-            with translated(self.socket):
-                async with self._stream.stream(**request) as response:
-                    if is_error(response):
-                        await response.aread()
-                        raise of_answer(response)
-                    async for block in response.aiter_stream():
-                        for line in lines.feed(block):
-                            if line.startswith(_DATA):
-                                yield json.loads(line.removeprefix(_DATA))
-        except ClientError as error:
-            raise of_connection(error) from error
+        with self._explained():
+            async with self._stream.stream(**request) as response:
+                if is_error(response):
+                    await response.aread()
+                    raise of_answer(response)
+                async for block in response.aiter_stream():
+                    for line in lines.feed(block):
+                        if line.startswith(_DATA):
+                            yield json.loads(line.removeprefix(_DATA))
         raise of_connection(ended(self.socket))
 
     async def _urgently(self, request: HttpRequest) -> Document:
@@ -137,8 +136,18 @@ class Connections:
     async def _sent(
         self, pool: httpcore.AsyncConnectionPool, request: HttpRequest
     ) -> httpcore.Response:
+        with self._explained():
+            return await pool.request(**request)
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Raise errors of the connection with the reason: no daemon, no permission, no answer."""
         try:
             with translated(self.socket):
-                return await pool.request(**request)
+                try:
+                    yield
+                except httpcore.ConnectError:
+                    check_socket(self.socket)  # it knows why
+                    raise
         except ClientError as error:
             raise of_connection(error) from error

@@ -6,13 +6,20 @@ from typing import TYPE_CHECKING, Final
 
 from piezod.client.errors import OTHER_VERSION
 from piezod.client.results import Document
-from piezod.errors import ClientError, NotRunningError
+from piezod.errors import ClientError, NotAllowedError, NotRunningError
 
 if TYPE_CHECKING:
     import httpcore
 
 NOT_RUNNING: Final = "not_running"
-"""Code of the error that a daemon has ended or never ran."""
+NO_ANSWER: Final = "no_answer"
+NOT_ALLOWED: Final = "not_allowed"
+GONE: Final = (NOT_RUNNING, NO_ANSWER, NOT_ALLOWED)
+"""Codes of the errors of a connection; with all others the daemon itself answers."""
+_CODES: Final[dict[type[ClientError], str]] = {
+    NotRunningError: NOT_RUNNING,
+    NotAllowedError: NOT_ALLOWED,
+}
 
 
 class PageError(Exception):
@@ -57,5 +64,5 @@ def of_answer(response: "httpcore.Response") -> PageError:
 
 def of_connection(error: ClientError) -> PageError:
     """Return the error of a connection that failed."""
-    code = NOT_RUNNING if isinstance(error, NotRunningError) else "no_answer"
+    code = next((code for kind, code in _CODES.items() if isinstance(error, kind)), NO_ANSWER)
     return PageError(error.code or code, error.what, error.remedy)

@@ -36,7 +36,7 @@ class WebServer(uvicorn.Server):
 
 
 def serve(host: str, port: int, announce: Callable[[str], None]) -> None:
-    """Serve the page until SIGINT or SIGTERM.
+    """Serve the page until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         host: Name or address to listen on.
@@ -81,6 +81,7 @@ def make_server(app: Starlette) -> WebServer:
         lifespan="off",
         loop="asyncio",
         log_config=None,
+        log_level="error",  # warnings are about clients, which could fill the log
         access_log=False,
         server_header=False,
         proxy_headers=False,
@@ -95,7 +96,7 @@ async def _serve(endpoint: socket.socket, host: str, announce: Callable[[str], N
     access = Access(f"piezod-{port}", {host_name(host)})
     stages = Stages(f"web:{port}")
     server = make_server(create_app(stages, access))
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, _end, server)
     _write_token(access.token)
     announce(f"http://{_in_url(host)}:{port}/?token={access.token}")

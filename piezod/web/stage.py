@@ -11,12 +11,14 @@ from typing import Any, Final
 from piezod.client.errors import OTHER_VERSION
 from piezod.client.results import Document
 from piezod.web.connections import Connections
-from piezod.web.errors import NOT_RUNNING, PageError
+from piezod.web.errors import GONE, PageError
 from piezod.web.rows import Pacer, Row, encoded, with_time
 
 STATUS_EACH_S: Final = 1.0
 """Time between two requests of the status of a stage that is watched, in s."""
 UNWATCHED_EACH_S: Final = 3.0
+AT_MOST_EACH_S: Final = 0.2
+"""Shortest time between two of them: near its tolerance a stage changes in every interval."""
 _AGAIN_S: Final = 0.3
 """Time until the next attempt to open the telemetry, in s."""
 _MEASURED: Final = ("skipped_cycles", "gate")
@@ -100,8 +102,9 @@ class WebStage:
             try:
                 await self.refresh()
             except PageError as error:
-                if error.document["code"] == NOT_RUNNING and not self._watchers:
+                if error.document["code"] in GONE and not self._watchers:
                     self._set_down(error)
+            await asyncio.sleep(AT_MOST_EACH_S)
             each_s = STATUS_EACH_S if self._watchers else UNWATCHED_EACH_S
             with suppress(TimeoutError):
                 async with asyncio.timeout(each_s):
@@ -117,7 +120,7 @@ class WebStage:
                         state = self._take(interval, state)
             except PageError as error:
                 # A daemon that refuses runs, but its loop has not started.
-                if error.document["code"] in _GONE:
+                if error.document["code"] in GONE:
                     self._set_down(error)
             except (LookupError, TypeError, ValueError) as error:  # a daemon of another version
                 self._set_down(PageError("unexpected", f"telemetry: {error!r}", OTHER_VERSION))
@@ -158,9 +161,6 @@ class WebStage:
         since = iso(self.since_s)
         event = {"event": "stage", "stage": self.name, "up": self.up, "since": since, **more}
         self._publish(encoded(event))
-
-
-_GONE: Final = (NOT_RUNNING, "no_answer")
 
 
 def iso(time_s: float) -> str:

@@ -170,7 +170,8 @@ class Tab:
 
     async def _watch(self, message: messages.Watch) -> Document:
         stage = self._stages.named(message.stage)
-        await self._unwatch()
+        if self._watched is not stage:  # a new rate does not interrupt the stream
+            await self._unwatch()
         self._watched = stage
         stage.watch(self, Pacer(message.rate_hz, self.put))
         return stage.document()

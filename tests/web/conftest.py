@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.fakes import FakeReader, Served
+from tests.daemon.waiting import eventually
 from tests.web.browser import Web
 
 
@@ -59,5 +60,6 @@ def daemon(shared_daemon: Served, tmp_path: Path) -> Served:
 
 @pytest.fixture
 def web(shared_web: Web, daemon: Served) -> Web:  # noqa: ARG001 - with a new stage
-    """Return the server of the page for the daemon."""
+    """Return the server of the page, after all tabs of the test before have ended."""
+    eventually(lambda: shared_web.stages is None or not shared_web.stages.all())
     return shared_web

@@ -3,10 +3,13 @@
 import asyncio
 import socket
 import threading
+import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
@@ -14,12 +17,15 @@ from websockets.sync.client import ClientConnection
 from piezod.client import StageClient
 from piezod.config.endpoints import Role
 from piezod.control.stage.answer import Answer
-from piezod.errors import RefusedError
-from piezod.web import protocol
+from piezod.errors import NotAllowedError, RefusedError
+from piezod.telemetry.arrays import record_dtype
+from piezod.web import connections, protocol
+from piezod.web import tab as tab_module
+from piezod.web.stage import AT_MOST_EACH_S
 from piezod.web.tab import MOST_CALLS
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
-from tests.web.browser import Tab, Web
+from tests.web.browser import Tab, Web, close_code
 from tests.web.conftest import new_daemon
 
 
@@ -93,6 +99,39 @@ def test_all_tabs_share_one_stream(web: Web, daemon: Served) -> None:
         assert streams(daemon) == 1
         assert tabs[2].ask(do="unwatch")["ok"]
         eventually(lambda: streams(daemon) == 0)
+
+
+def test_new_rate_does_not_interrupt_the_stream(web: Web, daemon: Served) -> None:
+    """A tab that watches the same stage at another rate goes on with the same stream."""
+    opened = Mock(wraps=daemon.stage.open_reader)
+    daemon.stage.open_reader = opened  # type: ignore[method-assign]
+    with web.tab() as tab:
+        for rate_hz in (30, 5, 30):
+            assert tab.ask(do="watch", stage="bench", rate_hz=rate_hz)["ok"]
+            assert tab.event("telemetry")
+
+    assert opened.call_count == 1
+
+
+def test_restless_stage_is_not_asked_all_the_time(web: Web, daemon: Served) -> None:
+    """A value that changes in each interval causes few requests of the status."""
+    asked = Mock(wraps=daemon.stage.status)
+    daemon.stage.status = asked  # type: ignore[method-assign]
+    daemon.stage.reader.waiting = [moving(motion) for motion in range(60)]
+    with web.tab() as tab:
+        tab.ask(do="watch", stage="bench")
+        rows = [tab.event("telemetry") for _ in range(40)]
+        lasted_s = rows[-1]["t_s"][-1] - rows[0]["t_s"][0]
+
+    assert asked.call_count <= lasted_s / AT_MOST_EACH_S + 5
+
+
+def moving(motion: int) -> Any:
+    """Return a record with the number of a movement."""
+    records = np.zeros(1, record_dtype(2))
+    records["t_ns"] = time.monotonic_ns() + int(motion / 30 * 1e9)
+    records["axes"]["motion"] = motion
+    return records
 
 
 def test_change_of_the_status_is_an_event(web: Web, daemon: Served) -> None:
@@ -195,6 +234,19 @@ def test_tab_that_does_not_read_is_closed(
         eventually(lambda: web.stages and web.stages.tabs == 1)
 
 
+def test_texts_that_wait_are_bounded(
+    web: Web, daemon: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tab for which too much text waits is closed at once; others go on."""
+    monkeypatch.setattr(tab_module, "MOST_WAITING", 100_000)
+    with web.tab() as tab, web.tab() as other:
+        assert tab.call("/v1/config", method="GET")["ok"]
+        daemon.stage.configuration = {"text": "x" * 200_000}
+        tab.connection.send(CONFIG)
+        close_code(tab.connection)
+        assert other.ask(do="stages")["ok"]
+
+
 CONFIG = '{"id": 1, "do": "call", "stage": "bench", "method": "GET", "path": "/v1/config"}'
 
 
@@ -206,6 +258,26 @@ def flooded(connection: ClientConnection) -> bool:
     except (ConnectionClosed, OSError):
         return True
     return False
+
+
+def test_socket_that_is_closed_to_this_user(
+    web: Web, daemon: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The error names the group that opens the socket: the daemon itself has not ended."""
+    refusal = NotAllowedError("not for this user", "become a member of the group piezod-view")
+    monkeypatch.setattr(connections, "check_socket", Mock(side_effect=refusal))
+    with web.tab() as tab:
+        know(tab)
+        other = daemon.socket.with_name("moved.sock")
+        daemon.socket.rename(other)
+        try:
+            for each in tuple(daemon.server.server_state.connections):
+                each.transport.get_extra_info("socket").shutdown(socket.SHUT_RDWR)
+            error = tab.call("/v1/status", method="GET")["error"]
+        finally:
+            other.rename(daemon.socket)
+
+    assert (error["code"], error["remedy"]) == ("not_allowed", refusal.remedy)
 
 
 def test_daemon_that_ends_and_starts_again(tmp_path: Path) -> None:
