@@ -104,7 +104,8 @@ def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "Learne
             typer.echo(_line(done))
 
     def note(text: str) -> None:
-        typer.echo(f"Tables: {text}.", err=True)
+        if not report_part({"note": f"Tables: {text}."}):
+            typer.echo(f"Tables: {text}.", err=True)
 
     with progress_bar() as progress, LiveStage(client, setup, lambda _s: None) as stage:
         progress(f"playing on axis {name}", 0.0)

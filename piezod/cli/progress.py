@@ -48,10 +48,15 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         yield lambda label, share: bar.update(task, description=label, completed=share)
 
 
-def report_part(document: dict[str, object]) -> None:
-    """Print a part of the result as soon as it is known, if progress is printed as JSON."""
-    if _is_json():
+def report_part(document: dict[str, object]) -> bool:
+    """Print a part of the result as soon as it is known, if progress is printed as JSON.
+
+    Returns:
+        Whether it was printed.
+    """
+    if wanted := _is_json():
         _print({"part": document})
+    return wanted
 
 
 class _Lines:

@@ -95,16 +95,25 @@ def tables_folder(stage: str, environ: Mapping[str, str] = os.environ) -> Path:
 
 def _drive(drive: ChosenDrive) -> dict[str, Any]:
     frequency_hz = max(_SLOWEST_HZ, _SWINGS / drive.duration_s)
+    period_s = 1.0 / frequency_hz
+    sine = {
+        "kind": "sine",
+        "low": drive.low_v,
+        "high": drive.high_v,
+        "frequency_hz": frequency_hz,
+    }
+    decay = {"kind": "decaying", "time_constant_s": drive.duration_s / 3.0}
     return {
         "method": "least-squares",  # required by the file; the option of the command holds
         "settle_s": 2.0,
-        "run_in_s": 1.0 / frequency_hz,
-        "duration_s": drive.duration_s,
+        "run_in_s": period_s,
+        "duration_s": 2.0 * period_s + drive.duration_s,
         "drive_v": {
-            "kind": "sine",
-            "low": drive.low_v,
-            "high": drive.high_v,
-            "frequency_hz": frequency_hz,
-            "envelope": {"kind": "decaying", "time_constant_s": drive.duration_s / 3.0},
+            "kind": "sequence",
+            "parts": [
+                # The run-in is excluded from the fit, so the largest swing comes twice.
+                {"duration_s": 2.0 * period_s, "waveform": sine},
+                {"duration_s": drive.duration_s, "waveform": {**sine, "envelope": decay}},
+            ],
         },
     }

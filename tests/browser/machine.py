@@ -22,7 +22,13 @@ class Machine:
 
     Args:
         folder: An empty folder with a short path, because it will contain sockets.
+
+    Attributes:
+        config: A copy of the shipped configurations.
+        stage: The daemon that was started last.
     """
+
+    stage: "subprocess.Popen[str]"
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -64,7 +70,7 @@ class Machine:
         """
         log = self.folder / "run.log"
         begin = log.stat().st_size if log.exists() else 0
-        process = self.start("run", str(self.config / config))
+        self.stage = process = self.start("run", str(self.config / config))
 
         def ready() -> bool:
             text = log.read_text()[begin:]
