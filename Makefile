@@ -8,7 +8,7 @@ DOCS_ENV := build/docs-env/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
 # More workers than the fewest cores: many tests wait for a device or a daemon most of the time.
-WORKERS := --numprocesses 5 --dist worksteal
+WORKERS := --numprocesses 4 --dist worksteal
 
 # Where it is set, each of the processes that tests start compiles anew whatever it imports.
 unexport PYTHONDONTWRITEBYTECODE

@@ -18,7 +18,7 @@ COMPILING = pytest.StashKey[subprocess.Popen[bytes]]()
 
 # No deadline: the first example may compile a kernel. In CI every run draws the same examples.
 # `make stress` asks for "long".
-settings.register_profile("local", deadline=None, max_examples=30)
+settings.register_profile("local", deadline=None, max_examples=20)
 settings.register_profile("ci", settings.get_profile("local"), derandomize=True)
 settings.register_profile("long", deadline=None, max_examples=1000)
 settings.load_profile(
@@ -106,6 +106,13 @@ def leave_figures_blank(patch: pytest.MonkeyPatch) -> None:
 def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have reports with blank figures."""
     leave_figures_blank(monkeypatch)
+
+
+@pytest.fixture(autouse=True)
+def plain_layout(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw without a constrained layout, which takes twice the rest, but in tests of the layout."""
+    if "layout" not in request.keywords:
+        monkeypatch.setattr("piezod.records.figures.style._LAYOUT", "none")
 
 
 Figure = Callable[[str], None]

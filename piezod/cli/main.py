@@ -36,6 +36,7 @@ from piezod.cli.replay import replay
 from piezod.cli.response import response
 from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
+from piezod.cli.web import web
 from piezod.errors import PiezodError
 
 # Plain help and plain tracebacks, because rich doubles the time that help takes.
@@ -53,7 +54,7 @@ OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Experiments and models": (demo, experiment, identify, response, play, check),
     "Recordings": (plot, export, replay),
     "Devices": (drivers, emulate, probe, commission),
-    "Daemon of a stage": (init, run_daemon, safe, install_service),
+    "Daemon of a stage": (init, run_daemon, safe, web, install_service),
 }
 """Commands that need no running daemon, by their heading in help."""
 for heading, verbs in OWN_VERBS.items():

@@ -280,6 +280,7 @@ def test_invalid_samples_leave_gaps(recording: Recording) -> None:
     assert png_bytes(figure).startswith(b"\x89PNG")
 
 
+@pytest.mark.layout
 def test_legends_cover_no_data(
     recording: Recording, simulated: ExperimentResult, identification: Identification
 ) -> None:
@@ -320,6 +321,7 @@ def test_model_and_data_are_shown(identification: Identification) -> None:
     )
 
 
+@pytest.mark.layout
 def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording, run_png: bytes) -> None:
     """The same record gives the same bytes, in the size of the figure, without a version."""
     path = tmp_path / "run.png"
@@ -331,6 +333,7 @@ def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording, run_png
     assert b"matplotlib" not in first.lower()
 
 
+@pytest.mark.layout
 def test_settings_of_the_user_do_not_matter_and_stay(recording: Recording, run_png: bytes) -> None:
     """A user's matplotlibrc changes no figure, and drawing does not change its settings."""
     with mpl.rc_context({"font.size": 30.0, "lines.linewidth": 9.0, "axes.facecolor": "red"}):

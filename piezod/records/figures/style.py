@@ -42,6 +42,7 @@ BROAD_DRIVE: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 2.6}
 PREDICTED: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.7}
 
 _DOTS_PER_INCH: Final = 125
+_LAYOUT: Final = "constrained"
 _SETTINGS: Final[dict[Any, Any]] = {
     "text.parse_math": False,  # a $ in a title or a file name is a plain character
     "font.size": 10.0,
@@ -85,7 +86,7 @@ def new_figure(width_in: float, height_in: float, title: str, subtitle: str) -> 
         title: First line of the headline.
         subtitle: Second line; empty for none.
     """
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    figure = Figure(figsize=(width_in, height_in), layout=_LAYOUT)
     FigureCanvasAgg(figure)
     heading = "\n".join(filter(None, (title, subtitle)))
     figure.suptitle(heading, x=0.008, ha="left", fontsize=12, linespacing=1.5)

@@ -1,0 +1,55 @@
+"""The application: the files of the page, its WebSocket, and the metrics."""
+
+from itertools import count
+from pathlib import Path
+from typing import Final
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
+
+from piezod.web.access import METRICS, Access, Door
+from piezod.web.metrics import PLAIN_TEXT, joined
+from piezod.web.stages import Stages
+from piezod.web.tab import Tab
+
+MOST_TABS: Final = 32
+_FILES: Final = Path(__file__).parent / "static"
+_TRY_LATER: Final = 1013
+
+
+def create_app(stages: Stages, access: Access) -> Starlette:
+    """Return the application.
+
+    Args:
+        stages: All stages.
+        access: The secrets.
+    """
+    numbers = count(1)
+
+    async def index(_request: Request) -> Response:
+        return FileResponse(_FILES / "index.html")
+
+    async def socket(websocket: WebSocket) -> None:
+        await websocket.accept()
+        if stages.tabs >= MOST_TABS:
+            await websocket.close(_TRY_LATER, f"{stages.tabs} tabs are open, close some")
+            return
+        await Tab(f"{stages.client}:tab{next(numbers)}", websocket, stages).run()
+
+    async def metrics(_request: Request) -> Response:
+        return PlainTextResponse(joined(await stages.metrics()), media_type=PLAIN_TEXT)
+
+    return Starlette(
+        routes=[
+            Route("/", index),
+            Route(METRICS, metrics),
+            WebSocketRoute("/ws", socket),
+            Mount("/static", StaticFiles(directory=_FILES)),
+        ],
+        middleware=[Middleware(Door, access=access)],
+    )

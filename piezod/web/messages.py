@@ -1,0 +1,134 @@
+"""The messages of a page, and which requests of the public HTTP interface it may send."""
+
+import re
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from piezod.client.calls import ANSWER_WITHIN_S
+from piezod.client.reports import RELOADED_WITHIN_S
+from piezod.client.results import Document
+from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request
+from piezod.config.endpoints import LARGE_BODY, Endpoint
+from piezod.config.messages import describe
+from piezod.config.requests import TABLE
+from piezod.web.errors import PageError
+from piezod.web.rows import RATE_HZ
+
+LONGEST: Final = LARGE_BODY + 4096
+"""Most bytes of a message: the largest body of a request, and what is around it."""
+_PREFIX: Final = "/v1/"
+_NOT_HERE: Final = frozenset({"telemetry", "stream", "session", "metrics", "fetch_recording"})
+"""Endpoints whose request or answer is no JSON document."""
+_CALLABLE: Final = {
+    (row.method, _PREFIX + row.path): row for row in TABLE.values() if row.name not in _NOT_HERE
+}
+_QUERY: Final = re.compile(r"[A-Za-z0-9_.,=&%-]{0,256}")
+
+
+class Message(BaseModel):
+    """Base of all messages: a number for the answer."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    id: Annotated[int, Field(ge=0, lt=2**53)]
+
+
+class ListStages(Message):
+    """List all stages of this machine."""
+
+    do: Literal["stages"]
+
+
+class Watch(Message):
+    """Send telemetry of a stage, in place of the stage that was watched before."""
+
+    do: Literal["watch"]
+    stage: str
+    rate_hz: Annotated[float, Field(ge=1.0, le=RATE_HZ)] = RATE_HZ
+
+
+class Unwatch(Message):
+    """Send no more telemetry."""
+
+    do: Literal["unwatch"]
+
+
+class CallStage(Message):
+    """Send a request to a stage."""
+
+    do: Literal["call"]
+    stage: str
+    method: str
+    path: str
+    body: dict[str, Any] | None = None
+
+
+class EmergencyStop(Message):
+    """Stop a stage in an emergency."""
+
+    do: Literal["estop"]
+    stage: str
+
+
+AnyMessage: TypeAlias = ListStages | Watch | Unwatch | CallStage | EmergencyStop
+_READ: Final[TypeAdapter[AnyMessage]] = TypeAdapter(
+    Annotated[AnyMessage, Field(discriminator="do")]
+)
+
+
+def read(text: str) -> AnyMessage:
+    """Read a message.
+
+    Raises:
+        PageError: If it is not JSON, or no message; the text lists every problem.
+    """
+    try:
+        return _READ.validate_json(text)
+    except ValidationError as error:
+        problems = []
+        for found in error.errors(include_url=False, include_context=True):
+            where = ".".join(str(part) for part in found["loc"][1:])
+            problems.append(f"{where}: {describe(found, ())}" if where else found["msg"])
+        what = "; ".join(problems)[:500]
+        raise PageError("invalid", what, "docs/page.md has the messages") from error
+
+
+def row_of(call: CallStage) -> Endpoint:
+    """Return the row of the table of commands that a call is for.
+
+    Raises:
+        PageError: If a page may not send it.
+    """
+    path, _, query = call.path.partition("?")
+    row = _CALLABLE.get((call.method, path))
+    if row is None or not _QUERY.fullmatch(query):
+        what = f"{call.method[:8]} {call.path[:64]} is no request that a page may send"
+        raise PageError("not_found", what, "GET /v1/openapi lists all endpoints")
+    return row
+
+
+def http_request_of(call: CallStage, row: Endpoint, client: str) -> HttpRequest:
+    """Return the request to a daemon.
+
+    Args:
+        call: The call.
+        row: Its row in the table of commands.
+        client: Name of the tab.
+
+    Raises:
+        PageError: If the body has a number that is not finite.
+    """
+    connect_s, _, write_s, pool_s = TIMEOUT_S
+    read_s = RELOADED_WITHIN_S if row.name == "reload" else ANSWER_WITHIN_S
+    body: Document | None = None if row.method in ("GET", "DELETE") else call.body or {}
+    try:
+        return http_request(
+            call.method,
+            call.path.removeprefix(_PREFIX),
+            client,
+            body=body,
+            timeout_s=(connect_s, read_s, write_s, pool_s),
+        )
+    except ValueError as error:
+        raise PageError("bad_json", f"the body is not JSON: {error}") from error

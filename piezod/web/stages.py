@@ -1,0 +1,119 @@
+"""All stages of this machine, and all tabs that look at them."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import aclosing, suppress
+from pathlib import Path
+from typing import Final, Protocol
+
+from piezod.client.places import running_stages
+from piezod.web.connections import Connections
+from piezod.web.errors import PageError
+from piezod.web.rows import encoded
+from piezod.web.stage import WebStage
+
+LOOK_EACH_S: Final = 3.0
+"""Time between two looks for new stages, in s."""
+
+
+class Listener(Protocol):
+    """A tab, as far as events are concerned."""
+
+    def put(self, text: str) -> None:
+        """Send an event."""
+        ...
+
+
+class Stages:
+    """The stages. Nothing is asked of them while no tab is open.
+
+    Args:
+        client: Name of this server.
+        find: Returns the sockets of the running daemons, by the names of their stages.
+    """
+
+    def __init__(self, client: str, find: Callable[[], dict[str, Path]] = running_stages) -> None:
+        self.client, self._find = client, find
+        self._changing = asyncio.Lock()
+        self._tabs: set[Listener] = set()
+        self._stages: dict[str, WebStage] = {}
+        self._looking: asyncio.Task[None] | None = None
+
+    @property
+    def tabs(self) -> int:
+        """Number of open tabs."""
+        return len(self._tabs)
+
+    async def enter(self, tab: Listener) -> None:
+        """Add a tab; it gets all events from now on."""
+        self._tabs.add(tab)
+        async with self._changing:
+            if self._looking is None:
+                await self._look()
+                self._looking = asyncio.get_running_loop().create_task(self._keep_looking())
+
+    async def leave(self, tab: Listener) -> None:
+        """Remove a tab; after the last one, all connections are closed."""
+        self._tabs.discard(tab)
+        async with self._changing:
+            for stage in self.all():
+                await stage.unwatch(tab)
+            if self._tabs or self._looking is None:
+                return
+            looking, self._looking = self._looking, None
+            looking.cancel()
+            with suppress(asyncio.CancelledError):
+                await looking
+            stages, self._stages = self.all(), {}
+            for stage in stages:
+                await stage.close()
+
+    def all(self) -> list[WebStage]:
+        """Return all stages that were found, also those that are down since, by name."""
+        return [self._stages[name] for name in sorted(self._stages)]
+
+    def named(self, name: str) -> WebStage:
+        """Return a stage.
+
+        Raises:
+            PageError: If no daemon of that name was found.
+        """
+        if name not in self._stages:
+            found = ", ".join(sorted(self._stages)) or "none"
+            what = f"no stage {name[:64]!r} on this machine"
+            raise PageError("not_found", what, f"stages: {found}")
+        return self._stages[name]
+
+    async def metrics(self) -> list[str]:
+        """Return the metrics of each stage whose daemon runs and answers."""
+        texts = []
+        for socket in (await asyncio.to_thread(self._find)).values():
+            # Of their own, because a scrape may come while no tab is open.
+            async with aclosing(Connections(socket, self.client)) as connections:
+                with suppress(PageError):
+                    texts.append(await connections.metrics())
+        return texts
+
+    def publish(self, text: str) -> None:
+        """Send an event to all tabs."""
+        for tab in tuple(self._tabs):
+            tab.put(text)
+
+    async def _keep_looking(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK_EACH_S)
+            await self._look()
+
+    async def _look(self) -> None:
+        """Add the stages that have started; one may also have another socket than before."""
+        for name, socket in (await asyncio.to_thread(self._find)).items():
+            known = self._stages.get(name)
+            if known is not None and (known.up or known.connections.socket == socket):
+                continue
+            if known is not None:
+                await known.relocate(socket)
+                continue
+            stage = self._stages[name] = WebStage(name, socket, self.client, self.publish)
+            with suppress(PageError):
+                await stage.refresh()
+            self.publish(encoded({"event": "stage", **stage.document()}))

@@ -1,0 +1,179 @@
+"""One tab of a browser: one WebSocket for its requests, their answers, and all events."""
+
+import asyncio
+from collections import deque
+from collections.abc import Coroutine
+from contextlib import suppress
+from typing import Any, Final
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from piezod.client.results import Document
+from piezod.client.wire import http_request
+from piezod.config.requests import TABLE
+from piezod.web import messages
+from piezod.web.errors import PageError
+from piezod.web.rows import Pacer, Row, encoded, telemetry_event
+from piezod.web.stage import WebStage
+from piezod.web.stages import Stages
+
+MOST_CALLS: Final = 8
+"""Calls of a tab in progress, and as many emergency stops."""
+MOST_WAITING: Final = 8 * 1024 * 1024
+"""Text that may wait for a tab which does not read, in characters; more closes the tab."""
+_LAST_CALLS_S: Final = 2.0
+"""Time for the calls of a closed tab to end before its leases are released, in s."""
+_TOO_SLOW: Final = 1013
+
+
+class Tab:
+    """A tab, until its WebSocket closes. Then its leases are released.
+
+    Args:
+        name: Name for the lease, as other clients see it.
+        socket: Its WebSocket, accepted.
+        stages: All stages.
+    """
+
+    def __init__(self, name: str, socket: WebSocket, stages: Stages) -> None:
+        self.name, self._socket, self._stages = name, socket, stages
+        self._waiting: deque[str | Row] = deque()
+        self._waiting_size = 0
+        self._wake = asyncio.Event()
+        self._watched: WebStage | None = None
+        self._calls: set[asyncio.Task[None]] = set()
+        self._stops: set[asyncio.Task[None]] = set()
+        self._leased: set[str] = set()
+
+    async def run(self) -> None:
+        """Serve the tab until it closes."""
+        sending = asyncio.create_task(self._send())
+        receiving = asyncio.create_task(self._receive())
+        try:
+            await self._stages.enter(self)
+            await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (sending, receiving):
+                task.cancel()
+                with suppress(asyncio.CancelledError, WebSocketDisconnect):
+                    await task
+            await self._release()
+            await self._stages.leave(self)
+
+    def put(self, item: str | Row) -> None:
+        """Send an event or a row as soon as the tab reads."""
+        self._waiting.append(item)
+        self._waiting_size += len(item if isinstance(item, str) else item.text)
+        self._wake.set()
+
+    async def _send(self) -> None:
+        while self._waiting_size <= MOST_WAITING:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._waiting and self._waiting_size <= MOST_WAITING:
+                await self._socket.send_text(self._next())
+        await self._socket.close(_TOO_SLOW)
+
+    def _next(self) -> str:
+        """Take the next text to send: consecutive rows of a stage become one event."""
+        item = self._waiting.popleft()
+        if isinstance(item, str):
+            self._waiting_size -= len(item)
+            return item
+        rows = [item]
+        while self._waiting and isinstance(more := self._waiting[0], Row):
+            if more.stage != item.stage:
+                break
+            rows.append(more)
+            self._waiting.popleft()
+        self._waiting_size -= sum(len(row.text) for row in rows)
+        return item.text if len(rows) == 1 else telemetry_event(rows)
+
+    async def _receive(self) -> None:
+        with suppress(WebSocketDisconnect):
+            while True:
+                text = await self._socket.receive_text()
+                try:
+                    message = messages.read(text)
+                except PageError as error:
+                    self._answer(None, error)
+                    continue
+                await self._carry_out(message)
+
+    async def _carry_out(self, message: messages.AnyMessage) -> None:
+        try:
+            match message:
+                case messages.EmergencyStop():
+                    stage = self._stages.named(message.stage)
+                    self._start(self._stops, message.id, stage.connections.estop(self.name))
+                case messages.CallStage():
+                    self._start(self._calls, message.id, self._call(message))
+                case messages.ListStages():
+                    self._answer(message.id, await self._list())
+                case messages.Watch():
+                    self._answer(message.id, await self._watch(message))
+                case messages.Unwatch():
+                    await self._unwatch()
+                    self._answer(message.id, {})
+        except PageError as error:
+            self._answer(message.id, error)
+
+    def _start(
+        self, running: set[asyncio.Task[None]], number: int, work: Coroutine[Any, Any, Document]
+    ) -> None:
+        """Carry out a call beside all others, so that none waits for it."""
+        if len(running) >= MOST_CALLS:
+            work.close()
+            what = f"{len(running)} requests of this tab are in progress, allowed: {MOST_CALLS}"
+            raise PageError("too_many", what, "wait for their answers")
+
+        async def answered() -> None:
+            try:
+                self._answer(number, await work)
+            except PageError as error:
+                self._answer(number, error)
+
+        task = asyncio.create_task(answered())
+        running.add(task)
+        task.add_done_callback(running.discard)
+
+    async def _call(self, call: messages.CallStage) -> Document:
+        stage, row = self._stages.named(call.stage), messages.row_of(call)
+        request = messages.http_request_of(call, row, self.name)
+        if row.access.lease:
+            self._leased.add(call.stage)
+        return await stage.connections.call(request)
+
+    async def _list(self) -> Document:
+        stages = [stage.document() for stage in self._stages.all()]
+        return {"client": self.name, "stages": stages}
+
+    async def _watch(self, message: messages.Watch) -> Document:
+        stage = self._stages.named(message.stage)
+        await self._unwatch()
+        self._watched = stage
+        stage.watch(self, Pacer(message.rate_hz, self.put))
+        return stage.document()
+
+    async def _unwatch(self) -> None:
+        watched, self._watched = self._watched, None
+        if watched is not None:
+            await watched.unwatch(self)
+
+    def _answer(self, number: int | None, result: Document | PageError) -> None:
+        if isinstance(result, PageError):
+            self.put(encoded({"id": number, "ok": False, "error": result.document}))
+        else:
+            self.put(encoded({"id": number, "ok": True, "result": result}))
+
+    async def _release(self) -> None:
+        """End the calls, and release the leases: another client shall not wait for their end."""
+        if running := (*self._calls, *self._stops):
+            _, late = await asyncio.wait(running, timeout=_LAST_CALLS_S)
+            for task in late:
+                task.cancel()
+        row = TABLE["release_lease"]
+        for name in self._leased:
+            with suppress(PageError):
+                request = http_request(row.method, row.path, self.name)
+                await self._stages.named(name).connections.call(request)
