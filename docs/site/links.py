@@ -1,7 +1,7 @@
 """Links out of `docs/`: each linked file of the repository becomes a page of the site.
 
 The site then needs no forge. Markdown stays Markdown, a folder becomes a list of its files, and any
-other file is shown as code.
+other file is shown as code. A notebook becomes a page, too.
 """
 
 import posixpath
@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
+
+from docs.site.notebooks import notebook_page
 
 DOCS: Final = Path(__file__).resolve().parents[1]
 ROOT: Final = DOCS.parent
@@ -62,6 +64,8 @@ def site_uri(target: Path) -> str:
     if target.is_dir():
         readme = target / "README.md"
         target = readme if readme.exists() else target / "index.md"
+    if target.suffix == ".ipynb":
+        target = target.with_suffix(".md")
     if target.is_relative_to(DOCS):
         return target.relative_to(DOCS).as_posix()
     path = target.relative_to(ROOT).as_posix()
@@ -77,10 +81,10 @@ def _targets(page: Path) -> Iterator[Path]:
 
 
 def _needs_page(target: Path) -> bool:
-    """Return whether mkdocs does not find the target in `docs/` by itself."""
-    return not target.is_relative_to(DOCS) or (
-        target.is_dir() and not (target / "README.md").exists()
-    )
+    """Return whether mkdocs does not find a page of the target in `docs/` by itself."""
+    if target.is_dir():
+        return not (target.is_relative_to(DOCS) and (target / "README.md").exists())
+    return target.suffix == ".ipynb" or not target.is_relative_to(DOCS)
 
 
 def _page(target: Path) -> str:
@@ -89,6 +93,8 @@ def _page(target: Path) -> str:
         target = target / "README.md"
     if target.is_dir():
         return f"{_NO_SEARCH}# `{path}/`\n\n" + "\n".join(map(_item, sorted(target.iterdir())))
+    if target.suffix == ".ipynb":
+        return notebook_page(target)
     text = target.read_text(encoding="utf-8")
     if target.suffix == ".md":
         return text

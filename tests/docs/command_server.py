@@ -16,7 +16,8 @@ Streams: TypeAlias = tuple[int, int, int]
 READY: Final = {"run": "ready ", "emulate": "serving ", "web": "?token="}
 """Commands that run until somebody ends them, and a text that they print when they are ready.
 
-The server leaves them running, as in a terminal of their own, and the shell goes on.
+The server leaves them running, as in a terminal of their own, and the shell goes on. A second
+daemon ends the first one, as a reader does by Ctrl-C.
 """
 ENDLESS: Final = "watch"
 """It prints until Ctrl-C: the server interrupts it after its first output."""
@@ -39,7 +40,8 @@ class CommandServer:
     def __init__(self, folder: Path, environ: Mapping[str, str], slower: Mapping[str, str]) -> None:
         self.path = folder / "commands"
         self._environ, self._slower, self._logs = environ, slower, folder
-        self._left: list[Forked] = []
+        self._left: list[tuple[str, Forked]] = []
+        self._codes: list[int] = []
         self._listener = socket.socket(socket.AF_UNIX)
         self._listener.bind(str(self.path))
         self._listener.listen()
@@ -55,11 +57,10 @@ class CommandServer:
         """End what runs, in order; raise AssertionError if a daemon does not end in order."""
         self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
-        for process in reversed(self._left):
-            process.terminate()
-        codes = [process.wait(60.0) for process in self._left]
+        for verb in READY:
+            self._end(verb)
         self._workers.shutdown()
-        assert codes == [0] * len(codes), self.log
+        assert not any(self._codes), self.log
 
     def _serve(self) -> None:
         while True:
@@ -100,11 +101,12 @@ class CommandServer:
         config.write_text(text, encoding="utf-8")
 
     def _leave_running(self, arguments: list[str], folder: Path) -> int:
+        self._end("run" if arguments[0] == "run" else "")
         log = self._logs / f"{len(self._left)}.log"
         with log.open("wb") as out, Path(os.devnull).open("rb") as nothing:
             outputs = (nothing.fileno(), out.fileno(), out.fileno())
             process = Forked(arguments, outputs, self._environ, folder)
-        self._left.append(process)
+        self._left.append((arguments[0], process))
 
         def ready() -> bool:
             assert process.poll() is None, log.read_text("utf-8")
@@ -112,6 +114,13 @@ class CommandServer:
 
         eventually(ready, READY_WITHIN_S)
         return 0
+
+    def _end(self, verb: str) -> None:
+        """End the commands of a verb, and note their exit codes."""
+        for each, process in self._left:
+            if each == verb and process.poll() is None:
+                process.terminate()
+                self._codes.append(process.wait(60.0))
 
     def _interrupt(self, arguments: list[str], folder: Path, streams: Streams) -> int:
         read_fd, write_fd = os.pipe()
