@@ -104,5 +104,5 @@ def test_mark_on_a_disk_that_refuses_it(bench: Bench, monkeypatch: pytest.Monkey
     (bench.link.recordings_folder / "20240501T120000Z.h5").touch()
     monkeypatch.setattr(Path, "touch", fail)
 
-    with pytest.raises(NotNowError, match="the mark was not changed: .*No space left"):
+    with pytest.raises(NotNowError, match=r"the mark was not changed: .*No space left"):
         asyncio.run(bench.link.keep_recording("20240501T120000Z", PEER, kept=True))
