@@ -49,11 +49,11 @@ def export(  # noqa: PLR0913, PLR0917 - each argument is an option
     if path.suffix.lower() == ".parquet":
         check_parquet()
     with local_file(recording, stage, socket) as file:
-        # The begin is read as by the other commands, which checks file, part and axis.
-        first = read_part(file, begin_s, end_s, columns=("t_s",))
-        axes = first.header.axes if axis is None else (first.chosen_axis(axis),)
+        part = read_part(file, begin_s, end_s, columns=("t_s",))  # checks file, part and axis
+        axes = part.header.axes if axis is None else (part.chosen_axis(axis),)
+        rows = part.cycles["t_s"].size
+        del part  # the columns of a long recording need the memory
         columns = export_table(path, file, axes, begin_s, end_s)
-    rows = first.cycles["t_s"].size
     if json:
         document = {"recording": str(recording), "file": str(path), "rows": rows}
         print_json({**document, "columns": columns})

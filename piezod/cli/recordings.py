@@ -13,6 +13,7 @@ from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.stage_options import connect
 
 if TYPE_CHECKING:
+    from piezod.client import StageClient
     from piezod.records.telemetry_reader import RecordedTelemetry
 
 _NAME: Final = re.compile(r"[0-9]{8}T[0-9]{6}Z(-[A-Za-z0-9_-]{1,60})?")
@@ -71,7 +72,20 @@ def local_file(recording: Path, stage: str | None, socket: Path | None) -> Itera
         file = Path(folder) / f"{recording.name}.h5"
         with connect(stage, socket) as client:
             client.fetch_recording(recording.name, file)
+            _report_further_files(recording.name, client)
         yield file
+
+
+def _report_further_files(name: str, client: "StageClient") -> None:
+    """Print to stderr if a recording has further files, because only one is used."""
+    from piezod.cli.output import error_console
+
+    further = re.compile(rf"{re.escape(name)}-[0-9]{{4,}}")
+    names = sorted(each.name for each in client.recordings().recordings)
+    if found := [each for each in names if further.fullmatch(each)]:
+        last = f" to {found[-1]}" if len(found) > 1 else ""
+        text = f"{name} is the first file of the recording; it goes on in {found[0]}{last}"
+        error_console().print(text, soft_wrap=True)
 
 
 def read_part(

@@ -150,6 +150,7 @@ def test_recording_of_a_stage_by_its_name(
 ) -> None:
     """The name stands for the file of the running stage; the output is in the current folder."""
     daemon.answers[f"GET recordings/{NAME}"] = Raw(200, recording.read_bytes())
+    daemon.answers["GET recordings"] = {"running": None, "recordings": [{"name": NAME}]}
     verb, *options = arguments
     by_name = piezod("record", verb, NAME, *options, "--json")
     document = json.loads(by_name.out)
@@ -158,6 +159,20 @@ def test_recording_of_a_stage_by_its_name(
     assert document["recording"] == NAME
     assert not file or Path(file).stat().st_size > 1000
     assert not Path(f"{NAME}.h5").exists()
+
+
+def test_further_files_are_told(piezod: Command, daemon: FakeDaemon, recording: Path) -> None:
+    """Only one file is used: people learn that the recording goes on in others."""
+    daemon.answers[f"GET recordings/{NAME}"] = Raw(200, recording.read_bytes())
+    names = [f"{NAME}-0003", f"{NAME}-0002", NAME, f"{NAME}-b"]
+    finished = [{"name": name} for name in names]
+    daemon.answers["GET recordings"] = {"running": None, "recordings": finished}
+    code, _, err = piezod("record", "show", NAME, "--json")
+
+    assert code == 0
+    assert err == (
+        f"{NAME} is the first file of the recording; it goes on in {NAME}-0002 to {NAME}-0003\n"
+    )
 
 
 def test_name_that_the_stage_does_not_have(piezod: Command, daemon: FakeDaemon) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pyarrow import DictionaryType, parquet
 
+from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
 from piezod.records import telemetry_reader
 from piezod.records.figures.telemetry import telemetry_figure
@@ -224,6 +225,25 @@ def test_replay_repeats_and_compares(piezod: Command, recording: Path) -> None:
     assert document["stand_in_rms_um"] < 0.1
     assert [row["replayed"] for row in document["modes"]] == ["trimmed", "trimmed"]
     assert document["modes"][0]["rms_um"] < 0.1 < document["modes"][0]["recorded_rms_um"]
+
+
+def test_replay_uses_the_model_that_was_adopted(piezod: Command, recording: Path) -> None:
+    """The model in use at the begin of the part decides, not that at the start of the file."""
+    model = shipped_config().axes["x"].model
+    assert model is not None
+    first = load_model(model)
+    weights = tuple(2 * weight for weight in first.right_stop_weights)
+    other = first.model_copy(update={"right_stop_weights": weights})
+    Path("rec.h5").write_bytes(recording.read_bytes())
+    with h5py.File("rec.h5", "r+") as file:
+        adopted = file["recording/adopted_models"]
+        row = {"t_ns": file["recording/cycles/t_ns"][0], "axis": "x", "text": dump_model(other)}
+        for name, value in {**row, "t_s": 0.0}.items():
+            adopted[name].resize(1, axis=0)
+            adopted[name][0] = value
+
+    assert json.loads(piezod("replay", recording, "--json").out)["repeats"]
+    assert not json.loads(piezod("replay", "rec.h5", "--json").out)["repeats"]
 
 
 def test_replay_needs_a_model(piezod: Command, recording: Path) -> None:

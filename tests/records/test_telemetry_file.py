@@ -363,6 +363,8 @@ def test_weights_of_a_longer_model_are_kept(file: Path) -> None:
             t_ns = START_NS + at * 1_000_000_000
             writer.append_weights("x", t_ns, weights, surface=False)
             writer.append(records(1000 * at, 1000 * at + 1000))
+            meanwhile = read_telemetry(file).weights["x"]["weights"]
+            assert meanwhile[-1][: len(weights)].tolist() == weights
     read = read_telemetry(file)
 
     assert read.header == said

@@ -74,15 +74,15 @@ def test_recording_goes_on_in_the_next_file(recorder: Recorder, ring: FakeRing) 
 
 def test_file_ends_at_its_size(recorder: Recorder, ring: FakeRing) -> None:
     """The next records after the size was reached are in the next file."""
-    recorder.start(header(), limits=RecordingLimits(file_bytes=50_000))
-    for _ in range(20):
+    recorder.start(header(), limits=RecordingLimits(file_bytes=30_000))
+    for _ in range(8):
         run(recorder, ring, 1000)
     status = recorder.stop()
     sizes = [each.size_bytes for each in recorder.folder.files()]
 
     assert status.files == len(sizes) > 2
-    assert all(50_000 <= size < 200_000 for size in sizes[1:])
-    np.testing.assert_array_equal(joined(files(recorder)).cycles["seq"], np.arange(300, 20_300))
+    assert all(30_000 <= size < 200_000 for size in sizes[1:])
+    np.testing.assert_array_equal(joined(files(recorder)).cycles["seq"], np.arange(300, 8300))
 
 
 def test_each_file_has_the_model_in_use(recorder: Recorder, ring: FakeRing) -> None:
