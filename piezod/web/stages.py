@@ -57,7 +57,7 @@ class Stages:
         self._tabs.discard(tab)
         async with self._changing:
             for stage in self.all():
-                await stage.unwatch(tab)
+                stage.unwatch(tab)
             if self._tabs or self._looking is None:
                 return
             looking, self._looking = self._looking, None
