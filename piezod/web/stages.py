@@ -1,14 +1,14 @@
 """All stages of this machine, and all tabs that look at them."""
 
 import asyncio
-from collections.abc import Callable
-from contextlib import aclosing, suppress
+from collections.abc import AsyncGenerator, Callable, Iterable
+from contextlib import aclosing, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from piezod.client.places import running_stages
 from piezod.web.connections import Connections
-from piezod.web.errors import PageError
+from piezod.web.errors import NOT_FOUND, PageError
 from piezod.web.rows import encoded
 from piezod.web.stage import WebStage
 
@@ -79,18 +79,28 @@ class Stages:
             PageError: If no daemon of that name was found.
         """
         if name not in self._stages:
-            found = ", ".join(sorted(self._stages)) or "none"
-            what = f"no stage {name[:64]!r} on this machine"
-            raise PageError("not_found", what, f"stages: {found}")
+            raise _unknown(name, self._stages)
         return self._stages[name]
+
+    @asynccontextmanager
+    async def visiting(self, name: str) -> AsyncGenerator[Connections, None]:
+        """Yield connections to a daemon for one use, which needs no open tab.
+
+        Raises:
+            PageError: If no daemon of that name runs.
+        """
+        sockets = await asyncio.to_thread(self._find)
+        if name not in sockets:
+            raise _unknown(name, sockets)
+        async with aclosing(Connections(sockets[name], self.client)) as connections:
+            yield connections
 
     async def metrics(self) -> list[str]:
         """Return the metrics of each stage whose daemon runs and answers."""
         texts = []
-        for socket in (await asyncio.to_thread(self._find)).values():
-            # Of their own, because a scrape may come while no tab is open.
-            async with aclosing(Connections(socket, self.client)) as connections:
-                with suppress(PageError):
+        for name in await asyncio.to_thread(self._find):
+            with suppress(PageError):
+                async with self.visiting(name) as connections:
                     texts.append(await connections.metrics())
         return texts
 
@@ -115,3 +125,8 @@ class Stages:
                 continue
             stage = self._stages[name] = WebStage(name, socket, self.client, self.publish)
             self.publish(encoded({"event": "stage", **stage.document()}))
+
+
+def _unknown(name: str, known: Iterable[str]) -> PageError:
+    what = f"no stage {name[:64]!r} on this machine"
+    return PageError(NOT_FOUND, what, f"stages: {', '.join(sorted(known)) or 'none'}")
