@@ -121,8 +121,9 @@ class WebStage:
                 async with aclosing(self.connections.telemetry()) as intervals:
                     async for interval in intervals:
                         if not self._watchers:
-                            return
+                            break
                         state = self._take(interval, state)
+                continue  # somebody may watch again since then
             except PageError as error:
                 # A daemon that refuses runs, but its loop has not started.
                 if error.document["code"] in GONE:

@@ -112,7 +112,8 @@ class Stages:
     async def _keep_looking(self) -> None:
         while True:
             await asyncio.sleep(LOOK_EACH_S)
-            await self._look()
+            with suppress(OSError):  # no descriptor is free just now
+                await self._look()
 
     async def _look(self) -> None:
         """Add the stages that have started; one may also have another socket than before."""
