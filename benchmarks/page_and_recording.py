@@ -1,0 +1,182 @@
+"""Whether a page and a recording disturb the loop: `python benchmarks/page_and_recording.py`.
+
+A simulated stage follows a sine at 1 kHz. Spans with three tabs at 30 Hz and a recording alternate
+with spans without. Prints for each span the skipped and the late cycles, what supervisor and server
+take, and their memory; at the end the sums, and whether a cycle is missing in a file.
+"""
+
+import argparse
+import asyncio
+import json
+import os
+import subprocess
+import tempfile
+import time
+from contextlib import AsyncExitStack, ExitStack
+from pathlib import Path
+from typing import Final, NamedTuple
+from urllib.parse import urlsplit
+
+import h5py
+import httpcore
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.typing import Origin
+
+from benchmarks.bench_page import CONFIG, PIEZOD, TABS, cpu_s, resident_mb, wait_until_up
+from piezod.client import StageClient
+from piezod.config.waveforms import Sine
+
+STAGE: Final = "page"
+RATE_HZ: Final = 1000
+SINE: Final = Sine(kind="sine", low=2.0, high=20.0, frequency_hz=1.0)
+
+
+class Span(NamedTuple):
+    """What was measured in one span."""
+
+    skipped: int
+    late: int
+    part: float
+    megabytes: tuple[float, ...]
+
+
+def counts(stage: StageClient) -> tuple[int, int]:
+    """Return the skipped cycles, and the cycles that began late."""
+    late = 0.0
+    for line in stage.metrics().splitlines():
+        if line.startswith("piezod_late_cycles_total"):
+            late = float(line.split()[1])
+    return stage.status().skipped_cycles, round(late)
+
+
+async def drain(socket: ClientConnection) -> None:
+    """Read all that a tab gets."""
+    async for _ in socket:
+        pass
+
+
+async def with_page(url: str, duration_s: float) -> None:
+    """Hold three tabs open that watch the stage."""
+    address = urlsplit(url)
+    async with httpcore.AsyncConnectionPool() as http:
+        answer = await http.request("GET", url)
+    cookie = dict(answer.headers)[b"set-cookie"].partition(b";")[0].decode()
+    async with AsyncExitStack() as stack:
+        for _ in range(TABS):
+            socket = await stack.enter_async_context(
+                connect(
+                    f"ws://{address.netloc}/ws",
+                    origin=Origin(f"http://{address.netloc}"),
+                    additional_headers={"Cookie": cookie},
+                    compression=None,
+                )
+            )
+            await socket.send(json.dumps({"id": 1, "do": "watch", "stage": STAGE}))
+            stack.callback(asyncio.create_task(drain(socket)).cancel)
+        await asyncio.sleep(duration_s)
+
+
+def missing_cycles(file: Path) -> int:
+    """Return how many cycles a recording lacks: periods between its ends that it cannot explain."""
+    with h5py.File(file, "r") as opened:
+        entry = opened["recording"]
+        t_s, skipped = entry["cycles/t_s"][:], entry["cycles/skipped"][:]
+        lost = int(entry.attrs["lost"])
+    periods: int = round((t_s[-1] - t_s[0]) * RATE_HZ) + 1
+    by_loop = int(skipped[-1] - skipped[0])
+    print(f"  {file.name}: {t_s.size} cycles in {periods} periods, {by_loop} skipped by the loop")
+    return max(lost, int(periods) - by_loop - int(t_s.size))
+
+
+def span_of(
+    stage: StageClient, pids: dict[str, int], span_s: float, url: str, folder: Path | None
+) -> tuple[Span, int]:
+    """Measure one span; with a folder for the recording, tabs and a recording are there.
+
+    Returns:
+        What was measured, and how many cycles are missing in the recording.
+    """
+    before, taken = counts(stage), sum(cpu_s(pid) for pid in pids.values())
+    begun_s = time.monotonic()
+    if folder:
+        stage.start_recording()
+        asyncio.run(with_page(url, span_s))
+    else:
+        time.sleep(span_s)
+    part = (sum(cpu_s(pid) for pid in pids.values()) - taken) / (time.monotonic() - begun_s)
+    after = counts(stage)
+    megabytes = tuple(resident_mb(pid) for pid in pids.values())
+    missing = 0
+    if folder:
+        recording = stage.stop_recording()
+        file = folder / f"{recording.name}.h5"
+        stage.fetch_recording(recording.name, file)
+        missing = missing_cycles(file)
+    return Span(after[0] - before[0], after[1] - before[1], part, megabytes), missing
+
+
+def measure(pids: dict[str, int], url: str, span_s: float, spans: int) -> None:
+    """Alternate spans with and without page and recording; print all."""
+    found: dict[str, list[Span]] = {"none": [], "page, recording": []}
+    missing = 0
+    with StageClient(STAGE) as stage, tempfile.TemporaryDirectory() as folder:
+        while stage.status().state == "BOOT":
+            time.sleep(0.2)
+        stage.arm()
+        stage.mode("adaptive")
+        stage.wave({"x": SINE}, 4 * span_s * spans + 600.0)
+        for _ in range(spans):
+            for title, spans_so_far in found.items():
+                where = Path(folder) if title != "none" else None
+                span, lacking = span_of(stage, pids, span_s, url, where)
+                spans_so_far.append(span)
+                missing += lacking
+                memory = ", ".join(f"{each:.0f} MB" for each in span.megabytes)
+                print(
+                    f"{title:16} skipped {span.skipped}, late {span.late}, supervisor and server "
+                    f"{span.part:.1%} of a core, {memory}",
+                    flush=True,
+                )
+        state = stage.status().state
+        stage.stop()
+    for title, each in found.items():
+        print(
+            f"{title:16} sum: skipped {sum(s.skipped for s in each)}, late "
+            f"{sum(s.late for s in each)}, at most {max(s.part for s in each):.1%} of a core"
+        )
+    print(f"missing in the recordings: {missing} cycles; the stage is in {state}")
+
+
+def main() -> None:
+    """Start stage and server, and measure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--span-s", type=float, default=100.0)
+    parser.add_argument("--spans", type=int, default=6)
+    options = parser.parse_args()
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pz-")))
+        os.environ.update(XDG_RUNTIME_DIR=str(folder), XDG_STATE_HOME=str(folder))
+        config = folder / f"{STAGE}.yaml"
+        text = (CONFIG / "simulated.yaml").read_text(encoding="utf-8")
+        text = text.replace("rate_hz: 200", f"rate_hz: {RATE_HZ}").replace(
+            "models/", f"{CONFIG}/models/"
+        )
+        config.write_text(text, encoding="utf-8")
+        page = folder / "page.txt"
+        pids = {}
+        with page.open("w") as out:
+            commands = {"supervisor": ("run", str(config)), "server": ("web", "--port", "0")}
+            for name, arguments in commands.items():
+                process = subprocess.Popen(  # noqa: S603 - ours
+                    (*PIEZOD, *arguments), stdout=out, stderr=subprocess.DEVNULL
+                )
+                stack.enter_context(process)
+                stack.callback(process.terminate)
+                pids[name] = process.pid
+        wait_until_up(dict(os.environ), page)
+        url = page.read_text(encoding="utf-8").strip()
+        measure(pids, url, options.span_s, options.spans)
+
+
+if __name__ == "__main__":
+    main()
