@@ -50,7 +50,7 @@ def _page() -> Iterator[str]:
     yield ".SH OPTIONS"
     yield from _parameters(program, context)
     heading = ""
-    for words, command, inner in _commands(program, context):
+    for words, command, inner in commands(program, context):
         panel = command.rich_help_panel or heading
         if panel != heading:
             heading = panel
@@ -65,14 +65,14 @@ def _page() -> Iterator[str]:
     yield from _paragraphs(codes)
 
 
-def _commands(group: Command, context: Context) -> Iterator[tuple[str, Command, Context]]:
+def commands(group: Command, context: Context) -> Iterator[tuple[str, Command, Context]]:
     """Yield each command with its words and context; a family is followed by its commands."""
     for name in group.list_commands(context):
         command = group.commands[name]
         inner = type(context)(command, info_name=name, parent=context)
         yield inner.command_path, command, inner
         if hasattr(command, "commands"):
-            yield from _commands(command, inner)
+            yield from commands(command, inner)
 
 
 def _usage(command: Command, context: Context) -> Iterator[str]:

@@ -7,6 +7,7 @@ from typer.main import get_command
 
 from docs.site.reference.text import code, one_line, table
 from piezod.cli.main import app
+from tests.man_page import commands
 
 
 def page() -> Iterator[str]:
@@ -20,7 +21,7 @@ def page() -> Iterator[str]:
     yield "Every command also has `--help`."
     yield from _parameters(program, context)
     heading = ""
-    for words, command, inner in _commands(program, context):
+    for words, command, inner in commands(program, context):
         panel = command.rich_help_panel or heading
         if panel != heading:
             heading = panel
@@ -33,16 +34,6 @@ def page() -> Iterator[str]:
     title, _, codes = program.epilog.partition(": ")
     yield f"\n## {title}\n"
     yield one_line(codes)
-
-
-def _commands(group: Any, context: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Yield each command with its words and context; a family is followed by its commands."""
-    for name in group.list_commands(context):
-        command = group.commands[name]
-        inner = type(context)(command, info_name=name, parent=context)
-        yield inner.command_path, command, inner
-        if hasattr(command, "commands"):
-            yield from _commands(command, inner)
 
 
 def _parameters(command: Any, context: Any) -> Iterator[str]:
