@@ -29,7 +29,7 @@ export function positionCard(context, axis) {
   });
 
   const slider = el("input", { type: "range", "aria-label": "Set-point", step: "any" });
-  const shown = el("output", { class: "slider-value" });
+  const shown = el("span", { class: "slider-value", "aria-hidden": "true" });
   const ends = [el("span", { class: "quiet" }), el("span", { class: "quiet" })];
   const dragged = new NewestOnly(go, SLIDER_EACH_MS);
   slider.addEventListener("input", () => {
@@ -42,15 +42,18 @@ export function positionCard(context, axis) {
   const jogs = new NewestOnly(go, SLIDER_EACH_MS);
   const step = el("select", { "aria-label": "Step, in µm" }, STEPS_UM.map((each) => el("option", { selected: each === "1" }, each)));
   const jog = (sign, event) => {
-    const newest = axis.newest();
-    const from_um = jogged ?? newest?.target_um ?? newest?.position_um;
+    const step_um = Number(step.value);
+    const { target_um, position_um } = axis.newest() ?? {};
+    // From a measured position to a multiple of the step, because its noise is no place to start from.
+    const near_um = position_um == null ? null : step_um * Math.round(position_um / step_um);
+    const from_um = jogged ?? target_um ?? near_um;
     if (from_um == null) {
       card.say("The position is not known; go to a position first.");
       return;
     }
     const [low, high] = axis.range_um() ?? [-Infinity, Infinity];
-    const wanted = from_um + sign * Number(step.value) * (event.shiftKey ? LARGER : 1);
-    jogged = Math.min(high, Math.max(low, wanted));
+    const wanted_um = from_um + sign * step_um * (event.shiftKey ? LARGER : 1);
+    jogged = Math.min(high, Math.max(low, Number(wanted_um.toFixed(6))));
     say(jogged);
     slider.value = jogged;
     jogs.put(jogged);
@@ -68,7 +71,10 @@ export function positionCard(context, axis) {
     jog(KEYS[event.key], event);
   });
 
-  const say = (position_um) => (shown.textContent = `${fixed(position_um, 3)} µm`);
+  const say = (position_um) => {
+    shown.textContent = `${fixed(position_um, 3)} µm`;
+    slider.setAttribute("aria-valuetext", position_um == null ? "no target" : shown.textContent);
+  };
   const card = new CommandCard(
     "Position", form,
     el("div", { class: "slider" }, slider, el("div", { class: "ends" }, ends[0], shown, ends[1])), jogGroup,
