@@ -35,7 +35,7 @@ export class JobDialog {
     this.done = el("section", { hidden: true, "aria-label": "Result" });
     this.element = el(
       "dialog", { class: "job-dialog", "aria-labelledby": id },
-      el("header", {}, el("h2", { id, tabindex: "-1" }, this.title), el("button", { type: "button", class: "plain", "aria-label": `Close ${this.title}`, onclick: () => this.close() }, "×")),
+      el("div", { class: "dialog-head" }, el("h2", { id, tabindex: "-1" }, this.title), el("button", { type: "button", class: "plain", "aria-label": `Close ${this.title}`, onclick: () => this.close() }, "×")),
       this.problem, this.form_, this.running, this.done,
     );
     this.form_.addEventListener("submit", (event) => {
