@@ -56,7 +56,8 @@ def take_all(browser: Browser, address: str) -> None:
     page.get_by_role("button", name="Emergency stop").click()
     expect(page.locator("#state")).to_contain_text("FAULT")
     page.get_by_role("button", name="Arm", exact=True).click()
-    expect(page.get_by_text("cannot arm in FAULT")).to_be_visible()
+    refusal = page.get_by_role("region", name="Stage", exact=True).get_by_role("status")
+    expect(refusal).to_contain_text("cannot arm in FAULT")
     save(page, "page-fault")
 
 
