@@ -58,7 +58,7 @@ def create_app(stages: Stages, access: Access) -> Starlette:
         routes=[
             Route("/", index),
             Route(METRICS, metrics),
-            Route("/recordings/{stage}/{name}.h5", recording),
+            Route("/recordings/{stage}/{name}", recording),
             Route("/jobs/{stage}.png", figure),
             WebSocketRoute("/ws", socket),
             Mount("/static", StaticFiles(directory=_FILES)),

@@ -7,6 +7,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from tests.browser.machine import Machine
+from tests.daemon.waiting import eventually
 
 pytestmark = pytest.mark.browser
 
@@ -102,8 +103,12 @@ def test_the_page_goes_on_when_a_killed_daemon_runs_again(page: Page, machine: M
     expect(page.get_by_role("region", name="Details")).to_contain_text("did not end cleanly")
     page.get_by_text("Options of Arm and Reset").click()
     page.get_by_role("checkbox", name="Reset as engineer").check()
-    page.get_by_role("button", name="Reset", exact=True).click()
-    expect(state).to_contain_text("SAFE")
+
+    def is_reset() -> bool:  # refused until the fault has been gone for a second
+        page.get_by_role("button", name="Reset", exact=True).click()
+        return "SAFE" in state.inner_text()
+
+    eventually(is_reset)
     arm(page)
 
 

@@ -288,16 +288,16 @@ def test_recording_is_downloaded(web: Web, daemon: Served) -> None:
     (daemon.stage.recordings_folder / "scan.h5").write_bytes(content)
     cookie = web.cookie()
 
-    file = web.request("GET", "/recordings/bench/scan.h5", Cookie=cookie)
-    missing = web.request("GET", "/recordings/bench/none.h5", Cookie=cookie)
-    nowhere = web.request("GET", "/recordings/other/scan.h5", Cookie=cookie)
+    file = web.request("GET", "/recordings/bench/scan", Cookie=cookie)
+    missing = web.request("GET", "/recordings/bench/none", Cookie=cookie)
+    nowhere = web.request("GET", "/recordings/other/scan", Cookie=cookie)
 
     assert file.content == content
     assert file.headers["content-disposition"] == 'attachment; filename="scan.h5"'
     assert file.headers["content-length"] == str(len(content))
     assert (missing.status_code, missing.json()["error"]["code"]) == (404, "not_found")
     assert (nowhere.status_code, nowhere.json()["error"]["remedy"]) == (404, "stages: bench")
-    assert web.request("GET", "/recordings/bench/scan.h5").status_code == 401
+    assert web.request("GET", "/recordings/bench/scan").status_code == 401
 
 
 def test_abandoned_download_ends_at_the_daemon(web: Web, daemon: Served) -> None:
@@ -305,7 +305,7 @@ def test_abandoned_download_ends_at_the_daemon(web: Web, daemon: Served) -> None
     file = daemon.stage.recordings_folder / "scan.h5"
     with file.open("wb") as opened:
         opened.truncate(2**30)
-    url = f"http://{web.host}/recordings/bench/scan.h5"
+    url = f"http://{web.host}/recordings/bench/scan"
     with httpx.stream("GET", url, headers={"Cookie": web.cookie()}, verify=NO_TLS) as response:
         assert len(next(response.iter_raw()))
         assert daemon.app.state.service.downloads

@@ -20,6 +20,7 @@ const stages = new Map(); // STAGE documents by name
 const handlers = new Set(); // of the mounted page: called with each change of its stage
 let route = { name: "", view: "overview", file: "" };
 let watched = ""; // name of the stage whose telemetry arrives
+let shows = 0; // how often a page was shown
 let mounted = null; // promise of the function that ends the mounted page
 
 /** What a page and the dialogs get to work with. */
@@ -48,11 +49,13 @@ function parsed(hash) {
 }
 
 async function show() {
-  const before = mounted;
+  shows += 1;
+  const [number, before] = [shows, mounted];
   route = parsed(location.hash);
   handlers.clear();
   mounted = null;
   (await before)?.();
+  if (number !== shows) return; // the address has changed again meanwhile
   document.title = route.name ? `${route.name} · piezod` : "piezod";
   const element = el("div", { class: `page ${route.view}` });
   page.main.replaceChildren(element);

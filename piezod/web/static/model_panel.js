@@ -35,7 +35,7 @@ export function modelPanel(context, axis) {
   const ask = async () => {
     const { up, status } = context.stage();
     const learning = status?.axes?.[axis.name()]?.mode !== "feedforward";
-    if (document.hidden || !up || (shown && !learning && !missed)) return;
+    if (document.hidden || !up || (shown && !learning && !missed && first?.axis === axis.name())) return;
     missed = learning; // once more after learning has ended
     const answer = await context.call("GET", "/v1/params").catch(() => null);
     const params = answer?.axes?.[axis.name()];

@@ -54,8 +54,14 @@ const RANGES = ["command_um", "position_um", "error_um", "drive_v"];
  */
 export class Ring {
   constructor(kept = 4096) {
-    this.lines = new Columns(["time_s", ...RANGES, "late_us"], 2 * kept);
-    this.samples = new Columns(["time_s", ...RANGES], kept);
+    this.kept = kept;
+    this.clear();
+  }
+
+  /** Forget everything. */
+  clear() {
+    this.lines = new Columns(["time_s", ...RANGES, "late_us"], 2 * this.kept);
+    this.samples = new Columns(["time_s", ...RANGES], this.kept);
     this.newest = null; // the newest row, as one object
     this.lastTime_s = 0;
   }
@@ -69,8 +75,9 @@ export class Ring {
 
   #push(time_s, row, event, axis) {
     let step_s = time_s - this.lastTime_s;
-    if (step_s <= 0) return; // the clock was set back
-    if (step_s > GAP_S) {
+    if (step_s < -GAP_S) this.clear(); // the clock of the computer was set back
+    else if (step_s <= 0) return;
+    if (Math.abs(step_s) > GAP_S) {
       if (this.lastTime_s) this.gap(this.lastTime_s + 1e-3);
       step_s = USUAL_S;
     }
