@@ -3,6 +3,7 @@
 BIN := .venv/bin
 STAMP := .venv/.installed
 PEERS := build/peers/.installed
+BROWSER := build/browser/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 DEMO := build/demo
@@ -15,7 +16,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress peers fuzz check lint bench bench-peers figures lock clean
+.PHONY: help demo docs docs-test test coverage stress peers browser screenshots fuzz check lint bench \
+	bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
@@ -44,6 +46,12 @@ docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
 docs-test: $(STAMP) $(DOCS_ENV) ## run the long commands of the documentation, its notebook and its site
 	$(BIN)/python -m pytest -rs -m docs tests/docs
 
+browser: $(STAMP) $(BROWSER) ## use the page in a browser, as people do (needs chromium)
+	build/browser/bin/python -m pytest -rs -m browser tests/browser
+
+screenshots: $(STAMP) $(BROWSER) ## make the pictures of the page anew (needs chromium)
+	build/browser/bin/python -m tests.browser.screenshots
+
 fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
 	$(BIN)/python -m tests.drivers.bus.fuzz
 
@@ -58,7 +66,7 @@ lint: $(STAMP) ## check style, types and import directions
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(STAMP) ## measure what a sample and a start cost
+bench: $(STAMP) ## measure what a sample, a start and a recording cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
 
 bench-peers: $(STAMP) $(BENCH_PEERS) ## compare inverse models by others with ours (some minutes)
@@ -77,8 +85,8 @@ clean: ## remove .venv, builds and caches
 
 $(STAMP): requirements.lock pyproject.toml .ci/setup
 	@.ci/setup
-	@echo "piezod: compiling the kernels"
-	@$(BIN)/python -m tests.kernels
+	@echo "piezod: compiling the kernels and the tests"
+	@$(BIN)/python -m pytest --collect-only --quiet >/dev/null & $(BIN)/python -m tests.kernels && wait
 	@touch $@
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers
@@ -87,6 +95,10 @@ $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 
 $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
 	@.ci/setup-docs
+	@touch $@
+
+$(BROWSER): tests/browser/requirements.txt .ci/setup-browser | $(STAMP)
+	@.ci/setup-browser
 	@touch $@
 
 $(BENCH_PEERS): benchmarks/peers/requirements.txt .ci/setup-bench-peers

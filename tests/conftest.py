@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Generator
-from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
+from fcntl import LOCK_EX, LOCK_SH, flock
 from pathlib import Path
 
 import pytest
@@ -62,14 +62,9 @@ class SharingWorker:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collection(self) -> Generator[None, object, object]:
-        """Let the first worker collect alone: it compiles the source of every test."""
-        gc.disable()  # whatever is collected stays until the end
-        with HERE.open() as source:
-            try:
-                flock(source, LOCK_EX | LOCK_NB)
-            except BlockingIOError:
-                flock(source, LOCK_SH)
-            result = yield
+        """Collect without garbage collection: whatever is collected stays until the end."""
+        gc.disable()
+        result = yield
         gc.freeze()
         gc.set_threshold(20_000, 20, 20)  # records of cycles are kept, and each makes it look
         gc.enable()

@@ -7,7 +7,8 @@ import piezod.cli.output
 import piezod.cli.run
 import piezod.daemon.supervisor.run
 import piezod.daemon.supervisor.supervisor
-import piezod.devices.emulators  # noqa: F401 - likewise
+import piezod.devices.emulators
+import piezod.web.server  # noqa: F401 - likewise
 from piezod.cli.emulate_parts import bench, default_rig
 
 with bench(default_rig(1), None):

@@ -66,6 +66,7 @@ class _FitJob(NamedTuple):
         if isinstance(settings, Wanted):
             settings = replace(settings, surface=takes_surface)
         with progress_bar() as progress:
+            progress("fitting the model", 0.0)
             return identify_file(
                 file,
                 test=self.test,

@@ -19,6 +19,7 @@ _USE = (
     "cp -r CONFIGURATION.yaml models /etc/piezod/   # examples: piezod init",
     "usermod -aG piezod-view,piezod USER   # a user who may move the stage",
     "systemctl enable --now piezod@CONFIGURATION",
+    "systemctl enable --now piezod-web   # the page with all stages",
 )
 
 
@@ -37,8 +38,9 @@ def install_service(
 ) -> None:
     """Install the systemd service of the daemon on this machine; needs root.
 
-    Writes the unit `piezod@.service`, of which one instance runs one stage, the udev rules, and the
-    definitions of users and folders. Then prints the commands that activate them.
+    Writes the unit `piezod@.service`, of which one instance runs one stage, that of the page, the
+    udev rules, and the definitions of users and folders. Then prints the commands that activate
+    them.
     """
     from piezod.daemon import service_files
 

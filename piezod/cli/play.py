@@ -90,7 +90,7 @@ def _wave(file: Path) -> "WaveConfig":
 
 
 def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "LearnedPlay":
-    from piezod.cli.progress import progress_bar
+    from piezod.cli.progress import progress_bar, report_part
     from piezod.experiment.live.play import play_live
     from piezod.experiment.live.setup import read_setup
     from piezod.experiment.live.stage import LiveStage
@@ -99,11 +99,13 @@ def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "Learne
     name = setup.measured_axis(play.axis or None, "learning")
 
     def report(done: "PassReport") -> None:
+        report_part(_pass(done))
         if not quiet:
             typer.echo(_line(done))
 
     def note(text: str) -> None:
-        typer.echo(f"Tables: {text}.", err=True)
+        if not report_part({"note": f"Tables: {text}."}):
+            typer.echo(f"Tables: {text}.", err=True)
 
     with progress_bar() as progress, LiveStage(client, setup, lambda _s: None) as stage:
         progress(f"playing on axis {name}", 0.0)
@@ -120,14 +122,14 @@ def _line(done: "PassReport") -> str:
     )
 
 
+def _pass(done: "PassReport") -> dict[str, object]:
+    return {"label": done.label, **done.measured._asdict(), "noise_pct": done.noise_pct}
+
+
 def _document(learned: "LearnedPlay") -> dict[str, object]:
-    passes = [
-        {"label": each.label, **each.measured._asdict(), "noise_pct": each.noise_pct}
-        for each in learned.reports
-    ]
     best = learned.best.table
     return {
-        "passes": passes,
+        "passes": [_pass(each) for each in learned.reports],
         "best": learned.best.label,
         "stopped": learned.stopped,
         "table": {

@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, TypeAlias
 
 import typer
 
@@ -10,6 +10,11 @@ from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, print_answer
 
 _names = completion(lambda client: [each.name for each in client.recordings().recordings])
+
+NameArgument: TypeAlias = Annotated[
+    str,
+    typer.Argument(metavar="NAME", autocompletion=_names, help="Name in `piezod record list`."),
+]
 
 _LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
@@ -39,6 +44,7 @@ def stop(stage: StageOption = None, socket: SocketOption = None, json: JsonOptio
         ended = client.stop_recording()
     lost = f"{ended.lost} were lost" if ended.lost else ""
     text = f"recorded {ended.records} cycles as {ended.name}"
+    text += f" in {ended.files} files" if ended.files > 1 else ""
     print_answer(ended, "; ".join(filter(None, (text, lost, ended.why))), json=json)
 
 
@@ -55,18 +61,29 @@ def list_records(
         return
     console = new_console()
     for each in found.recordings:
-        console.print(f"{each.name}  {(each.size_bytes or 0) / 1e6:.1f} MB")
+        kept = ", kept" if each.kept else ""
+        console.print(f"{each.name}  {(each.size_bytes or 0) / 1e6:.1f} MB{kept}")
     if found.running:
         console.print(f"{found.running.name}  {found.running.records} cycles, in progress")
     elif not found.recordings:
         console.print("nothing is recorded")
 
 
+def keep(
+    name: NameArgument,
+    undo: Annotated[bool, typer.Option("--undo", help="Remove the mark.")] = False,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Mark a recording as kept and print its name."""
+    with connect(stage, socket) as client:
+        marked = client.keep_recording(name, kept=not undo)
+    print_answer(marked, f"{marked.name}: {'not kept' if undo else 'kept'}", json=json)
+
+
 def get(
-    name: Annotated[
-        str,
-        typer.Argument(metavar="NAME", autocompletion=_names, help="Name in `piezod record list`."),
-    ],
+    name: NameArgument,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="File to write; default: NAME.h5 in the current folder."),

@@ -5,6 +5,7 @@ from typing import Final
 
 from piezod.client.results import Result, Status
 from piezod.client.telemetry import AxisTelemetry, Telemetry
+from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import NotReachedError, RefusedError
@@ -77,12 +78,24 @@ def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | Non
         document = {"axis": name, "motion": motion, "position_um": position_um}
         return Arrival(document=document, axis=name, motion=motion, position_um=position_um)
     if interval.state != State.RUN:
-        because = f" because of {', '.join(interval.faults)}" if interval.faults else ""
+        because = because_of(interval)
         what = (
             f"axis {name}: the stage went to {interval.state}{because} before it reached the target"
         )
         raise NotReachedError(what, "`piezod faults` shows more", "state")
     return None
+
+
+def because_of(interval: Telemetry) -> str:
+    """Return the faults because of which a stage may have left its state, in words; or nothing.
+
+    An unknown hysteresis memory (D10) follows from a stop and changes no state.
+
+    Args:
+        interval: The newest interval of telemetry.
+    """
+    faults = [fault for fault in interval.faults if fault != Fault.D10]
+    return f" because of {', '.join(faults)}" if faults else ""
 
 
 def too_late(interval: Telemetry, axis: str | None, timeout_s: float) -> NotReachedError:

@@ -10,6 +10,7 @@ from piezod.client.results import (
     Faults,
     Health,
     History,
+    KeptRecording,
     Parameters,
     Recording,
     Recordings,
@@ -117,6 +118,17 @@ class StageReports:
     def stop_recording(self) -> Call[Recording]:
         """End the recording and close its file."""
         return Call(ENDPOINTS["stop_recording"], reader(Recording), {})
+
+    @ClientMethod
+    def keep_recording(self, name: str, *, kept: bool = True) -> Call[KeptRecording]:
+        """Keep a recording when the daemon removes old ones.
+
+        Args:
+            name: Name in `recordings`; the name of a recording stands for all its files.
+            kept: False removes the mark.
+        """
+        body = {"name": name, "kept": kept}
+        return Call(ENDPOINTS["keep_recording"], reader(KeptRecording), body)
 
     @ClientMethod
     def recordings(self) -> Call[Recordings]:

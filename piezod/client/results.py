@@ -220,12 +220,16 @@ class RecordingFile:
         size_bytes: Size in bytes, None while in progress.
         records: Number of recorded cycles, None if finished.
         lost: Number of lost cycles, None if finished.
+        kept: Whether it stays when old recordings are removed, None while in progress.
+        files: Number of files of a recording in progress, None if finished.
     """
 
     name: str
     size_bytes: int | None = None
     records: int | None = None
     lost: int | None = None
+    kept: bool | None = None
+    files: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,12 +241,27 @@ class Recording(Result):
         records: Number of recorded cycles.
         lost: Number of lost cycles.
         why: Why it ended by itself; empty if it did not.
+        files: Number of its files; the names of all but the first one end in their number.
     """
 
     name: str
     records: int = 0
     lost: int = 0
     why: str = ""
+    files: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptRecording(Result):
+    """A recording that was marked, or whose mark was removed.
+
+    Attributes:
+        name: Name.
+        kept: Whether it is marked as kept.
+    """
+
+    name: str
+    kept: bool
 
 
 @dataclass(frozen=True, kw_only=True)

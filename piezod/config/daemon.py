@@ -121,6 +121,22 @@ class LoopConfig(ConfigModel):
     )
 
 
+class RecordingsConfig(ConfigModel):
+    """Size of recordings; without limits a recording is one file."""
+
+    max_file_s: Annotated[float, Quantity(1, 1e7, "s")] | None = Field(
+        default=None, description="Time after which a recording goes on in another file, s."
+    )
+    max_file_mb: Annotated[float, Quantity(1, 1e6, "MB")] | None = Field(
+        default=None, description="Size after which a recording goes on in another file, MB."
+    )
+    max_total_mb: Annotated[float, Quantity(1, 1e9, "MB")] | None = Field(
+        default=None,
+        description="Size of all recordings, MB; the oldest finished files are removed, except "
+        "those that `piezod record keep` has marked.",
+    )
+
+
 class DaemonConfig(ConfigModel):
     """A stage, and the loop that owns it."""
 
@@ -137,6 +153,9 @@ class DaemonConfig(ConfigModel):
         default=Mode.FEEDFORWARD, description="Mode after `arm`, until another one is chosen."
     )
     loop: LoopConfig = Field(default=LoopConfig(), description="Real-time settings.")
+    recordings: RecordingsConfig = Field(
+        default=RecordingsConfig(), description="Size of recordings."
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -195,6 +195,14 @@ _ROWS: Final = (
         "record stop",
     ),
     _get("recordings", "List the recordings.", Group.STORES, "record list"),
+    _post(
+        "keep_recording",
+        "recordings/keep",
+        KEEP,
+        "Keep a recording when old ones are removed.\n\nThe daemon removes the oldest files if the "
+        "configuration limits their size with `recordings.max_total_mb`.",
+        "record keep",
+    ),
     _get(
         "fetch_recording",
         "Copy a finished recording, an HDF5 file.",

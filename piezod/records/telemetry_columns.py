@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 import piezod
 from piezod.records.nexus import new_group
+from piezod.records.telemetry_events import AdoptedModel, EventColumns
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 
 ENTRY: Final = "recording"
@@ -23,7 +25,8 @@ _ABOUT: Final = (
     "an enumeration are in its type and in `values`, the bits of a mask in `bits`. NaN is an "
     "unknown or invalid value. `rate_hz`: cycles per second. `start_ns`: instant of t_s = 0 on the "
     "clock of all columns in ns, which does not jump; `start_time` is the time of day then. "
-    "`lost`: cycles that ran and are missing in this file, see `gaps`."
+    "`lost`: cycles that ran and are missing in this file, see `gaps`. `part`: number of the file, "
+    "if the recording has several."
 )
 _CYCLES: Final = "The loop: its timing, the state of the stage, the faults."
 _AXIS: Final = (
@@ -40,10 +43,10 @@ FORMS: Final = {"stops": 0, "surface": 1}
 _OWN: Final = {
     "t_s": "Instant of the cycle since `start_ns`.",
     "gaps": "Rows of (index of the first row after the gap, number of missing cycles).",
-    "weights": "One row per instant of weights_t_s.",
+    "weights": "One row per instant of weights_t_s; NaN after the weights of a model with fewer.",
     "weights_t_s": "Instant since `start_ns` from which the weights hold.",
-    "weights_form": "Form of the model of the row. It changes if the axis adopts another model; "
-    "`model_…` is the one at the start. Rows with another number of weights are left out.",
+    "weights_form": "Form of the model of the row. It changes if the axis adopts another model, "
+    "see `adopted_models`; `model_…` is the one at the start.",
 }
 """Descriptions of the datasets that are not fields of a record."""
 
@@ -92,6 +95,7 @@ class TelemetryColumns:
         self._weights: dict[str, tuple[h5py.Dataset, ...]] = {}
         for index, axis in enumerate(header.axes):
             self._lay_out_axis(index, axis, dtype["axes"].base)
+        self._events = EventColumns(self._entry, header.start_ns)
 
     def write(self, portion: NDArray[Any], gaps: Sequence[tuple[int, int]]) -> None:
         """Add records, and the gaps before or between them."""
@@ -107,9 +111,22 @@ class TelemetryColumns:
     def write_weights(self, axis: str, rows: Sequence[WeightsRow]) -> None:
         """Add rows of weights of an axis."""
         weights, forms, times = self._weights[axis]
-        _grow(weights, np.array([row.weights for row in rows]))
+        # An adopted model may have more weights than the one at the start.
+        width = max(weights.shape[1], *(row.weights.size for row in rows))
+        weights.resize(width, axis=1)
+        values = np.full((len(rows), width), np.nan)
+        for at, row in enumerate(rows):
+            values[at, : row.weights.size] = row.weights
+        _grow(weights, values)
         _grow(forms, np.array([FORMS["surface" if row.surface else "stops"] for row in rows], "u1"))
         _grow(times, self._seconds(np.array([row.t_ns for row in rows])))
+
+    def write_events(self, events: Sequence[StageEvent], models: Sequence[AdoptedModel]) -> None:
+        """Add events and adopted models."""
+        if events:
+            self._events.write_events(events)
+        if models:
+            self._events.write_models(models)
 
     def _seconds(self, t_ns: NDArray[Any]) -> NDArray[np.float64]:
         return np.asarray((t_ns - self._header.start_ns) / NS_PER_S)
@@ -127,7 +144,7 @@ class TelemetryColumns:
             weights.attrs["surface"] = axis in self._header.surfaces
             forms = h5py.enum_dtype(FORMS, basetype="u1")
             self._weights[axis] = (
-                _growing(weights, "weights", np.dtype("f8"), _SIDE_CHUNK, width),
+                _growing_weights(weights, width),
                 _growing(weights, "weights_form", forms, _SIDE_CHUNK),
                 _growing(weights, "weights_t_s", np.dtype("f8"), _SIDE_CHUNK),
             )
@@ -166,10 +183,27 @@ def _lay_out_entry(file: h5py.File, header: TelemetryHeader) -> h5py.Group:
     entry.attrs["description"] = _ABOUT
     entry.attrs["rate_hz"], entry.attrs["start_ns"] = header.rate_hz, header.start_ns
     entry.attrs["axes"], entry.attrs["lost"] = list(header.axes), np.int64(0)
-    entry.attrs["default"] = f"axis_{header.axes[0]}"
+    entry.attrs["default"], entry.attrs["part"] = f"axis_{header.axes[0]}", header.part
     for name, text in header.notes.items():
         new_group(entry, name, "NXnote")["data"] = text
     return entry
+
+
+def _growing_weights(group: h5py.Group, width: int) -> h5py.Dataset:
+    """Return an empty dataset that grows in both directions; its chunks have the first width."""
+    dataset = group.create_dataset(
+        "weights",
+        (0, width),
+        "f8",
+        maxshape=(None, None),
+        chunks=(_SIDE_CHUNK, width),
+        fillvalue=np.nan,
+        compression="gzip",
+        compression_opts=1,
+        shuffle=True,
+    )
+    dataset.attrs["description"], dataset.attrs["units"] = _OWN["weights"], ""
+    return dataset
 
 
 def _growing(
@@ -187,8 +221,13 @@ def _growing(
     )
     if name in _OWN:
         dataset.attrs["description"] = _OWN[name]
-    dataset.attrs["units"] = _UNITS.get(name.rsplit("_", 1)[-1], "")
+    dataset.attrs["units"] = unit_of(name)
     return dataset
+
+
+def unit_of(column: str) -> str:
+    """Return the unit of a column, from the end of its name; "" for numbers without one."""
+    return _UNITS.get(column.rsplit("_", 1)[-1], "")
 
 
 def _grow(dataset: h5py.Dataset, values: NDArray[Any]) -> None:

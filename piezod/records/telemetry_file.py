@@ -13,6 +13,10 @@
           t_s, drive_v, position_um, command_um, …
         weights_<axis>/        NXdata   @signal=weights @axes=weights_t_s
           weights_t_s, weights, weights_form
+        event_log/             NXcollection
+          t_s, t_ns, severity, kind, fault, axis, measured, limit, text
+        adopted_models/        NXcollection
+          t_s, t_ns, axis, text
 
 Each dataset has @units and @description, an enumeration @values, a bit mask @bits; each group of
 data has a @description, so that the file explains itself.
@@ -22,6 +26,7 @@ after the writer was killed or the disk was full. Until it is closed, viewers ne
 Python `h5py.File(path, "r", swmr=True)`. After a kill `repair` closes it.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -30,9 +35,13 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.reserved import Reserved
 from piezod.records.telemetry_columns import TelemetryColumns, WeightsRow
+from piezod.records.telemetry_events import MODEL_BYTES, AdoptedModel
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.layout import EVENT_BYTES
+from piezod.telemetry.record import StageEvent
 
 _CHUNK_RANGE: Final = (10, 8192)
 """Records per write; about one second of records, which a crash loses at most."""
@@ -40,6 +49,8 @@ _FIRST_PARTS: Final = 32
 """The first records are written when there is this part of a chunk."""
 _SPARE_BYTES: Final = 64 * 1024
 """Space for the administrative data of HDF5, per column."""
+_SIDE_COLUMNS: Final = 2
+"""Events and adopted models together need no more of it than two columns of the cycles."""
 
 
 class TelemetryWriter:
@@ -69,12 +80,15 @@ class TelemetryWriter:
         self._gaps: list[tuple[int, int]] = []
         self._weights: dict[str, list[WeightsRow]] = {}
         self._newest: dict[str, WeightsRow] = {}
-        self._widths = header.weights
+        self._events: list[StageEvent] = []
+        self._models: list[AdoptedModel] = []
+        self._weighted = header.weights.keys()
         self._spare_bytes = _spare_bytes(header, dtype)
         self._reserved = Reserved(path)
         try:
             self._reserved.reserve(self._spare_bytes)
-            self._file = h5py.File(path, "w", libver="v110", track_order=True)
+            cache = CHUNK_CACHE_BYTES
+            self._file = h5py.File(path, "w", libver="v110", track_order=True, rdcc_nbytes=cache)
             self._reserved.reserve(self._spare_bytes)  # again, because h5py has truncated the file
             self._columns = TelemetryColumns(self._file, header, dtype, self._chunk)
             self._file.swmr_mode = True  # after all datasets: this mode cannot create any
@@ -88,6 +102,11 @@ class TelemetryWriter:
 
     def __exit__(self, *_error: object) -> None:
         self.close()
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of what is written so far, in bytes."""
+        return int(self._file.id.get_filesize())
 
     def append(self, records: NDArray[Any], lost: int = 0) -> None:
         """Add records.
@@ -122,8 +141,7 @@ class TelemetryWriter:
     ) -> None:
         """Add the weights of an axis at an instant; they are written with the next records.
 
-        Weights that equal the last ones are left out. So are weights whose number differs from the
-        header, as after the adoption of another model.
+        Weights that equal the last ones are left out, and those of axes without any in the header.
 
         Args:
             axis: Name of the axis.
@@ -132,12 +150,26 @@ class TelemetryWriter:
             surface: Whether they are the coefficients of a surface, and not the weights of stops.
         """
         row, last = WeightsRow(t_ns, np.array(weights, np.float64), surface), self._newest.get(axis)
-        if len(row.weights) != self._widths.get(axis):
+        if axis not in self._weighted:
             return
         if last and surface == last.surface and np.array_equal(row.weights, last.weights):
             return
         self._newest[axis] = row
         self._weights.setdefault(axis, []).append(row)
+
+    def append_events(self, events: Iterable[StageEvent]) -> None:
+        """Add events; they are written with the next records."""
+        self._events.extend(events)
+
+    def append_model(self, t_ns: int, axis: str, text: str) -> None:
+        """Add a model that an axis has adopted; it is written with the next records.
+
+        Args:
+            t_ns: Instant, on the clock of the records.
+            axis: Name of the axis.
+            text: Text of the model file.
+        """
+        self._models.append(AdoptedModel(t_ns, axis, text))
 
     def close(self) -> None:
         """Write the remaining records and close the file; a second call does nothing.
@@ -157,15 +189,18 @@ class TelemetryWriter:
 
     def _write(self, count: int) -> None:
         portion, rest = self._pending[:count], self._pending[count:].copy()
-        gaps, weights = self._gaps, self._weights
+        gaps, weights, events, models = self._gaps, self._weights, self._events, self._models
         # Cleared before the write: if it fails, `close` must not write these records again.
         self._pending, self._gaps, self._weights = self._pending[:0], [], {}
-        size = portion.nbytes + sum(len(rows) * rows[0].weights.nbytes for rows in weights.values())
+        self._events, self._models = [], []
+        size = portion.nbytes + sum(row.weights.nbytes for rows in weights.values() for row in rows)
+        size += 2 * EVENT_BYTES * len(events) + MODEL_BYTES * len(models)
         # Twice the size, because incompressible values get a little larger.
         self._reserved.reserve(self._file.id.get_filesize() + 2 * size + self._spare_bytes)
         try:
             for axis, rows in weights.items():
                 self._columns.write_weights(axis, rows)
+            self._columns.write_events(events, models)
             self._columns.write(portion, gaps)
             self._file.flush()
         except RuntimeError as error:  # h5py raises this for some disk errors
@@ -175,7 +210,7 @@ class TelemetryWriter:
 
 def _spare_bytes(header: TelemetryHeader, dtype: np.dtype[np.void]) -> int:
     of_axis = len(dtype["axes"].base.names or ())
-    columns = len(dtype.names or ()) + len(header.axes) * (of_axis + 3)
+    columns = len(dtype.names or ()) + len(header.axes) * (of_axis + 3) + _SIDE_COLUMNS
     notes = sum(len(text.encode()) for text in header.notes.values())
     chunks = 64 * 8 * sum(header.weights.values())
     return columns * _SPARE_BYTES + notes + chunks

@@ -21,6 +21,7 @@ class TelemetryHeader:
         surfaces: Names of the axes whose weights are, at the start, the coefficients of a surface.
         descriptions: Meaning of each field, for people, as in `{"late_ns": "Wake-up after …"}`.
         bits: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
+        part: Number of the file, if the recording has several; all of them have one `start_ns`.
     """
 
     title: str
@@ -34,3 +35,4 @@ class TelemetryHeader:
     surfaces: tuple[str, ...] = ()
     descriptions: Mapping[str, str] = field(default_factory=dict)
     bits: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    part: int = 1

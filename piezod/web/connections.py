@@ -1,19 +1,28 @@
 """The connections to the daemon of one stage: for calls, for an emergency stop, for telemetry."""
 
 import json
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Final
 
 import httpcore
 
 from piezod.client.errors import ended, translated
+from piezod.client.places import check_socket
 from piezod.client.results import Document
 from piezod.client.telemetry import LineSplitter
-from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request, is_error, telemetry_path
+from piezod.client.wire import (
+    TIMEOUT_S,
+    HttpRequest,
+    http_request,
+    is_error,
+    recording_path,
+    telemetry_path,
+)
 from piezod.config.requests import TABLE
 from piezod.errors import ClientError
-from piezod.web.errors import NOT_RUNNING, PageError, of_answer, of_connection
+from piezod.web.errors import NOT_RUNNING, PageError, document_of, of_answer, of_connection
 from piezod.web.rows import RATE_HZ
 
 _CALLS: Final = 6
@@ -59,8 +68,7 @@ class Connections:
         health = request["url"].endswith(f"/{TABLE['health'].path}")
         if is_error(response) and not (health and response.status == _UNHEALTHY):
             raise of_answer(response)
-        document: Document = json.loads(response.content)
-        return document
+        return document_of(response)
 
     async def metrics(self) -> str:
         """Return the metrics in the text format of Prometheus.
@@ -74,6 +82,19 @@ class Connections:
         if is_error(response):
             raise of_answer(response)
         return response.content.decode(errors="replace")
+
+    @asynccontextmanager
+    async def recording(self, name: str) -> AsyncGenerator[httpcore.Response, None]:
+        """Yield the answer with the file of a recording, to be read block by block.
+
+        Raises:
+            PageError: If there is no such recording, or the daemon does not answer.
+        """
+        request = http_request("GET", recording_path(name), self._client)
+        with self._explained():
+            async with self._stream.stream(**request) as response:
+                await _check(response)
+                yield response
 
     async def status(self) -> Document:
         """Return the status, over a connection for emergency stops, which stays open by that.
@@ -115,32 +136,43 @@ class Connections:
             self._client,
             timeout_s=(connect_s, _SILENT_S, write_s, pool_s),
         )
-        try:
-            with translated(self.socket):
-                async with self._stream.stream(**request) as response:
-                    if is_error(response):
-                        await response.aread()
-                        raise of_answer(response)
-                    async for block in response.aiter_stream():
-                        for line in lines.feed(block):
-                            if line.startswith(_DATA):
-                                yield json.loads(line.removeprefix(_DATA))
-        except ClientError as error:
-            raise of_connection(error) from error
+        with self._explained():
+            async with self._stream.stream(**request) as response:
+                await _check(response)
+                async for block in response.aiter_stream():
+                    for line in lines.feed(block):
+                        if line.startswith(_DATA):
+                            yield json.loads(line.removeprefix(_DATA))
         raise of_connection(ended(self.socket))
 
     async def _urgently(self, request: HttpRequest) -> Document:
         response = await self._sent(self._urgent, request)
         if is_error(response):
             raise of_answer(response)
-        document: Document = json.loads(response.content)
-        return document
+        return document_of(response)
 
     async def _sent(
         self, pool: httpcore.AsyncConnectionPool, request: HttpRequest
     ) -> httpcore.Response:
+        with self._explained():
+            return await pool.request(**request)
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Raise errors of the connection with the reason: no daemon, no permission, no answer."""
         try:
             with translated(self.socket):
-                return await pool.request(**request)
+                try:
+                    yield
+                except httpcore.ConnectError:
+                    check_socket(self.socket)  # it knows why
+                    raise
         except ClientError as error:
             raise of_connection(error) from error
+
+
+async def _check(response: httpcore.Response) -> None:
+    """Raise the error of an answer, of which nothing was read yet, if it is one."""
+    if is_error(response):
+        await response.aread()
+        raise of_answer(response)

@@ -1,17 +1,27 @@
 """Errors of a page's request, as the documents that daemons use: code, text and remedy."""
 
 import json
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from piezod.client.errors import OTHER_VERSION
 from piezod.client.results import Document
-from piezod.errors import ClientError, NotRunningError
+from piezod.errors import ClientError, NotAllowedError, NotRunningError
 
 if TYPE_CHECKING:
     import httpcore
 
 NOT_RUNNING: Final = "not_running"
-"""Code of the error that a daemon has ended or never ran."""
+NO_ANSWER: Final = "no_answer"
+NOT_ALLOWED: Final = "not_allowed"
+GONE: Final = (NOT_RUNNING, NO_ANSWER, NOT_ALLOWED)
+"""Codes of the errors of a connection; with all others the daemon itself answers."""
+NOT_FOUND: Final = "not_found"
+"""Code of the error that there is no such stage, request or recording."""
+_CODES: Final[dict[type[ClientError], str]] = {
+    NotRunningError: NOT_RUNNING,
+    NotAllowedError: NOT_ALLOWED,
+}
 
 
 class PageError(Exception):
@@ -31,6 +41,19 @@ class PageError(Exception):
         self.document: Document = {**(details or {}), "code": code, "what": what, "remedy": remedy}
 
 
+def document_of(response: "httpcore.Response") -> Document:
+    """Return the document of a complete answer that is no error.
+
+    Raises:
+        PageError: If it is not a JSON object.
+    """
+    with suppress(ValueError):
+        document = json.loads(response.content)
+        if isinstance(document, dict):
+            return document
+    raise PageError("unexpected", "the daemon's answer is not a JSON object", OTHER_VERSION)
+
+
 def of_answer(response: "httpcore.Response") -> PageError:
     """Return the error of a complete answer, with all keys of the daemon's error document."""
     try:
@@ -43,5 +66,5 @@ def of_answer(response: "httpcore.Response") -> PageError:
 
 def of_connection(error: ClientError) -> PageError:
     """Return the error of a connection that failed."""
-    code = NOT_RUNNING if isinstance(error, NotRunningError) else "no_answer"
+    code = next((code for kind, code in _CODES.items() if isinstance(error, kind)), NO_ANSWER)
     return PageError(error.code or code, error.what, error.remedy)

@@ -3,7 +3,7 @@
 import re
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from piezod.client.calls import ANSWER_WITHIN_S
 from piezod.client.reports import RELOADED_WITHIN_S
@@ -12,7 +12,9 @@ from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request
 from piezod.config.endpoints import LARGE_BODY, Endpoint
 from piezod.config.messages import describe
 from piezod.config.requests import TABLE
-from piezod.web.errors import PageError
+from piezod.web.errors import NOT_FOUND, PageError
+from piezod.web.job_commands import Identify, Learn, LookAtJob
+from piezod.web.message import Message
 from piezod.web.rows import RATE_HZ
 
 LONGEST: Final = LARGE_BODY + 4096
@@ -24,14 +26,6 @@ _CALLABLE: Final = {
     (row.method, _PREFIX + row.path): row for row in TABLE.values() if row.name not in _NOT_HERE
 }
 _QUERY: Final = re.compile(r"[A-Za-z0-9_.,=&%-]{0,256}")
-
-
-class Message(BaseModel):
-    """Base of all messages: a number for the answer."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-    id: Annotated[int, Field(ge=0, lt=2**53)]
 
 
 class ListStages(Message):
@@ -71,7 +65,30 @@ class EmergencyStop(Message):
     stage: str
 
 
-AnyMessage: TypeAlias = ListStages | Watch | Unwatch | CallStage | EmergencyStop
+class ReadRecording(Message):
+    """Read a part of a recording; `begin_s` and `end_s` are null for its begin and end."""
+
+    do: Literal["contents", "view", "marks", "loop"]
+    stage: str
+    recording: Annotated[str, Field(max_length=200)]
+    column: Annotated[str, Field(max_length=100)] = ""
+    axis: Annotated[str, Field(max_length=100)] = ""
+    begin_s: float | None = None
+    end_s: float | None = None
+    points: Annotated[int, Field(ge=4, le=8000)] = 2000
+
+
+AnyMessage: TypeAlias = (
+    ListStages
+    | Watch
+    | Unwatch
+    | CallStage
+    | EmergencyStop
+    | ReadRecording
+    | Identify
+    | Learn
+    | LookAtJob
+)
 _READ: Final[TypeAdapter[AnyMessage]] = TypeAdapter(
     Annotated[AnyMessage, Field(discriminator="do")]
 )
@@ -104,7 +121,7 @@ def row_of(call: CallStage) -> Endpoint:
     row = _CALLABLE.get((call.method, path))
     if row is None or not _QUERY.fullmatch(query):
         what = f"{call.method[:8]} {call.path[:64]} is no request that a page may send"
-        raise PageError("not_found", what, "GET /v1/openapi lists all endpoints")
+        raise PageError(NOT_FOUND, what, "GET /v1/openapi lists all endpoints")
     return row
 
 

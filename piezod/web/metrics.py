@@ -15,9 +15,10 @@ def joined(texts: Iterable[str]) -> str:
         for metric, line in _lines(text):
             if not line.startswith("#"):
                 samples.setdefault(metric, []).append(line)
-            elif metric not in known:
+            if line.startswith("#") and metric not in known:
                 heads.setdefault(metric, []).append(line)
-    lines = (line for name in heads for line in (*heads[name], *samples.get(name, ())))
+    names = dict.fromkeys((*heads, *samples))
+    lines = (line for name in names for line in (*heads.get(name, ()), *samples.get(name, ())))
     return "".join(f"{line}\n" for line in lines)
 
 

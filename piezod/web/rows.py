@@ -11,7 +11,9 @@ from piezod.client.results import Document
 RATE_HZ: Final = 30.0
 """Rate of the telemetry that a stage sends; a page gets this rate or a lower one."""
 _EARLY: Final = 0.5
-"""A row is due when less than this part of the daemon's interval is left."""
+"""A row is due when at most this part of the daemon's interval is left."""
+_LATE: Final = 0.25
+"""A row that comes later than this part of the daemon's interval delays the next ones."""
 
 
 class Row:
@@ -24,6 +26,11 @@ class Row:
 
     def __init__(self, stage: str, document: Document) -> None:
         self.stage, self.document = stage, document
+
+    def fits(self, other: "Row") -> bool:
+        """Return whether one event may have both rows: they are of the same axes."""
+        axes, others = self.document["axes"].keys(), other.document["axes"].keys()
+        return self.stage == other.stage and axes == others
 
     @cached_property
     def text(self) -> str:
@@ -54,7 +61,7 @@ class Pacer:
             return
         self._waiting = None
         # After a pause there is nothing to catch up.
-        self._due_s = max(self._due_s, now_s - 1.0 / RATE_HZ) + 1.0 / self.rate_hz
+        self._due_s = max(self._due_s, now_s - _LATE / RATE_HZ) + 1.0 / self.rate_hz
         self._put(row)
 
 

@@ -11,14 +11,18 @@ from typing import Any, Final
 from piezod.client.errors import OTHER_VERSION
 from piezod.client.results import Document
 from piezod.web.connections import Connections
-from piezod.web.errors import NOT_RUNNING, PageError
+from piezod.web.errors import GONE, PageError
 from piezod.web.rows import Pacer, Row, encoded, with_time
 
 STATUS_EACH_S: Final = 1.0
 """Time between two requests of the status of a stage that is watched, in s."""
 UNWATCHED_EACH_S: Final = 3.0
+AT_MOST_EACH_S: Final = 0.2
+"""Shortest time between two of them: near its tolerance a stage changes in every interval."""
 _AGAIN_S: Final = 0.3
 """Time until the next attempt to open the telemetry, in s."""
+_LAST_INTERVAL_S: Final = 0.2
+"""Time for a stream to end by itself, in s."""
 _MEASURED: Final = ("skipped_cycles", "gate")
 """Values of a status that change by themselves; numbers with a fraction are others."""
 
@@ -55,8 +59,10 @@ class WebStage:
     async def close(self) -> None:
         """End all tasks and connections."""
         self._watchers.clear()
-        await _ended(self._asking)
-        await self._end_stream()
+        if self._streaming is not None:
+            await asyncio.wait((self._streaming,), timeout=_LAST_INTERVAL_S)
+        for task in (self._asking, self._streaming):
+            await _ended(task)
         await self.connections.aclose()
 
     async def relocate(self, socket: Path) -> None:
@@ -72,14 +78,13 @@ class WebStage:
     def watch(self, tab: object, pacer: Pacer) -> None:
         """Send rows to a tab; the first watcher opens the stream."""
         self._watchers[tab] = pacer
-        if self._streaming is None:
+        if self._streaming is None or self._streaming.done():
             self._streaming = _task(self._stream())
         self._changed.set()
 
-    async def unwatch(self, tab: object) -> None:
-        """Send no more rows to a tab; after the last watcher the stream is closed."""
-        if self._watchers.pop(tab, None) is not None and not self._watchers:
-            await self._end_stream()
+    def unwatch(self, tab: object) -> None:
+        """Send no more rows to a tab; without watchers the stream ends with its next interval."""
+        self._watchers.pop(tab, None)
 
     async def refresh(self) -> None:
         """Ask for the status; publish it if more than measured values has changed.
@@ -100,8 +105,9 @@ class WebStage:
             try:
                 await self.refresh()
             except PageError as error:
-                if error.document["code"] == NOT_RUNNING and not self._watchers:
+                if error.document["code"] in GONE and not self._watchers:
                     self._set_down(error)
+            await asyncio.sleep(AT_MOST_EACH_S)
             each_s = STATUS_EACH_S if self._watchers else UNWATCHED_EACH_S
             with suppress(TimeoutError):
                 async with asyncio.timeout(each_s):
@@ -110,14 +116,17 @@ class WebStage:
 
     async def _stream(self) -> None:
         state: object = None
-        while True:
+        while self._watchers:
             try:
                 async with aclosing(self.connections.telemetry()) as intervals:
                     async for interval in intervals:
+                        if not self._watchers:
+                            break
                         state = self._take(interval, state)
+                continue  # somebody may watch again since then
             except PageError as error:
                 # A daemon that refuses runs, but its loop has not started.
-                if error.document["code"] in _GONE:
+                if error.document["code"] in GONE:
                     self._set_down(error)
             except (LookupError, TypeError, ValueError) as error:  # a daemon of another version
                 self._set_down(PageError("unexpected", f"telemetry: {error!r}", OTHER_VERSION))
@@ -136,11 +145,6 @@ class WebStage:
             self._changed.set()
         return state
 
-    async def _end_stream(self) -> None:
-        if self._streaming is not None:
-            streaming, self._streaming = self._streaming, None
-            await _ended(streaming)
-
     def _set_up(self) -> None:
         if self.up:
             return
@@ -158,9 +162,6 @@ class WebStage:
         since = iso(self.since_s)
         event = {"event": "stage", "stage": self.name, "up": self.up, "since": since, **more}
         self._publish(encoded(event))
-
-
-_GONE: Final = (NOT_RUNNING, "no_answer")
 
 
 def iso(time_s: float) -> str:
@@ -185,7 +186,8 @@ def _task(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
     return asyncio.get_running_loop().create_task(work)
 
 
-async def _ended(task: asyncio.Task[None]) -> None:
-    task.cancel()
-    with suppress(asyncio.CancelledError):
-        await task
+async def _ended(task: asyncio.Task[None] | None) -> None:
+    if task is not None:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task

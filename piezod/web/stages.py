@@ -1,14 +1,19 @@
 """All stages of this machine, and all tabs that look at them."""
 
 import asyncio
-from collections.abc import Callable
-from contextlib import aclosing, suppress
+from collections.abc import AsyncGenerator, Callable, Iterable
+from contextlib import aclosing, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from piezod.client.places import running_stages
+from piezod.client.results import Document
 from piezod.web.connections import Connections
-from piezod.web.errors import PageError
+from piezod.web.errors import NOT_FOUND, PageError
+from piezod.web.job_commands import LookAtJob
+from piezod.web.jobs import Jobs
+from piezod.web.messages import ReadRecording
+from piezod.web.recording_reader import RecordingReader
 from piezod.web.rows import encoded
 from piezod.web.stage import WebStage
 
@@ -30,6 +35,9 @@ class Stages:
     Args:
         client: Name of this server.
         find: Returns the sockets of the running daemons, by the names of their stages.
+
+    Attributes:
+        jobs: Identification and learning, which go on when a tab is closed.
     """
 
     def __init__(self, client: str, find: Callable[[], dict[str, Path]] = running_stages) -> None:
@@ -38,6 +46,8 @@ class Stages:
         self._tabs: set[Listener] = set()
         self._stages: dict[str, WebStage] = {}
         self._looking: asyncio.Task[None] | None = None
+        self._recordings = RecordingReader()
+        self.jobs = Jobs(self.publish)
 
     @property
     def tabs(self) -> int:
@@ -57,7 +67,7 @@ class Stages:
         self._tabs.discard(tab)
         async with self._changing:
             for stage in self.all():
-                await stage.unwatch(tab)
+                stage.unwatch(tab)
             if self._tabs or self._looking is None:
                 return
             looking, self._looking = self._looking, None
@@ -67,6 +77,7 @@ class Stages:
             stages, self._stages = self.all(), {}
             for stage in stages:
                 await stage.close()
+            await self._recordings.aclose()
 
     def all(self) -> list[WebStage]:
         """Return all stages that were found, also those that are down since, by name."""
@@ -79,18 +90,47 @@ class Stages:
             PageError: If no daemon of that name was found.
         """
         if name not in self._stages:
-            found = ", ".join(sorted(self._stages)) or "none"
-            what = f"no stage {name[:64]!r} on this machine"
-            raise PageError("not_found", what, f"stages: {found}")
+            raise _unknown(name, self._stages)
         return self._stages[name]
+
+    async def read(self, wanted: ReadRecording) -> Document:
+        """Return a part of a recording.
+
+        Raises:
+            PageError: If there is no such recording, or it cannot be read.
+        """
+        socket = self.named(wanted.stage).connections.socket
+        request = wanted.model_dump(exclude={"id", "do", "stage"})
+        return await self._recordings.ask({**request, "what": wanted.do, "socket": str(socket)})
+
+    def look_at_job(self, wanted: LookAtJob) -> Document:
+        """Return the newest job of a stage, after ending it if that is wanted.
+
+        Raises:
+            PageError: If there is no such stage.
+        """
+        stage = self.named(wanted.stage).name
+        return self.jobs.end(stage) if wanted.do == "end_job" else self.jobs.document(stage)
+
+    @asynccontextmanager
+    async def visiting(self, name: str) -> AsyncGenerator[Connections, None]:
+        """Yield connections to a daemon for one use, which needs no open tab.
+
+        Raises:
+            PageError: If no daemon of that name runs.
+        """
+        sockets = await asyncio.to_thread(self._find)
+        if name not in sockets:
+            raise _unknown(name, sockets)
+        async with aclosing(Connections(sockets[name], self.client)) as connections:
+            yield connections
 
     async def metrics(self) -> list[str]:
         """Return the metrics of each stage whose daemon runs and answers."""
         texts = []
-        for socket in (await asyncio.to_thread(self._find)).values():
-            # Of their own, because a scrape may come while no tab is open.
-            async with aclosing(Connections(socket, self.client)) as connections:
-                with suppress(PageError):
+        for name in await asyncio.to_thread(self._find):
+            with suppress(PageError):
+                async with self.visiting(name) as connections:
                     texts.append(await connections.metrics())
         return texts
 
@@ -102,7 +142,8 @@ class Stages:
     async def _keep_looking(self) -> None:
         while True:
             await asyncio.sleep(LOOK_EACH_S)
-            await self._look()
+            with suppress(OSError):  # no descriptor is free just now
+                await self._look()
 
     async def _look(self) -> None:
         """Add the stages that have started; one may also have another socket than before."""
@@ -114,6 +155,9 @@ class Stages:
                 await known.relocate(socket)
                 continue
             stage = self._stages[name] = WebStage(name, socket, self.client, self.publish)
-            with suppress(PageError):
-                await stage.refresh()
             self.publish(encoded({"event": "stage", **stage.document()}))
+
+
+def _unknown(name: str, known: Iterable[str]) -> PageError:
+    what = f"no stage {name[:64]!r} on this machine"
+    return PageError(NOT_FOUND, what, f"stages: {', '.join(sorted(known)) or 'none'}")

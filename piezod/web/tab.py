@@ -13,6 +13,7 @@ from piezod.client.wire import http_request
 from piezod.config.requests import TABLE
 from piezod.web import messages
 from piezod.web.errors import PageError
+from piezod.web.job_commands import Identify, Learn, LookAtJob
 from piezod.web.rows import Pacer, Row, encoded, telemetry_event
 from piezod.web.stage import WebStage
 from piezod.web.stages import Stages
@@ -23,7 +24,6 @@ MOST_WAITING: Final = 8 * 1024 * 1024
 """Text that may wait for a tab which does not read, in characters; more closes the tab."""
 _LAST_CALLS_S: Final = 2.0
 """Time for the calls of a closed tab to end before its leases are released, in s."""
-_TOO_SLOW: Final = 1013
 
 
 class Tab:
@@ -31,7 +31,7 @@ class Tab:
 
     Args:
         name: Name for the lease, as other clients see it.
-        socket: Its WebSocket, accepted.
+        socket: Its accepted WebSocket.
         stages: All stages.
     """
 
@@ -39,40 +39,42 @@ class Tab:
         self.name, self._socket, self._stages = name, socket, stages
         self._waiting: deque[str | Row] = deque()
         self._waiting_size = 0
-        self._wake = asyncio.Event()
+        self._wake, self._closed = asyncio.Event(), asyncio.Event()
         self._watched: WebStage | None = None
         self._calls: set[asyncio.Task[None]] = set()
         self._stops: set[asyncio.Task[None]] = set()
         self._leased: set[str] = set()
 
     async def run(self) -> None:
-        """Serve the tab until it closes."""
-        sending = asyncio.create_task(self._send())
-        receiving = asyncio.create_task(self._receive())
+        """Serve the tab until it closes, or does not read."""
+        await self._stages.enter(self)
+        works = [
+            asyncio.create_task(each)
+            for each in (self._send(), self._receive(), self._closed.wait())
+        ]
         try:
-            await self._stages.enter(self)
-            await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for task in (sending, receiving):
-                task.cancel()
-                with suppress(asyncio.CancelledError, WebSocketDisconnect):
-                    await task
+            self._closed.set()
+            for work in works:
+                work.cancel()
+            ended = await asyncio.gather(*works, return_exceptions=True)
             await self._release()
             await self._stages.leave(self)
+        for each in ended:
+            if isinstance(each, Exception) and not isinstance(each, WebSocketDisconnect):
+                raise each
 
     def put(self, item: str | Row) -> None:
-        """Send an event or a row as soon as the tab reads."""
+        """Send an event or a row as soon as the tab reads; close a tab that does not."""
+        size = len(item if isinstance(item, str) else item.text)
+        if self._waiting_size + size > MOST_WAITING:
+            self._closed.set()
+        if self._closed.is_set():
+            return
         self._waiting.append(item)
-        self._waiting_size += len(item if isinstance(item, str) else item.text)
+        self._waiting_size += size
         self._wake.set()
-
-    async def _send(self) -> None:
-        while self._waiting_size <= MOST_WAITING:
-            await self._wake.wait()
-            self._wake.clear()
-            while self._waiting and self._waiting_size <= MOST_WAITING:
-                await self._socket.send_text(self._next())
-        await self._socket.close(_TOO_SLOW)
 
     def _next(self) -> str:
         """Take the next text to send: consecutive rows of a stage become one event."""
@@ -82,25 +84,36 @@ class Tab:
             return item
         rows = [item]
         while self._waiting and isinstance(more := self._waiting[0], Row):
-            if more.stage != item.stage:
+            if not item.fits(more):
                 break
             rows.append(more)
             self._waiting.popleft()
         self._waiting_size -= sum(len(row.text) for row in rows)
         return item.text if len(rows) == 1 else telemetry_event(rows)
 
-    async def _receive(self) -> None:
-        with suppress(WebSocketDisconnect):
-            while True:
-                text = await self._socket.receive_text()
+    async def _send(self) -> None:
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._waiting:
+                text = self._next()
                 try:
-                    message = messages.read(text)
-                except PageError as error:
-                    self._answer(None, error)
-                    continue
-                await self._carry_out(message)
+                    await self._socket.send_text(text)
+                except RuntimeError:  # uvicorn has closed it after a frame that is not allowed
+                    return
 
-    async def _carry_out(self, message: messages.AnyMessage) -> None:
+    async def _receive(self) -> None:
+        while True:
+            received = await self._socket.receive()
+            if received["type"] == "websocket.disconnect":
+                return
+            try:
+                self._carry_out(messages.read(received.get("text") or ""))
+            except PageError as error:
+                self._answer(None, error)
+            await asyncio.sleep(0)  # a tab that sends without pause delays no other one
+
+    def _carry_out(self, message: messages.AnyMessage) -> None:
         try:
             match message:
                 case messages.EmergencyStop():
@@ -108,12 +121,18 @@ class Tab:
                     self._start(self._stops, message.id, stage.connections.estop(self.name))
                 case messages.CallStage():
                     self._start(self._calls, message.id, self._call(message))
+                case messages.ReadRecording():
+                    self._start(self._calls, message.id, self._stages.read(message))
+                case Identify() | Learn():
+                    self._start(self._calls, message.id, self._start_job(message))
+                case LookAtJob():
+                    self._answer(message.id, self._stages.look_at_job(message))
                 case messages.ListStages():
-                    self._answer(message.id, await self._list())
+                    self._answer(message.id, self._list())
                 case messages.Watch():
-                    self._answer(message.id, await self._watch(message))
+                    self._answer(message.id, self._watch(message))
                 case messages.Unwatch():
-                    await self._unwatch()
+                    self._unwatch()
                     self._answer(message.id, {})
         except PageError as error:
             self._answer(message.id, error)
@@ -144,21 +163,26 @@ class Tab:
             self._leased.add(call.stage)
         return await stage.connections.call(request)
 
-    async def _list(self) -> Document:
+    async def _start_job(self, wanted: Identify | Learn) -> Document:
+        stage = self._stages.named(wanted.stage)
+        await self._release_lease(stage)  # the command needs it
+        return self._stages.jobs.start(wanted, stage.connections.socket)
+
+    def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]
         return {"client": self.name, "stages": stages}
 
-    async def _watch(self, message: messages.Watch) -> Document:
+    def _watch(self, message: messages.Watch) -> Document:
         stage = self._stages.named(message.stage)
-        await self._unwatch()
+        self._unwatch()
         self._watched = stage
         stage.watch(self, Pacer(message.rate_hz, self.put))
         return stage.document()
 
-    async def _unwatch(self) -> None:
+    def _unwatch(self) -> None:
         watched, self._watched = self._watched, None
         if watched is not None:
-            await watched.unwatch(self)
+            watched.unwatch(self)
 
     def _answer(self, number: int | None, result: Document | PageError) -> None:
         if isinstance(result, PageError):
@@ -172,8 +196,14 @@ class Tab:
             _, late = await asyncio.wait(running, timeout=_LAST_CALLS_S)
             for task in late:
                 task.cancel()
-        row = TABLE["release_lease"]
-        for name in self._leased:
+        for name in tuple(self._leased):
             with suppress(PageError):
-                request = http_request(row.method, row.path, self.name)
-                await self._stages.named(name).connections.call(request)
+                await self._release_lease(self._stages.named(name))
+
+    async def _release_lease(self, stage: WebStage) -> None:
+        if stage.name not in self._leased:
+            return
+        self._leased.discard(stage.name)
+        row = TABLE["release_lease"]
+        with suppress(PageError):  # another client may have it by now
+            await stage.connections.call(http_request(row.method, row.path, self.name))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli.progress import progress_bar
+from piezod.cli.progress import AS_JSON, progress_bar, report_part
 
 
 def read_all(terminal: int) -> str:
@@ -51,3 +51,24 @@ def test_no_bar_in_a_file(capsys: pytest.CaptureFixture[str]) -> None:
         progress("running", 0.5)
 
     assert capsys.readouterr() == ("", "")
+
+
+def test_progress_is_lines_of_json_for_a_program_that_asks(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each activity and each half percent is a line; a part of the result is one, too."""
+    monkeypatch.setenv(AS_JSON, "json")
+    with progress_bar() as progress:
+        for share in (0.0, 0.001, 0.004, 0.006):
+            progress("driving", share)
+        progress("fitting", 0.006)
+    report_part({"label": "pass 1"})
+
+    out, lines = capsys.readouterr()
+    assert out == ""
+    assert [json.loads(line) for line in lines.splitlines()] == [
+        {"activity": "driving", "share": 0.0},
+        {"activity": "driving", "share": 0.006},
+        {"activity": "fitting", "share": 0.006},
+        {"part": {"label": "pass 1"}},
+    ]

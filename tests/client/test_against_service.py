@@ -108,6 +108,7 @@ def test_recordings(served: Served, stage: StageClient, tmp_path: Path) -> None:
     assert stage.start_recording("creep").name == "20261121T120000Z-creep"
     assert stage.stop_recording().records == 5
     assert [each.name for each in stage.recordings().recordings] == ["20261121T120000Z"]
+    assert stage.keep_recording("20261121T120000Z").kept
     assert stage.fetch_recording("20261121T120000Z", tmp_path / "copy.h5") == 3
 
 

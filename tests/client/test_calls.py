@@ -73,6 +73,7 @@ def call_of(use: Use) -> Call[Any]:
         (lambda stage: stage.start_recording(), "recordings/start", {}),
         (lambda stage: stage.start_recording("creep"), "recordings/start", {"label": "creep"}),
         (lambda stage: stage.stop_recording(), "recordings/stop", {}),
+        (lambda stage: stage.keep_recording("a"), "recordings/keep", {"name": "a", "kept": True}),
         (lambda stage: stage.renew_lease(), "lease", {}),
     ],
 )

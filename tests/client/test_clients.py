@@ -222,6 +222,7 @@ def test_goto_and_wait(stage: StageClient, daemon: FakeDaemon) -> None:
             "state",
         ),
         (interval(state="RAMP", faults=["S5", "L2"]), "RAMP because of S5, L2 before", "state"),
+        (interval(state="SAFE", faults=["D10"]), "the stage went to SAFE before", "state"),
         (interval(None, state="BLIND", on_target=True), "the stage went to BLIND", "state"),
     ],
 )

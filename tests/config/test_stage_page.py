@@ -13,6 +13,7 @@ from piezod.config.daemon import (
     DaemonConfig,
     LoopConfig,
     OnTargetConfig,
+    RecordingsConfig,
     SafetyConfig,
     StageAxisConfig,
 )
@@ -25,6 +26,7 @@ OWN: Final = (
     ConditioningConfig,
     SafetyConfig,
     LoopConfig,
+    RecordingsConfig,
 )
 
 

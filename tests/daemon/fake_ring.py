@@ -6,8 +6,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from piezod.daemon.stores.recorded_files import RecordedStage
 from piezod.telemetry.learned import LearnedAxis
-from tests.records.telemetry import records
+from piezod.telemetry.record import StageEvent
+from tests.records.telemetry import record_dtype, records
 
 
 class FakeRing:
@@ -19,6 +21,19 @@ class FakeRing:
         self.newest = 0
         self.weights: dict[str, Sequence[float]] = {"x": [1.0, 2.0], "y": [3.0]}
         self.surfaces: set[str] = set()
+        self.models: dict[str, str] = {}
+        self.events: list[StageEvent] = []
+
+    @property
+    def stage(self) -> RecordedStage:
+        """What a recorder reads."""
+        return RecordedStage(
+            self.open_reader,
+            lambda: FakeEvents(self.events),
+            record_dtype,
+            self.learned,
+            lambda: self.models,
+        )
 
     def learned(self) -> Mapping[str, LearnedAxis]:
         """Return the parameters of the axes."""
@@ -57,6 +72,18 @@ class FakeReader:
         lost = begin - self.position
         self.position = end
         return records(begin, end), lost
+
+
+class FakeEvents:
+    """Reads the events since its last call."""
+
+    def __init__(self, events: list[StageEvent]) -> None:
+        self._events, self._position = events, len(events)
+
+    def read(self) -> tuple[list[StageEvent], int]:
+        found = self._events[self._position :]
+        self._position += len(found)
+        return found, 0
 
 
 class EndlessReader:

@@ -74,7 +74,7 @@ def test_weights_come_back(file: Path) -> None:
         for cycle in range(0, 2000, 100):
             writer.append_weights("x", START_NS + cycle * 1_000_000, [cycle, -cycle], surface=False)
             writer.append_weights("y", START_NS, [1.0, 2.0], surface=False)
-            writer.append_weights("z", START_NS, [1.0, 2.0, 3.0], surface=False)
+            writer.append_weights("z", START_NS, [1.0, 2.0], surface=False)
             writer.append(records(cycle, cycle + 100, 3))
     read = read_telemetry(file, 0.3, 0.5)
     x, y, z = read.recordings()
@@ -83,7 +83,9 @@ def test_weights_come_back(file: Path) -> None:
     assert x.weights.tolist() == [[300.0, -300.0], [400.0, -400.0]]
     assert x.weights_t_s.tolist() == [0.3, 0.4]
     assert (y.weights.shape, z.weights.shape) == ((0, 0), (0, 4))
-    assert read_telemetry(file).recordings()[0].weights_t_s.size == 20
+    x, _, z = read_telemetry(file).recordings()
+    assert x.weights_t_s.size == 20
+    assert z.weights.tolist() == [[1.0, 2.0]]
 
 
 def test_recording_of_several_modes(file: Path) -> None:
@@ -271,6 +273,19 @@ def test_recording_survives_a_full_disk(file: Path) -> None:
     np.testing.assert_array_equal(seqs, np.arange(seqs.size))
 
 
+def test_memory_does_not_grow_with_the_file(file: Path) -> None:
+    """The supervisor records for days: HDF5 keeps no chunk that has been written."""
+    with TelemetryWriter(file, replace(header(), rate_hz=20_000.0), record_dtype()) as writer:
+        portion = records(0, 8192)
+        sizes_mb = []
+        for _ in range(40):
+            writer.append(portion)
+            pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+            sizes_mb.append(int(pages) * os.sysconf("SC_PAGESIZE") / 1e6)
+
+    assert sizes_mb[-1] - sizes_mb[4] < 5.0
+
+
 def test_file_explains_itself(file: Path) -> None:
     """With h5py alone each column shows its unit, its meaning, and the names of its numbers."""
     write(file, (0, 3))
@@ -338,6 +353,24 @@ def test_weights_of_two_forms_are_not_mixed(adopted: Path) -> None:
 
     assert (whole.surface, part.surface) == (False, True)
     assert (whole.weights_t_s.tolist(), part.weights_t_s.tolist()) == ([0.0], [0.2, 0.3])
+
+
+def test_weights_of_a_longer_model_are_kept(file: Path) -> None:
+    """A model that was adopted has its own number of weights; those of the first are not mixed."""
+    said = replace(header(("x",)), weights={"x": 2})
+    with TelemetryWriter(file, said, record_dtype()) as writer:
+        for at, weights in enumerate(([1.0, 2.0], [3.0, 4.0, 5.0, 6.0])):
+            t_ns = START_NS + at * 1_000_000_000
+            writer.append_weights("x", t_ns, weights, surface=False)
+            writer.append(records(1000 * at, 1000 * at + 1000))
+            meanwhile = read_telemetry(file).weights["x"]["weights"]
+            assert meanwhile[-1][: len(weights)].tolist() == weights
+    read = read_telemetry(file)
+
+    assert read.header == said
+    assert read.weights["x"]["weights"].shape == (2, 4)
+    assert read.first_weights("x")[0].tolist() == [[1.0, 2.0]]
+    assert read.first_weights("x", 1.0, 2.0)[0].tolist() == [[3.0, 4.0, 5.0, 6.0]]
 
 
 def test_file_without_forms_has_that_of_its_start(adopted: Path) -> None:

@@ -29,9 +29,12 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def unit(root: Path) -> Path:
-    """Return the path of the unit."""
-    return root / service_files.TARGETS["piezod@.service"]
+UNITS = ("piezod@.service", "piezod-web.service")
+
+
+def unit(root: Path, name: str = "piezod@.service") -> Path:
+    """Return the path of a unit."""
+    return root / service_files.TARGETS[name]
 
 
 def analyse(*arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -41,17 +44,19 @@ def analyse(*arguments: str) -> "subprocess.CompletedProcess[str]":
 
 
 @with_systemd
-def test_verify_has_nothing_to_say(root: Path) -> None:
+@pytest.mark.parametrize("name", UNITS)
+def test_verify_has_nothing_to_say(root: Path, name: str) -> None:
     """The unit causes no warning, which systemd prints for an unknown value."""
-    ended = analyse("verify", "--man=no", str(unit(root)))
+    ended = analyse("verify", "--man=no", str(unit(root, name)))
 
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
 @with_systemd
-def test_exposure_is_small(root: Path) -> None:
+@pytest.mark.parametrize("name", UNITS)
+def test_exposure_is_small(root: Path, name: str) -> None:
     """A daemon under foreign control could do little, by systemd's own measure."""
-    ended = analyse("security", "--offline=true", "--no-pager", str(unit(root)))
+    ended = analyse("security", "--offline=true", "--no-pager", str(unit(root, name)))
 
     (verdict,) = [line for line in ended.stdout.splitlines() if "exposure level" in line]
     assert float(verdict.split(":")[1].split()[0]) <= EXPOSURE_AT_MOST

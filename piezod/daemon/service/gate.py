@@ -1,8 +1,9 @@
-"""The first check of a request: limits of rate and connections."""
+"""The first checks of a request: no foreign web page, and limits of rate and connections."""
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from piezod.daemon.service.answers import error_answer
+from piezod.daemon.service.foreign_pages import refuse_foreign_page
 from piezod.daemon.service.peer_protocol import PeerProtocol, connection_of
 from piezod.daemon.service.rate_limit import RateLimit
 from piezod.daemon.service.refusals import TooManyError
@@ -13,7 +14,9 @@ _MALFORMED = (400, 413, 415, 422)
 
 
 class Gate:
-    """Admits requests by rate and by connection; requests towards safety are always admitted.
+    """Refuses requests of foreign web pages, and limits all others by rate and by connection.
+
+    Requests towards safety have no limits.
 
     Args:
         app: The application behind the gate.
@@ -41,6 +44,7 @@ class Gate:
 
     def _admit(self, scope: Scope, connection: PeerProtocol) -> None:
         process = connection.credentials.uid, connection.credentials.pid
+        refuse_foreign_page(scope)
         if (scope["method"], scope["path"]) in URGENT:
             return
         if connection.crowded:

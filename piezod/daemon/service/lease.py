@@ -46,6 +46,14 @@ class Lease:
         """Whether a client has it."""
         return self._held is not None and self._held.until_s > self._now_s()
 
+    @property
+    def document(self) -> Document | None:
+        """The holder, and the time until it expires; None if the lease is free."""
+        held = self._held
+        if held is None or not self.held:
+            return None
+        return _document(held.peer, held.until_s - self._now_s())
+
     def check(self, peer: Peer) -> Holding | None:
         """Return the holding that is in force; None if the lease is free.
 

@@ -30,6 +30,13 @@ class ForbiddenError(StageError):
     code = "forbidden"
 
 
+class ForeignPageError(StageError):
+    """Raised when a web page of a foreign site may have sent the request."""
+
+    status = 403
+    code = "foreign_page"
+
+
 class SilentError(StageError):
     """Raised when a stream sends no setpoint for too long."""
 

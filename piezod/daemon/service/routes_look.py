@@ -31,8 +31,8 @@ router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 @endpoint(router, "status")
 async def status(context: ContextOf) -> JsonAnswer:
-    """Return state, mode, faults, and each axis in the newest cycle."""
-    return JsonAnswer(context.stage.status())
+    """Return state, mode, faults, the lease, and each axis in the newest cycle."""
+    return JsonAnswer({**context.stage.status(), "lease": context.state.lease.document})
 
 
 class HealthDocument(BaseModel):

@@ -24,6 +24,10 @@ router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 # The label becomes part of a file name.
 Label: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")]
 
+RecordingName: TypeAlias = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
+]
+
 
 class Restore(ConfigModel):
     """The number of saved parameters."""
@@ -35,6 +39,13 @@ class StartRecording(ConfigModel):
     """The label of a recording; its name always begins with the time."""
 
     label: Label | None = Field(default=None, description="Becomes part of the name.")
+
+
+class KeepRecording(ConfigModel):
+    """A recording, and whether the limit of their size spares it."""
+
+    name: RecordingName = Field(description="Name in the list of recordings.")
+    kept: bool = Field(default=True, description="Whether it is marked as kept.")
 
 
 @endpoint(router, "params")
@@ -79,9 +90,10 @@ async def reload(_body: Nothing, context: ContextOf) -> JsonAnswer:
 
 @endpoint(router, "recordings")
 async def recordings(context: ContextOf) -> JsonAnswer:
-    """Return the recording in progress and the finished recordings."""
+    """Return the recording in progress, the finished recordings, and their folder."""
     running, finished = await context.stage.recordings()
-    return JsonAnswer({"running": running, "recordings": finished})
+    folder = str(context.stage.recordings_folder)
+    return JsonAnswer({"running": running, "recordings": finished, "folder": folder})
 
 
 @endpoint(router, "start_recording")
@@ -106,12 +118,22 @@ async def stop_recording(_body: Nothing, context: ContextOf) -> JsonAnswer:
     return JsonAnswer(await stopping)
 
 
+@endpoint(router, "keep_recording")
+async def keep_recording(body: KeepRecording, context: ContextOf) -> JsonAnswer:
+    """Mark a recording as kept, or remove the mark."""
+    keeping = context.perform(
+        f"recordings {'keep' if body.kept else 'unkeep'} {body.name}",
+        lambda: context.stage.keep_recording(body.name, context.peer, kept=body.kept),
+    )
+    return JsonAnswer(await keeping)
+
+
 @endpoint(router, "fetch_recording", response_class=RecordingAnswer, status_code=200)
 async def recording(name: str, request: HttpRequest, context: ContextOf) -> RecordingAnswer:
     """Return the HDF5 file of a finished recording; one download at a time for each user."""
     downloads, uid = context.state.downloads, context.peer.uid
     running, _ = await context.stage.recordings()
-    if running is not None and running["name"] == name:
+    if running is not None and running["file"] == name:
         raise NotNowError(f"{name} is still in progress", "stop the recording first")
     if uid in downloads:
         raise TooManyError("this user already downloads a recording", "wait for its end")

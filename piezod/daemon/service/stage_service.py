@@ -253,7 +253,18 @@ class StageService(Protocol):
         ...
 
     async def recordings(self) -> tuple[Document | None, list[Document]]:
-        """Return the recording in progress or None, and the finished ones; each has a "name"."""
+        """Return the recording in progress or None, and the finished files; each has a "name".
+
+        The recording in progress also has "file", the name of the file that is being written.
+        """
+        ...
+
+    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> Document:
+        """Mark a recording as kept, or remove the mark; returns `{"name", "kept"}`.
+
+        Raises:
+            UnknownNameError: If there is none of that name.
+        """
         ...
 
     def audit(self, entry: AuditEntry) -> None:

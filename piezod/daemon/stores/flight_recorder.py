@@ -128,6 +128,7 @@ class FlightRecorder:
 
         path = self.folder.new(happened, fault.fault)
         with TelemetryWriter(path, header, records.dtype) as writer:
+            writer.append_events(events)
             writer.append(records[inside])
         self.folder.keep_newest(KEPT)
         return path

@@ -1,25 +1,18 @@
 """Records every cycle to a file, in a thread."""
 
 import errno
-import shutil
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Lock, Thread
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from piezod.daemon.logging import logger
+from piezod.daemon.stores.recorded_files import RecordedFiles, RecordedStage
+from piezod.daemon.stores.recording_limits import RecordingLimits, no_room
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.errors import PiezodError
 from piezod.records.telemetry_header import TelemetryHeader
-from piezod.telemetry.learned import LearnedAxis
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from piezod.records.telemetry_file import TelemetryWriter
-    from piezod.telemetry.arrays import Records
 
 DRAIN_S: Final = 0.025
 """Period in which the ring is read, in s; it holds the records of many periods."""
@@ -28,17 +21,7 @@ MAX_RECORDS: Final = 10_000
 
 _CHECK_EVERY: Final = 40
 """Reads of the ring between two checks of the free space: one check a second."""
-_RESERVE_BYTES: Final = 500_000_000
-_RESERVE_SHARE: Final = 0.05
 _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-
-
-class RecordSource(Protocol):
-    """A source of records; `telemetry.arrays.RingReader` is one."""
-
-    def read(self, limit: int) -> "tuple[Records, int]":
-        """Return the records since the last call, at most `limit`, and the number of lost ones."""
-        ...
 
 
 class RecorderError(PiezodError):
@@ -55,6 +38,7 @@ class RecorderStatus(NamedTuple):
         lost: Number of records that were overwritten before the disk took them.
         why: Why it ended by itself; empty if it did not.
         disk_full: Whether it ended by itself because the disk was full.
+        files: Number of files; the names of all but the first one end in their number.
     """
 
     recording: bool
@@ -63,21 +47,7 @@ class RecorderStatus(NamedTuple):
     lost: int
     why: str
     disk_full: bool = False
-
-
-def no_room(folder: Path) -> str:
-    """Return why a disk is too full for a recording, or "".
-
-    500 MB or 5 % of the disk, whichever is more, are kept free for other uses.
-    """
-    usage = shutil.disk_usage(folder)
-    reserve = max(_RESERVE_BYTES, _RESERVE_SHARE * usage.total)
-    if usage.free >= reserve:
-        return ""
-    return (
-        f"{usage.free / 1e6:.0f} MB are free in {folder}, and {reserve / 1e6:.0f} MB must stay "
-        "free; delete recordings"
-    )
+    files: int = 1
 
 
 class Recorder:
@@ -87,10 +57,8 @@ class Recorder:
     may be read at any time.
 
     Args:
-        open_reader: Returns a new reader that begins with the next record.
-        dtype: Returns the dtype of its records, see `telemetry.arrays.record_dtype`.
+        stage: What is recorded.
         folder: Folder of the recordings; made if it is absent.
-        learned: Returns the present parameters of the axes, by name.
         no_room: Returns why the disk of a folder is too full, or "".
 
     Raises:
@@ -98,16 +66,11 @@ class Recorder:
     """
 
     def __init__(
-        self,
-        open_reader: Callable[[], RecordSource],
-        dtype: "Callable[[], np.dtype[np.void]]",
-        folder: Path,
-        learned: Callable[[], Mapping[str, LearnedAxis]] = dict,
-        no_room: Callable[[Path], str] = no_room,
+        self, stage: RecordedStage, folder: Path, no_room: Callable[[Path], str] = no_room
     ) -> None:
         self.folder = RecordingsFolder(folder)
-        self._open_reader, self._dtype, self._learned = open_reader, dtype, learned
-        self._no_room = no_room
+        self._stage, self._no_room = stage, no_room
+        self._limits = RecordingLimits()
         self._ending = Event()
         self._thread: Thread | None = None
         self._lock = Lock()
@@ -119,12 +82,18 @@ class Recorder:
         with self._lock:
             return self._status
 
-    def start(self, header: TelemetryHeader, label: str = "") -> str:
+    def start(
+        self,
+        header: TelemetryHeader,
+        label: str = "",
+        limits: RecordingLimits = RecordingLimits(),  # noqa: B008 - it cannot change
+    ) -> str:
         """Start a recording with the next cycle.
 
         Args:
             header: Header of the file; the number of weights is filled in.
             label: Label in its name, see `RecordingsFolder.new`.
+            limits: How large it and all recordings may become.
 
         Returns:
             Its name.
@@ -136,26 +105,17 @@ class Recorder:
         if self.status.recording:
             raise RecorderError(f"recording {self.status.name} is running; stop it first")
         self._join()  # the thread of a recording that ended by itself
-        # Imported here: HDF5 takes 12 MB of memory, which only a supervisor that records needs.
-        from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
-
         path = self.folder.new(datetime.now(UTC), label)
+        self._limits = limits
         try:
-            if why := self._no_room(self.folder.path):
+            if why := self._too_full(path.stem):
                 raise RecorderError(why)
-            learned = {axis: at for axis, at in self._learned().items() if axis in header.axes}
-            header = replace(
-                header,
-                weights={axis: len(at.weights) for axis, at in learned.items()},
-                surfaces=tuple(axis for axis, at in learned.items() if at.surface),
-            )
-            writer = TelemetryWriter(path, header, self._dtype())
+            files = RecordedFiles(self._stage, self.folder, path, header, limits)
         except OSError as error:
             raise RecorderError(f"the recording cannot be started: {error}") from error
         self._set_status(RecorderStatus(True, path.stem, 0, 0, ""))
         self._ending.clear()  # the last `stop` has set it
-        arguments = (self._open_reader(), writer)
-        self._thread = Thread(target=self._record, args=arguments, name="recorder")
+        self._thread = Thread(target=self._record, args=(files,), name="recorder")
         self._thread.start()
         return path.stem
 
@@ -176,43 +136,47 @@ class Recorder:
             self._thread.join()
             self._thread = None
 
-    def _record(self, reader: RecordSource, writer: "TelemetryWriter") -> None:
-        failure = _failure_of(lambda: self._drain_until_end(reader, writer))
-        not_closed = _failure_of(writer.close)  # also after a failure: it keeps what is there
+    def _record(self, files: RecordedFiles) -> None:
+        failure = _failure_of(lambda: self._copy_until_end(files))
+        not_closed = _failure_of(files.close)  # also after a failure: it keeps what is there
         why, disk_full = failure if failure.why else not_closed
-        name = self.status.name
-        self._set_status(RecorderStatus(False, name, writer.records, writer.lost, why, disk_full))
+        status = self.status._replace(recording=False, why=why, disk_full=disk_full)
+        self._set_status(_with_counts(status, files))
         if why:
-            logger("recorder").error("recording ended", name=name, why=why)
+            logger("recorder").error("recording ended", name=status.name, why=why)
 
-    def _drain_until_end(self, reader: RecordSource, writer: "TelemetryWriter") -> str:
+    def _copy_until_end(self, files: RecordedFiles) -> str:
         """Copy records until the end; return why it ends, or "" on request."""
         times = 0
         while not self._ending.wait(DRAIN_S):
-            self._drain(reader, writer)
+            self._copy(files)
             times += 1
-            if times % _CHECK_EVERY == 0 and (why := self._no_room(self.folder.path)):
+            if times % _CHECK_EVERY == 0 and (why := self._too_full(files.name)):
                 return why
         # The records of the last period; fewer than the most mean that the ring is empty.
-        while self._drain(reader, writer) == MAX_RECORDS:
+        while self._copy(files) == MAX_RECORDS:
             pass
         return ""
 
-    def _drain(self, reader: RecordSource, writer: "TelemetryWriter") -> int:
+    def _copy(self, files: RecordedFiles) -> int:
         """Copy records; return their number."""
-        records, lost = reader.read(MAX_RECORDS)
-        if len(records):
-            # The writer stores weights only if they have changed.
-            t_ns = int(records["t_ns"][-1])
-            for axis, at in self._learned().items():
-                writer.append_weights(axis, t_ns, at.weights, surface=at.surface)
-        writer.append(records, lost)
-        self._set_status(self.status._replace(records=writer.records, lost=writer.lost))
-        return len(records)
+        copied = files.copy(MAX_RECORDS)
+        self._set_status(_with_counts(self.status, files))
+        return copied
+
+    def _too_full(self, writing: str) -> str:
+        """Remove old recordings as far as allowed; return why there is no room, or ""."""
+        return self.folder.limit(self._limits.total_bytes, writing) or self._no_room(
+            self.folder.path
+        )
 
     def _set_status(self, status: RecorderStatus) -> None:
         with self._lock:
             self._status = status
+
+
+def _with_counts(status: RecorderStatus, files: RecordedFiles) -> RecorderStatus:
+    return status._replace(records=files.records, lost=files.lost, files=files.files)
 
 
 class _Failure(NamedTuple):

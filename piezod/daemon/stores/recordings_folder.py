@@ -2,12 +2,18 @@
 
 import re
 from datetime import UTC, datetime
+from math import inf
 from pathlib import Path
 from typing import Final, NamedTuple
 
 _LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-_NAME: Final = re.compile(r"[0-9]{8}T[0-9]{6}Z(-[0-9]+)?(-[A-Za-z0-9][A-Za-z0-9_-]{0,31})?")
+_NAME: Final = re.compile(
+    r"[0-9]{8}T[0-9]{6}Z(-[0-9]+)?(-[A-Za-z0-9][A-Za-z0-9_-]{0,31})?(-[0-9]{4,})?"
+)
+_PART: Final = re.compile(r"-[0-9]{4,}$")
 _SUFFIX: Final = ".h5"
+_KEPT: Final = ".keep"
+"""Ending of the empty file that marks a recording as kept."""
 
 
 class StoredRecording(NamedTuple):
@@ -16,10 +22,12 @@ class StoredRecording(NamedTuple):
     Attributes:
         name: Its name, without the suffix.
         size_bytes: Its size.
+        kept: Whether it is marked as kept.
     """
 
     name: str
     size_bytes: int
+    kept: bool = False
 
 
 class RecordingsFolder:
@@ -76,7 +84,61 @@ class RecordingsFolder:
         # Names begin with the time, so that their order is that of time.
         names = sorted((path.stem for path in self.path.glob(f"*{_SUFFIX}")), reverse=True)
         found = [(name, path) for name in names if (path := self.find(name))]
-        return tuple(StoredRecording(name, path.stat().st_size) for name, path in found)
+        return tuple(
+            StoredRecording(name, path.stat().st_size, self._is_kept(name)) for name, path in found
+        )
+
+    def keep(self, name: str, kept: bool) -> bool:
+        """Mark a recording, or one of its files, as kept, or remove the mark.
+
+        The mark of a recording holds for all its files.
+
+        Returns:
+            Whether there is a file of that name.
+
+        Raises:
+            OSError: If the folder cannot be written.
+        """
+        if self.find(name) is None:
+            return False
+        if kept:
+            self._mark(name).touch()
+        else:
+            self._mark(name).unlink(missing_ok=True)
+        return True
+
+    def limit(self, total_bytes: float, writing: str) -> str:
+        """Remove the oldest files until all are within a size; return why that fails, or "".
+
+        Args:
+            total_bytes: Largest size of all files together.
+            writing: Name of the file that is being written; it stays, as kept ones do.
+
+        Raises:
+            OSError: If a file cannot be removed.
+        """
+        if total_bytes == inf:
+            return ""
+        files = self.files()
+        size_bytes = sum(file.size_bytes for file in files)
+        for file in reversed(files):
+            if size_bytes <= total_bytes:
+                return ""
+            if file.name != writing and not file.kept:
+                self.path_of(file.name).unlink(missing_ok=True)
+                size_bytes -= file.size_bytes
+        if size_bytes <= total_bytes:
+            return ""
+        return (
+            f"the recordings that may not be removed have {size_bytes / 1e6:.0f} MB, and "
+            f"{total_bytes / 1e6:.0f} MB are allowed; fetch and delete some, or raise max_total_mb"
+        )
+
+    def _is_kept(self, name: str) -> bool:
+        return self._mark(name).exists() or self._mark(_PART.sub("", name)).exists()
+
+    def _mark(self, name: str) -> Path:
+        return self.path / f"{name}{_KEPT}"
 
     def keep_newest(self, number: int) -> None:
         """Remove all files except the newest."""

@@ -6,17 +6,26 @@ import time
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache, partial
+from math import inf
 from typing import TYPE_CHECKING, Any
 
-from piezod.config.model_file import dump_model
+from piezod.config.daemon import RecordingsConfig
+from piezod.config.model_file import ModelFile, dump_model
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import BadValueError, NotNowError
+from piezod.daemon.service.stage_service import (
+    BadValueError,
+    NotNowError,
+    UnknownNameError,
+)
 from piezod.daemon.stores.flight_recorder import FlightRecorder
-from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus, RecordSource
+from piezod.daemon.stores.recorded_files import EventSource, RecordedStage, RecordSource
+from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus
+from piezod.daemon.stores.recording_limits import RecordingLimits
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.errors import DataError
+from piezod.records.part_names import part_name
 from piezod.records.repair import repair
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.descriptions import descriptions, mask_bits
@@ -44,20 +53,28 @@ class StageRecordings:
         paths: The files of the stage.
         axes: Number of axes.
         open_reader: Returns a reader that begins with the next record.
+        open_events: Returns a reader that begins with the next event.
         last: Returns the newest records, at most a given number.
         learned: Returns the present parameters of the axes, by name.
+        models: Returns the models in use, by axis.
     """
 
     def __init__(
         self,
         paths: StagePaths,
+        *,
         axes: int,
         open_reader: Callable[[], RecordSource],
+        open_events: Callable[[], EventSource],
         last: "Callable[[int], Records]",
         learned: Callable[[], Mapping[str, LearnedAxis]],
+        models: Callable[[], Mapping[str, ModelFile | None]],
     ) -> None:
         self._name = paths.name
-        self._recorder = Recorder(open_reader, partial(_dtype, axes), paths.recordings, learned)
+        stage = RecordedStage(
+            open_reader, open_events, partial(_dtype, axes), learned, lambda: _texts(models())
+        )
+        self._recorder = Recorder(stage, paths.recordings)
         self._flights = FlightRecorder(last, paths.flights)
         self._one_at_a_time = asyncio.Lock()  # `Recorder.start` and `stop` must not overlap
 
@@ -86,8 +103,9 @@ class StageRecordings:
         """
         async with self._one_at_a_time:
             header = self._header(loop, label or self._name)
+            limits = _limits(loop.config.recordings)
             try:
-                name = await asyncio.to_thread(self._recorder.start, header, label or "")
+                name = await asyncio.to_thread(self._recorder.start, header, label or "", limits)
             except ValueError as error:
                 raise BadValueError(str(error)) from error
             except RecorderError as error:
@@ -109,9 +127,27 @@ class StageRecordings:
     async def list(self) -> tuple[Document | None, list[Document]]:
         """Return the running recording, or None, and the finished ones."""
         status = self._recorder.status
+        running = {**status._asdict(), "file": part_name(status.name, status.files)}
         files = await asyncio.to_thread(self._recorder.folder.files)
-        finished = [each._asdict() for each in files if each.name != self.running_name]
-        return (status._asdict() if status.recording else None), finished
+        if not status.recording:
+            return None, [each._asdict() for each in files]
+        return running, [each._asdict() for each in files if each.name != running["file"]]
+
+    async def keep(self, name: str, *, kept: bool) -> Document:
+        """Mark a recording as kept, or remove the mark.
+
+        Raises:
+            UnknownNameError: If there is none of that name.
+            NotNowError: If the disk refuses the mark.
+        """
+        try:
+            found = await asyncio.to_thread(self._recorder.folder.keep, name, kept)
+        except OSError as error:
+            raise NotNowError(f"the mark was not changed: {error}", "look at the disk") from error
+        if not found:
+            what = f"no recording {name[:100]!r}"
+            raise UnknownNameError(what, "`piezod record list` shows them")
+        return {"name": name, "kept": kept}
 
     async def repair(self) -> None:
         """Make the files of a daemon that was killed open plainly; call it before all else."""
@@ -152,7 +188,7 @@ class StageRecordings:
     def _header(self, loop: LoopConnection, title: str) -> TelemetryHeader:
         # Recordings store members of enumerations as numbers; the header has their names.
         places = enumerations().items()
-        models = {f"model_{axis}": _model_text(m) for axis, m in loop.models.items() if m}
+        models = {f"model_{axis}": text for axis, text in _texts(loop.models).items()}
         return TelemetryHeader(
             title=title,
             axes=loop.axes,
@@ -164,6 +200,19 @@ class StageRecordings:
             descriptions=descriptions(),
             bits=mask_bits(),
         )
+
+
+def _texts(models: Mapping[str, ModelFile | None]) -> dict[str, str]:
+    return {axis: _model_text(model) for axis, model in models.items() if model}
+
+
+def _limits(config: RecordingsConfig) -> RecordingLimits:
+    mb = 1_000_000
+    return RecordingLimits(
+        inf if config.max_file_s is None else config.max_file_s,
+        inf if config.max_file_mb is None else mb * config.max_file_mb,
+        inf if config.max_total_mb is None else mb * config.max_total_mb,
+    )
 
 
 def _dtype(axes: int) -> "np.dtype[np.void]":

@@ -30,6 +30,7 @@ from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
+from piezod.telemetry.events import EventReader
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
 
@@ -70,7 +71,13 @@ class StageLink:
         """Whether there is a loop for requests; False during an exchange."""
         self.parameters = LearnedParameters(ParameterStore(paths.parameters, paths.name))
         self.stage_recordings = StageRecordings(
-            paths, len(loop.axes), self.open_reader, self._last, self._learned
+            paths,
+            axes=len(loop.axes),
+            open_reader=self.open_reader,
+            open_events=lambda: EventReader(self.loop.shared),
+            last=self._last,
+            learned=self._learned,
+            models=lambda: self.loop.models,
         )
         self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
@@ -213,6 +220,12 @@ class StageLink:
     async def recordings(self) -> tuple[Document | None, list[Document]]:
         """Return the running recording, or None, and the finished ones."""
         return await self.stage_recordings.list()
+
+    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> Document:
+        """Mark a recording as kept, or remove the mark."""
+        document = await self.stage_recordings.keep(name, kept=kept)
+        _log.info("recording kept" if kept else "recording not kept", user=peer.user, name=name)
+        return document
 
     def audit(self, entry: AuditEntry) -> None:
         """Write a request and its answer to the audit log."""

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from piezod.client import StageClient
+from piezod.client.arrival import because_of
 from piezod.client.calls import Waveforms
 from piezod.client.results import Document
 from piezod.client.telemetry import Telemetry as Interval
@@ -18,6 +19,8 @@ from piezod.config.states import State
 from piezod.config.waveforms import Setpoint
 from piezod.errors import ClientError, DataError, NotReachedError, NotRunningError
 from piezod.experiment.live.setup import LiveSetup
+from piezod.records.part_names import part_name
+from piezod.records.telemetry_joined import joined
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 
 RATE_HZ: Final = 20.0
@@ -195,7 +198,7 @@ class LiveStage:
             for name in command_um:
                 if interval.state == State.RUN and interval.axes[name].mode != mode:
                     what = f"axis {name}: the mode has become {interval.axes[name].mode}"
-                    raise NotReachedError(what + _fault_text(interval), code="mode")
+                    raise NotReachedError(what + because_of(interval), code="mode")
             if interval.axes[first].motion == motion:
                 start_s = min(start_s, interval.t_s)
             return interval.state == State.RUN and interval.t_s - start_s >= longest_s
@@ -217,7 +220,7 @@ class LiveStage:
         """End the recording, and return it.
 
         Args:
-            file: Path of its copy.
+            file: Path of its copy; if the recording has several files, that of the first one.
 
         Raises:
             DataError: If it has ended by itself.
@@ -226,8 +229,11 @@ class LiveStage:
         self._recording = False
         if recording.why:
             raise DataError(f"the recording has ended by itself: {recording.why}")
-        self._client.fetch_recording(recording.name, file)
-        return read_telemetry(file)
+        parts = range(1, recording.files + 1)
+        files = [file.with_stem(part_name(file.stem, part)) for part in parts]
+        for part, each in zip(parts, files, strict=True):
+            self._client.fetch_recording(part_name(recording.name, part), each)
+        return joined([read_telemetry(each) for each in files])
 
     # ------------------------------------------------------------------ waiting
 
@@ -257,10 +263,6 @@ class LiveStage:
                 if done(interval):
                     return interval
                 if interval.state not in through:
-                    what = f"the stage is in {interval.state}{_fault_text(interval)}"
+                    what = f"the stage is in {interval.state}{because_of(interval)}"
                     raise NotReachedError(what, "see `piezod faults`", "state")
         raise NotRunningError("the telemetry has ended", "is the daemon still running?")
-
-
-def _fault_text(interval: Interval) -> str:
-    return f" because of {', '.join(interval.faults)}" if interval.faults else ""

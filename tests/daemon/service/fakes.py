@@ -143,6 +143,9 @@ class FakeStage:
     async def recordings(self) -> tuple[Document | None, list[Document]]:
         return self.running, [{"name": path.stem} for path in self.recordings_folder.glob("*.h5")]
 
+    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> Document:  # noqa: ARG002 - a protocol
+        return {"name": name, "kept": kept}
+
     def audit(self, entry: AuditEntry) -> None:
         self.audited.append(entry)
 

@@ -60,6 +60,18 @@ def test_command_of_another_is_refused_with_the_holder(served: Served) -> None:
     assert served.called() == 1
 
 
+def test_status_shows_the_holder(served: Served) -> None:
+    """The status shows who has the lease and for how long, until it has expired."""
+    with served.client("first") as first, served.client("second") as second:
+        first.post("lease").raise_for_status()
+        served.now.now_s += 10.0
+        held = second.get("status").json()["lease"]
+        served.now.now_s += 20.0
+        free = second.get("status").json()["lease"]
+
+    assert (held["holder"]["client"], held["expires_in_s"], free) == ("first", 20.0, None)
+
+
 @pytest.mark.fault("C8")
 @pytest.mark.parametrize("endpoint", NEEDS_LEASE, ids=" ".join)
 def test_endpoint_that_moves_needs_the_lease(served: Served, endpoint: tuple[str, str]) -> None:

@@ -21,6 +21,7 @@ def test_status_has_null_where_there_is_no_number(client: httpx.Client) -> None:
         "faults": [],
         "skipped_cycles": 0,
         "axes": {"x": {"position_um": None, "command_um": 1.5, "drive_v": 20.0}},
+        "lease": None,
     }
 
 

@@ -64,15 +64,31 @@ def test_recording_arrives_as_it_is(served: Served, client: httpx.Client) -> Non
 
     assert answer.content == content
     assert answer.headers["content-type"] == "application/x-hdf5"
-    assert client.get("recordings").json() == {"running": None, "recordings": [{"name": NAME}]}
+    assert client.get("recordings").json() == {
+        "running": None,
+        "recordings": [{"name": NAME}],
+        "folder": str(served.stage.recordings_folder),
+    }
 
 
 def test_recording_that_is_being_made_is_not_sent(served: Served, client: httpx.Client) -> None:
-    """A recording in progress cannot be downloaded."""
-    served.stage.running = {"name": NAME}
+    """The file that is being written cannot be downloaded; earlier files of a recording can."""
+    for name in (NAME, f"{NAME}-0002"):
+        served.stage.recordings_folder.joinpath(f"{name}.h5").write_bytes(b"HDF")
+    served.stage.running = {"name": NAME, "file": f"{NAME}-0002"}
 
-    assert client.get(f"recordings/{NAME}").status_code == 409
-    assert client.get("recordings").json()["running"] == {"name": NAME}
+    assert client.get(f"recordings/{NAME}-0002").status_code == 409
+    assert client.get(f"recordings/{NAME}").content == b"HDF"
+    assert client.get("recordings").json()["running"]["name"] == NAME
+
+
+def test_recording_is_kept(client: httpx.Client) -> None:
+    """A name is marked, the mark is removed, and a path is no name."""
+    kept = client.post("recordings/keep", json={"name": NAME})
+    not_kept = client.post("recordings/keep", json={"name": NAME, "kept": False})
+
+    assert (kept.json()["kept"], not_kept.json()["kept"]) == (True, False)
+    assert client.post("recordings/keep", json={"name": "../a"}).status_code == 422
 
 
 @pytest.mark.fault("C7")

@@ -71,7 +71,7 @@ def test_ten_seconds_before_and_two_after(stage: Stage) -> None:
 
 
 def test_events_are_in_the_file(stage: Stage) -> None:
-    """The events around the fault are lines of JSON, beside the notes of the stage."""
+    """The events around the fault are rows and lines of JSON, beside the notes of the stage."""
     stage.take_event("request", severity="info")
     stage.ring.run(11_000)
     stage.take_event("state", severity="info")
@@ -82,7 +82,8 @@ def test_events_are_in_the_file(stage: Stage) -> None:
     stage.ring.run(1500)
     path = stage.write_due()
     assert path is not None
-    notes = read_telemetry(path).header.notes
+    flight = read_telemetry(path)
+    notes = flight.header.notes
     events = [json.loads(line) for line in notes["events"].splitlines()]
 
     assert [(each["kind"], each["fault"]) for each in events] == [
@@ -92,6 +93,7 @@ def test_events_are_in_the_file(stage: Stage) -> None:
     ]
     assert (events[1]["measured"], events[1]["limit"]) == (3.0, 2.0)
     assert notes["configuration"] == "a: 1"
+    assert [each._asdict() for each in flight.events] == events
 
 
 def test_nothing_is_written_before_its_time(stage: Stage) -> None:

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus, no_room
+from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus
+from piezod.daemon.stores.recording_limits import no_room
 from piezod.records import telemetry_file
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from tests.daemon.fake_ring import FakeRing
 from tests.daemon.waiting import eventually
-from tests.records.telemetry import header, record_dtype
+from tests.records.telemetry import header
 
 
 class Disk:
@@ -50,7 +51,7 @@ def disk() -> Disk:
 def recorder(ring: FakeRing, disk: Disk, tmp_path: Path) -> Iterator[Recorder]:
     """Return a recorder, which is stopped at the end."""
     folder = tmp_path / "recordings"
-    recorder = Recorder(ring.open_reader, record_dtype, folder, ring.learned, disk)
+    recorder = Recorder(ring.stage, folder, disk)
     yield recorder
     recorder.stop()
 
@@ -175,7 +176,7 @@ def test_recording_ends_before_the_disk_is_full(
     disk.why = "12 MB are free"
     eventually(lambda: not recorder.status.recording)
 
-    assert recorder.status[2:] == (100, 0, "12 MB are free", True)
+    assert recorder.status[2:] == (100, 0, "12 MB are free", True, 1)
     assert read(recorder).cycles["seq"].size == 100
     disk.why = ""
     assert recorder.start(header()) == recorder.status.name
@@ -270,11 +271,12 @@ FULL = """
 import resource, sys
 from pathlib import Path
 from piezod.daemon.stores.recorder import Recorder
-from tests.daemon.fake_ring import EndlessReader
+from tests.daemon.fake_ring import EndlessReader, FakeRing
 from tests.daemon.waiting import eventually
-from tests.records.telemetry import header, record_dtype
+from tests.records.telemetry import header
 resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
-recorder = Recorder(EndlessReader, record_dtype, Path(sys.argv[1]), no_room=lambda folder: "")
+stage = FakeRing().stage._replace(open_reader=EndlessReader)
+recorder = Recorder(stage, Path(sys.argv[1]), no_room=lambda folder: "")
 recorder.start(header())
 eventually(lambda: not recorder.status.recording)
 print(recorder.status.why, recorder.status.disk_full)

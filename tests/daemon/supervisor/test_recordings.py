@@ -7,10 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from piezod.config.model_file import load_model
+from piezod.config.daemon import RecordingsConfig
+from piezod.config.model_file import dump_model, load_model
+from piezod.config.states import State
 from piezod.daemon.loop import accept
+from piezod.daemon.service.stage_service import NotNowError, UnknownNameError
 from piezod.records.telemetry_reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
+from piezod.telemetry.events import EventWriter
+from piezod.telemetry.record import StageEvent
 from tests.daemon.bench import PEER, Bench
 from tests.daemon.daemons import REPOSITORY
 
@@ -40,3 +45,64 @@ def test_a_recording_has_everything_to_understand_it(bench: Bench, tmp_path: Pat
     copy = tmp_path / "copy.yaml"
     copy.write_text(header.notes["model_x"], encoding="utf-8")
     assert load_model(copy) == bench.loop.models["x"]
+
+
+def test_events_and_adopted_models_are_recorded(bench: Bench) -> None:
+    """The log of the loop is in the file, and a model that an axis adopts meanwhile."""
+    model = bench.loop.models["x"]
+    assert model is not None
+    other = model.model_copy(update={"delay_s": 0.001})
+    event = StageEvent(1, "info", "state", "SAFE to READY", "", "", 0.0, 0.0)
+
+    async def record() -> str:
+        name = str((await bench.link.start_recording(None, PEER))["name"])
+        EventWriter(bench.loop.shared).append(event)
+        bench.loop.models["x"] = other
+        bench.record(State.SAFE)
+        await bench.link.stop_recording(PEER)
+        return name
+
+    name = asyncio.run(record())
+    found = read_telemetry(bench.link.recordings_folder / f"{name}.h5")
+
+    assert found.events == (event,)
+    assert [(each.axis, each.text) for each in found.adopted] == [("x", dump_model(other))]
+    assert found.header.notes["model_x"] == dump_model(model)
+
+
+def test_configuration_limits_the_recordings(bench: Bench) -> None:
+    """A kept recording stays, an older one is removed, and a running one names its file."""
+    limits = RecordingsConfig(max_total_mb=1)
+    bench.loop.config = bench.loop.config.model_copy(update={"recordings": limits})
+    folder = bench.link.recordings_folder
+    kept, old = "20240501T120000Z", "20240501T120001Z"
+    for name, size in ((kept, 10), (old, 1_000_000)):
+        (folder / f"{name}.h5").write_bytes(bytes(size))
+
+    async def record() -> tuple[str, list[str]]:
+        await bench.link.keep_recording(kept, PEER, kept=True)
+        await bench.link.start_recording(None, PEER)
+        running, finished = await bench.link.recordings()
+        await bench.link.stop_recording(PEER)
+        assert running is not None
+        return running["file"], [each["name"] for each in finished]
+
+    running, finished = asyncio.run(record())
+
+    assert finished == [kept]
+    assert (folder / f"{running}.h5").exists()
+    with pytest.raises(UnknownNameError, match="no recording 'x'"):
+        asyncio.run(bench.link.keep_recording("x", PEER, kept=True))
+
+
+def test_mark_on_a_disk_that_refuses_it(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The client gets the reason of the disk."""
+
+    def fail(_path: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    (bench.link.recordings_folder / "20240501T120000Z.h5").touch()
+    monkeypatch.setattr(Path, "touch", fail)
+
+    with pytest.raises(NotNowError, match=r"the mark was not changed: .*No space left"):
+        asyncio.run(bench.link.keep_recording("20240501T120000Z", PEER, kept=True))

@@ -18,7 +18,6 @@ from piezod.experiment.play.task import PlaySettings
 from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.units import NS_PER_S
 from piezod_drivers.serial_line.gcs import dialogue
-from piezod_drivers.serial_line.pi_gcs2 import wave_requests
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import emulated
 from tests.drivers.bus.played_table import make
@@ -103,8 +102,7 @@ class DistantAxis:
 @pytest.fixture(autouse=True)
 def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait longer for replies: an emulator on a busy computer is slower than a controller."""
-    for module in (dialogue, wave_requests):
-        monkeypatch.setattr(module, "OPENING_NS", 10 * NS_PER_S)
+    monkeypatch.setattr(dialogue, "OPENING_NS", 10 * NS_PER_S)
 
 
 PI = PI_TCP._replace(options={**PI_TCP.options, "wave_end": "holds"})

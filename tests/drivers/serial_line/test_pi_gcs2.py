@@ -58,6 +58,16 @@ def test_a_range_that_is_not_reported() -> None:
     assert device.capabilities().holds
 
 
+def test_a_slow_controller_gets_the_configured_time_at_opening_too() -> None:
+    """Outside of the loop a reply has half a second, or `timeout_ms` if that is longer."""
+    slow = exchange(b"VMI? 1\nERR?\n", b"1=-20\n0\n", after_ns=700 * MS)
+    with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
+        scripted(ScriptedLine(*OPENING, slow)).open()
+    device = scripted(ScriptedLine(*OPENING, slow, LIMITS[1], *AT_EASE), timeout_ms=1000.0)
+
+    assert device.open().model == "E-727"
+
+
 def test_an_axis_that_is_missing() -> None:
     """A controller without a configured axis is refused, and the line is closed."""
     line = ScriptedLine(*OPENING[:2], exchange(b"SAI?\nERR?\n", b"X \nY\n0\n"))

@@ -17,7 +17,7 @@ from piezod.records.response_record import ResponseRecord
 from tests.conftest import Figure
 from tests.experiment.response_rig import Load, measure, text_of, true_parameters
 
-QUICK = Wanted(low_hz=10.0, high_hz=1800.0, periods=8)
+QUICK = Wanted(low_hz=20.0, high_hz=1800.0, periods=6)
 
 
 def mode_of(record: ResponseRecord) -> tuple[float, float]:

@@ -61,6 +61,7 @@ def worst_pct(recording: Recording) -> float:
     return recording.metrics["true_tracking_max_pct"]
 
 
+@pytest.mark.stress  # make test has the parts: preview, notch, and the inverse at 1 kHz
 def test_sine_of_50_hz_is_followed_after_a_short_identification(figure: Figure) -> None:
     """Learning makes up for what the short record does not show."""
     config = config_of("50 Hz").model_copy(update={"modes": (Mode.ADAPTIVE,)})

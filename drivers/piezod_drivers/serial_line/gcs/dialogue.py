@@ -10,6 +10,7 @@ from piezod.devices.bus.line import Line
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
+from piezod.units import s_to_ns
 from piezod_drivers.serial_line.gcs.identity import identity_of
 from piezod_drivers.serial_line.gcs.reply import GcsReply
 from piezod_drivers.serial_line.gcs.syntax import ASK_ERROR, Syntax, volts
@@ -54,6 +55,7 @@ class GcsDialogue(ABC):
 
     Attributes:
         conversation: Requests and replies.
+        slow_ns: Longest wait for a reply outside of the loop, in ns.
         syntax: Text format of the generation.
         wiring: The channels in use.
     """
@@ -63,6 +65,7 @@ class GcsDialogue(ABC):
     ) -> None:
         self._line, self.syntax, self.wiring, self._drive = line, syntax, wiring, drive
         self.conversation = Conversation(line, timeout_s)
+        self.slow_ns = max(OPENING_NS, s_to_ns(timeout_s))
         self._ranges: list[tuple[float, float]] = []
         self._in_force_ns: int | None = None
         self._in_force: Sequence[float] = ()
@@ -176,7 +179,7 @@ class GcsDialogue(ABC):
         """
         # A set command has no reply; `ERR?` behind it confirms it and ends the frame.
         request += ASK_ERROR
-        frame = self.conversation.ask(request, reply.length_of, timeout_ns=OPENING_NS)
+        frame = self.conversation.ask(request, reply.length_of, timeout_ns=self.slow_ns)
         return reply.texts(frame)
 
     @abstractmethod
@@ -259,7 +262,7 @@ class GcsDialogue(ABC):
         self.conversation.restart()
         self.conversation.wait_out()
         read_until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
-        self.conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=OPENING_NS)
+        self.conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=self.slow_ns)
 
     def _axes(self) -> Sequence[str]:
         reply = GcsReply(self.syntax.axes(), whole=True)

@@ -10,7 +10,6 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
-from piezod_drivers.serial_line.gcs.dialogue import OPENING_NS
 from piezod_drivers.serial_line.gcs.reply import GcsReply
 from piezod_drivers.serial_line.gcs.syntax import ASK_ERROR, NUMBER
 from piezod_drivers.serial_line.pi_gcs2.array_codec import array_length, array_rows
@@ -36,9 +35,11 @@ class PlayHost(Protocol):
         conversation: Requests and replies.
         wiring: The channels in use.
         numbers: Number of the generator and of the piezo channel of each output.
+        slow_ns: Longest wait for a reply outside of the loop, in ns.
     """
 
     conversation: Conversation
+    slow_ns: int
     wiring: Wiring
     numbers: Sequence[str]
 
@@ -159,7 +160,7 @@ class WaveRequests:
             n = min(PER_REPLY, n_rows - len(rows))
             request = f"{query} {1 + len(rows)} {n} {' '.join(tables)}\n".encode() + ASK_ERROR
             # Twice the time of a long reply on a slow line.
-            within_ns = OPENING_NS + 2 * n * (16 * len(tables) + 2) * self._byte_ns
+            within_ns = self._host.slow_ns + 2 * n * (16 * len(tables) + 2) * self._byte_ns
             frame = self._host.conversation.ask(request, array_length, timeout_ns=within_ns)
             rows += array_rows(frame, n, len(tables))
         return rows

@@ -1,0 +1,119 @@
+"""What a page may let run for minutes, and the command line of each."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field
+
+from piezod.web.message import Message, MessagePart
+
+MODEL: Final = "model.yaml"
+_SLOWEST_HZ, _SWINGS = 0.7, 8
+"""Frequency of the swings of a chosen drive, and their least number."""
+
+
+class ChosenDrive(MessagePart):
+    """A drive for identification: swings that decay from a range of voltages to nothing."""
+
+    low_v: float
+    high_v: float
+    duration_s: Annotated[float, Field(ge=5.0, le=600.0)]
+
+
+class Identify(Message):
+    """Identify an axis. Without a drive, one of 80 s over all voltages of the axis is used."""
+
+    do: Literal["identify"]
+    stage: str
+    axis: Annotated[str, Field(max_length=100, pattern=r"^[^-]")]
+    method: Literal["auto", "surface", "least-squares", "lms"] = "auto"
+    drive: ChosenDrive | None = None
+
+
+class Learn(Message):
+    """Play a waveform on a device, and learn its table from pass to pass."""
+
+    do: Literal["learn"]
+    stage: str
+    axis: Annotated[str, Field(max_length=100, pattern=r"^[^-]")]
+    command_um: dict[str, Any]
+    passes: Annotated[int, Field(ge=0, le=50)] = 6
+    interval_us: Annotated[float, Field(ge=0.1, le=1e6)] = 50.0
+    settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    record_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+
+
+class LookAtJob(Message):
+    """Return the newest job of a stage, or end it."""
+
+    do: Literal["job", "end_job"]
+    stage: str
+
+
+def identify_command(wanted: Identify, folder: Path) -> list[str]:
+    """Return the arguments of `piezod`; write the file of the drive.
+
+    Args:
+        wanted: What to do.
+        folder: Folder of its files.
+    """
+    arguments = ["identify", "--live", "--axis", wanted.axis, "--method", wanted.method]
+    arguments += ["--out", str(folder / MODEL)]
+    if wanted.drive is not None:
+        file = folder / "drive.yaml"
+        file.write_text(json.dumps({"identification": _drive(wanted.drive)}))
+        arguments += ["--drive", str(file)]
+    return arguments
+
+
+def learn_command(wanted: Learn, folder: Path) -> list[str]:
+    """Return the arguments of `piezod`; write the file of the waveform.
+
+    Args:
+        wanted: What to do.
+        folder: Folder of its files.
+    """
+    file = folder / "wave.yaml"
+    file.write_text(json.dumps({"command_um": wanted.command_um}))
+    tables = tables_folder(wanted.stage)
+    tables.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return [
+        "play", str(file), "--axis", wanted.axis, "--learn", str(wanted.passes),
+        "--interval-us", f"{wanted.interval_us:.10g}", "--settle-s", f"{wanted.settle_s:.10g}",
+        "--record-s", f"{wanted.record_s:.10g}", "--tables", str(tables),
+    ]  # fmt: skip
+
+
+def tables_folder(stage: str, environ: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of the tables that were learned for a stage."""
+    base = environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(base) / "piezod-web" / "tables" / stage
+
+
+def _drive(drive: ChosenDrive) -> dict[str, Any]:
+    frequency_hz = max(_SLOWEST_HZ, _SWINGS / drive.duration_s)
+    period_s = 1.0 / frequency_hz
+    sine = {
+        "kind": "sine",
+        "low": drive.low_v,
+        "high": drive.high_v,
+        "frequency_hz": frequency_hz,
+    }
+    decay = {"kind": "decaying", "time_constant_s": drive.duration_s / 3.0}
+    return {
+        "method": "least-squares",  # required by the file; the option of the command holds
+        "settle_s": 2.0,
+        "run_in_s": period_s,
+        "duration_s": 2.0 * period_s + drive.duration_s,
+        "drive_v": {
+            "kind": "sequence",
+            "parts": [
+                # The run-in is excluded from the fit, so the largest swing comes twice.
+                {"duration_s": 2.0 * period_s, "waveform": sine},
+                {"duration_s": drive.duration_s, "waveform": {**sine, "envelope": decay}},
+            ],
+        },
+    }

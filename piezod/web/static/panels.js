@@ -1,0 +1,122 @@
+/** What a stage reports in words and numbers: its state, large values, and its details. */
+
+import { el, setText } from "./dom.js";
+import { clockTime, duration, fixed, microns, short, volts } from "./format.js";
+import { announce } from "./notices.js";
+import { rms } from "./signals.js";
+import { MEANINGS, reason } from "./states.js";
+
+const TEXT_EACH_MS = 100; // nobody reads numbers faster
+
+/** Return the head: name, state with its reason, who has the lease; and a line while the daemon is away. */
+export function headPanel(context) {
+  const badge = el("span", { class: "badge large", id: "state" });
+  const meaning = el("span", { class: "meaning" });
+  const lease = el("span", { class: "lease quiet" });
+  const title = el("span", { class: "quiet" });
+  const away = el("p", { class: "away", hidden: true });
+  const element = el(
+    "header", { class: "stage-head" },
+    el("div", { class: "title-line" }, badge, el("h1", {}, context.stage().stage), title, meaning, lease), away,
+  );
+  let announced = "";
+  const show = ({ stage, up, since, status }, change = {}) => {
+    const lost = change.connection === false ? change.since : null;
+    showAway(away, stage, up, lost ?? since, lost);
+    const state = up ? status?.state ?? "…" : "away";
+    setText(badge, state + (status?.shadow ? " · shadow" : ""));
+    badge.dataset.state = state;
+    const why = up && status ? reason(status) : "";
+    setText(meaning, up ? [MEANINGS[state] ?? "", why && `Cause: ${why}.`].filter(Boolean).join(" ") : "");
+    setText(title, status?.title ?? "");
+    setText(lease, leaseText(status));
+    const said = `${stage}: ${state}`;
+    if (announced && said !== announced) announce(said);
+    announced = said;
+  };
+  return { element, show };
+}
+
+function showAway(away, stage, up, since, lost) {
+  away.hidden = up && !lost;
+  if (away.hidden) return;
+  const what = lost ? "There has been no connection to piezod web" : `The daemon of ${stage} has not answered`;
+  const when = since ? ` since ${clockTime(since)} (${duration((Date.now() - new Date(since)) / 1000)})` : "";
+  setText(away, `${what}${when}. Values are missing from then on. The page goes on by itself.`);
+}
+
+function leaseText(status) {
+  const holder = status?.lease?.holder;
+  if (!status || !("lease" in status)) return "";
+  return holder ? `lease: ${holder.user}${holder.client ? ` (${holder.client})` : ""}` : "lease: free";
+}
+
+/** Return the values that a person reads from a distance. */
+export function readoutsPanel(view) {
+  const tile = (label, unit, ink) => {
+    const output = el("span", { class: "value" }, "–");
+    const note = el("span", { class: "note" }, " ");
+    const item = el(
+      "div", { class: "readout" }, el("dt", {}, el("i", { class: `swatch ${ink}` }), label),
+      el("dd", {}, output, el("span", { class: "unit" }, unit), note),
+    );
+    return { item, output, note };
+  };
+  const tiles = {
+    command: tile("command", "µm", "command"), position: tile("displacement", "µm", "position"),
+    error: tile("error", "nm", "error"), drive: tile("drive voltage", "V", "drive"),
+  };
+  const element = el("dl", { class: "readouts" }, Object.values(tiles).map(({ item }) => item));
+  let shown_ms = 0;
+  let averaged_ms = 0;
+  const draw = () => {
+    const now_ms = performance.now();
+    if (now_ms - shown_ms < TEXT_EACH_MS) return;
+    shown_ms = now_ms;
+    const { ring, now_s } = view();
+    const newest = ring.newest ?? {};
+    setText(tiles.command.output, microns(newest.command_um));
+    setText(tiles.position.output, microns(newest.position_um));
+    setText(tiles.error.output, fixed(newest.error_um == null ? null : 1000 * newest.error_um, 0));
+    setText(tiles.drive.output, volts(newest.drive_v));
+    setText(tiles.position.note, newest.on_target ? "on target" : " ");
+    setText(tiles.command.note, newest.target_um == null ? " " : `target ${microns(newest.target_um)}`);
+    if (now_ms - averaged_ms < 5 * TEXT_EACH_MS) return;
+    averaged_ms = now_ms;
+    const [errors_um] = ring.samples.since(now_s - 5, ["error_um"]);
+    const value = rms(errors_um);
+    setText(tiles.error.note, value == null ? " " : `rms ${fixed(1000 * value, 1)} in 5 s`);
+  };
+  return { element, draw };
+}
+
+/** Return a list of facts: each row a name and a value that may change. */
+export function facts(rows) {
+  const values = {};
+  const list = el("dl", { class: "facts-list" }, Object.entries(rows).map(([key, label]) => {
+    values[key] = el("dd", {}, "–");
+    return [el("dt", {}, label), values[key]];
+  }));
+  return { list, set: (key, text) => setText(values[key], text) };
+}
+
+/** Return the details of axis and timing. */
+export function detailsPanel(context, axis) {
+  const { list, set } = facts({
+    target: "target", gate: "learning", trim: "trim", readBack: "read-back voltage", rate: "loop rate",
+    skipped: "skipped cycles", realtime: "not real-time",
+  });
+  const element = el("section", { class: "panel" }, el("h2", {}, "Axis and loop"), list);
+  const show = ({ up, status }) => {
+    const values = status?.axes?.[axis.name()];
+    if (!up || !values) return;
+    set("target", values.target_um == null ? "–" : `${microns(values.target_um)} µm${values.on_target ? ", reached" : ""}`);
+    set("gate", values.gate ?? "–");
+    set("trim", values.trim_um == null ? "–" : `${microns(values.trim_um)} µm`);
+    set("readBack", values.read_back_v == null ? "–" : `${volts(values.read_back_v)} V`);
+    set("rate", axis.config() ? `${short(axis.config().rate_hz)} Hz` : "–");
+    set("skipped", status.skipped_cycles.toLocaleString("en-GB"));
+    set("realtime", status.not_realtime?.join(", ") || "nothing is missing");
+  };
+  return { element, show };
+}

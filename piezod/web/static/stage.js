@@ -1,0 +1,156 @@
+/** The page of one stage: charts, controls, and what the stage reports. */
+
+import { TimeChart } from "./charts.js";
+import { controls } from "./controls.js";
+import { el } from "./dom.js";
+import { eventsPanel } from "./events_panel.js";
+import { bannerPanel, faultsPanel } from "./faults_panel.js";
+import { LoopChart } from "./loop_chart.js";
+import { modelPanel } from "./model_panel.js";
+import { Painter } from "./painter.js";
+import { detailsPanel, headPanel, readoutsPanel } from "./panels.js";
+import { Ring } from "./ring.js";
+import { HistogramChart, SpectrumChart } from "./statistics_charts.js";
+
+const SPANS_S = { 5: "5 s", 10: "10 s", 30: "30 s", 120: "2 min" };
+const AWAY_EACH_MS = 500; // the charts go on while nothing arrives, so that the gap is seen
+const CHARTS = [
+  {
+    title: "Command and displacement", unit: "µm", least: 0.5, wide: true,
+    series: [{ label: "command", ink: "command", column: "command_um", wide: true }, { label: "displacement", ink: "position", column: "position_um" }],
+  },
+  { title: "Error", unit: "µm", least: 0.02, series: [{ label: "command − displacement", ink: "error", column: "error_um" }] },
+  { title: "Drive voltage", unit: "V", least: 2, series: [{ label: "drive", ink: "drive", column: "drive_v" }] },
+  {
+    title: "Lateness of cycles", unit: "µs", least: 20, fromZero: true,
+    series: [{ label: "largest", ink: "timing", column: "late_us" }],
+  },
+];
+
+/** The axis that is shown, with its part of the configuration. */
+class ShownAxis {
+  #name = "";
+  #config = null;
+
+  constructor(context, rings) {
+    Object.assign(this, { context, rings });
+  }
+
+  name = () => this.#name || Object.keys(this.context.stage().status?.axes ?? {})[0] || "";
+  choose = (name) => (this.#name = name);
+  config = () => this.#config;
+  newest = () => this.ring().newest;
+  range_um = () => this.#config?.axes?.[this.name()]?.command_range_um ?? null;
+
+  ring = () => {
+    const name = this.name();
+    if (!this.rings.has(name)) this.rings.set(name, new Ring());
+    return this.rings.get(name);
+  };
+
+  async ask() {
+    this.#config = await this.context.call("GET", "/v1/config").catch(() => this.#config);
+  }
+}
+
+/** Show a stage in an element; return a function that ends it. */
+export function mount(element, context) {
+  const rings = new Map();
+  const axis = new ShownAxis(context, rings);
+  const painter = new Painter();
+  const clock = { arrived_ms: 0, span_s: 10 };
+  const view = () => {
+    const ring = axis.ring();
+    // Between two rows, and while none arrives, the time goes on at the speed of this machine.
+    const waited_s = ring.lastTime_s ? Math.max(0, performance.now() - clock.arrived_ms - 100) / 1000 : 0;
+    return { ring, span_s: clock.span_s, now_s: (ring.lastTime_s || Date.now() / 1000) + waited_s };
+  };
+
+  const head = headPanel(context);
+  const faults = faultsPanel();
+  const banner = bannerPanel();
+  const readouts = readoutsPanel(view);
+  const commands = controls(context, axis);
+  const details = detailsPanel(context, axis);
+  const model = modelPanel(context, axis);
+  const events = eventsPanel(context);
+  const time = (options) => new TimeChart(options, view);
+  const charts = [...CHARTS.map(time), new LoopChart(view), new HistogramChart(view), new SpectrumChart(view)];
+  charts.forEach((chart) => painter.add(chart));
+  const axes = el("div", { class: "choices", role: "radiogroup", "aria-label": "Axis", hidden: true });
+  element.append(
+    head.element, banner.element,
+    el(
+      "div", { class: "columns" },
+      el("section", { class: "controls", "aria-label": "Controls" }, axes, commands.elements),
+      el(
+        "section", { class: "middle", "aria-label": "Measured values" },
+        readouts.element, spanChoice(clock, painter), charts[0].figure, el("div", { class: "charts" }, charts.slice(1).map(({ figure }) => figure)),
+      ),
+      el("section", { class: "side", "aria-label": "Details" }, faults.element, details.element, model.element, events.element),
+    ),
+  );
+
+  const show = (stage, change) => {
+    element.classList.toggle("stale", !stage.up || !context.socket.connected);
+    showAxes(axes, stage, axis, () => show(context.stage()));
+    for (const panel of [head, banner, faults, commands, details, model, events]) panel.show(stage, change);
+    if (change?.up) axis.ask().then(() => {
+      for (const panel of [commands, details]) panel.show(context.stage());
+    });
+  };
+  const forgets = [
+    context.onStage(show),
+    context.socket.on("telemetry", (event) => {
+      if (event.stage !== context.stage().stage) return;
+      for (const name of Object.keys(event.axes)) ringOf(rings, name).take(event, name);
+      clock.arrived_ms = performance.now();
+      readouts.draw();
+      painter.touch();
+    }),
+  ];
+  const timer = setInterval(() => {
+    if (performance.now() - clock.arrived_ms > AWAY_EACH_MS) painter.touch();
+    commands.show(context.stage());
+    faults.show(context.stage());
+    if (!context.stage().up) head.show(context.stage());
+  }, AWAY_EACH_MS);
+  show(context.stage(), { up: context.stage().up });
+  return () => {
+    clearInterval(timer);
+    forgets.forEach((forget) => forget());
+    for (const part of [commands, model, events, painter]) part.close();
+  };
+}
+
+function ringOf(rings, name) {
+  if (!rings.has(name)) rings.set(name, new Ring());
+  return rings.get(name);
+}
+
+function spanChoice(clock, painter) {
+  const radios = Object.entries(SPANS_S).map(([value, text]) => {
+    const choose = () => {
+      clock.span_s = Number(value);
+      painter.touch();
+    };
+    const input = el("input", { type: "radio", name: "span", value, checked: Number(value) === clock.span_s, onchange: choose });
+    return el("label", { class: "choice" }, input, el("span", {}, text));
+  });
+  return el("div", { class: "choices spans", role: "radiogroup", "aria-label": "Time shown" }, radios);
+}
+
+/** Let a person choose the axis, if there is more than one. */
+function showAxes(group, { status }, axis, chosen) {
+  const names = Object.keys(status?.axes ?? {});
+  group.hidden = names.length < 2;
+  if (group.hidden || group.children.length === names.length) return;
+  group.replaceChildren(...names.map((name) => {
+    const choose = () => {
+      axis.choose(name);
+      chosen();
+    };
+    const input = el("input", { type: "radio", name: "axis", value: name, checked: name === axis.name(), onchange: choose });
+    return el("label", { class: "choice" }, input, el("span", {}, `axis ${name}`));
+  }));
+}

@@ -1,0 +1,126 @@
+"""What a person does with a stage from the page, from the first click to the last."""
+
+import re
+import signal
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from tests.browser.machine import Machine
+
+pytestmark = pytest.mark.browser
+
+TABS = 6
+
+
+def arm(page: Page) -> None:
+    """Arm the stage."""
+    page.get_by_role("button", name="Arm", exact=True).click()
+    expect(page.locator("#state")).to_contain_text("READY")
+
+
+def test_a_set_point_is_dragged_and_a_wave_follows_in_another_mode(
+    page: Page, machine: Machine
+) -> None:
+    """The stage follows the slider, then a wave; its recording has both, and it is stopped."""
+    arm(page)
+    page.get_by_label("Label of the recording").fill("all")
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.get_by_role("button", name="Stop recording")).to_be_enabled()
+
+    slider = page.get_by_role("slider", name="Set-point")
+    box = slider.bounding_box()
+    assert box is not None
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 8, middle)
+    page.mouse.down()
+    for step in range(1, 11):
+        page.mouse.move(box["x"] + 8 + step * box["width"] / 20, middle)
+    page.mouse.up()
+    expect(page.locator("#state")).to_contain_text("RUN")
+    wanted_um = float(slider.input_value())
+    assert 5.0 < wanted_um < 20.0
+    expect(page.get_by_text(re.compile(rf"{wanted_um:.1f}\d* µm, reached"))).to_be_visible()
+
+    page.get_by_role("radio", name="adaptive").check()
+    page.get_by_role("button", name="Start the wave").click()
+    expect(page.get_by_role("radio", name="adaptive")).to_be_checked()
+    page.get_by_role("button", name="Hold", exact=True).click()
+    expect(page.locator("#state")).to_contain_text("HOLD")
+    page.get_by_role("button", name="Stop recording").click()
+    page.get_by_role("button", name="Stop", exact=True).click()
+    expect(page.locator("#state")).to_contain_text("SAFE")
+    assert '"mode": "adaptive"' in machine.run("status", "--json")
+
+    page.get_by_role("link", name="Recordings").click()
+    page.get_by_role("link", name=re.compile("-all$")).click()
+    marks = page.get_by_role("region", name="List of marks")
+    expect(marks).to_contain_text("RUN to HOLD")
+
+
+def test_an_emergency_stop_works_with_six_tabs_open(
+    page: Page, context: BrowserContext, machine: Machine
+) -> None:
+    """Each tab shows the moving stage; one stops it, and all see it."""
+    arm(page)
+    page.get_by_role("button", name="Start the wave").click()
+    expect(page.locator("#state")).to_contain_text("RUN")
+    tabs = [page]
+    for _ in range(TABS - 1):
+        tabs.append(context.new_page())
+        tabs[-1].goto(page.url)
+    for tab in tabs:
+        expect(tab.locator("#state")).to_contain_text("RUN")
+
+    tabs[-1].bring_to_front()
+    tabs[-1].get_by_role("button", name="Emergency stop").click()
+
+    for tab in tabs:
+        expect(tab.locator("#state")).to_contain_text("FAULT")
+        expect(tab.get_by_label("Faults that are latched")).to_contain_text("E1")
+    assert '"state": "FAULT"' in machine.run("status", "--json")
+
+
+def test_a_refusal_stands_beside_its_control(page: Page) -> None:
+    """A movement in SAFE says why it is refused, and what to do."""
+    expect(page.locator("#state")).to_contain_text("SAFE")
+    page.get_by_role("button", name="Go", exact=True).click()
+    expect(page.get_by_role("region", name="Position")).to_contain_text("arm")
+
+
+def test_the_page_goes_on_when_a_killed_daemon_runs_again(page: Page, machine: Machine) -> None:
+    """The page says that the stage is away, and moves it again without being loaded anew."""
+    arm(page)
+    state = page.locator("#state")
+    machine.stage.send_signal(signal.SIGKILL)
+    machine.stage.wait()
+    expect(state).to_contain_text("away")
+
+    machine.start_stage()
+
+    expect(state).not_to_contain_text("away", timeout=60_000)
+    page.get_by_role("button", name="Stop", exact=True).click()
+    expect(state).to_contain_text("SAFE")
+    arm(page)
+
+
+def test_an_emulated_device_is_moved(context: BrowserContext, machine: Machine) -> None:
+    """A LabJack T7 over Modbus TCP is armed, moved to a position, and stopped."""
+    place = machine.line_of(machine.start("emulate", "labjack-t7", "--port", "127.0.0.1:0"))
+    port = re.findall(r":(\d+)", place)[-1]
+    config = machine.config / "devices" / "labjack-t7.yaml"
+    text = config.read_text().replace("192.168.1.207", "127.0.0.1")
+    text = text.replace("tcp_port: 502", f"tcp_port: {port}")
+    # A machine that also runs a browser answers late.
+    text = text.replace("rate_hz: 500", "rate_hz: 100").replace("timeout_ms: 20", "timeout_ms: 200")
+    config.write_text(text)
+    machine.start_stage("devices/labjack-t7.yaml")
+    page = context.new_page()
+    page.goto(machine.start_web())
+
+    arm(page)
+    page.get_by_label("Position", exact=False).first.fill("10")
+    page.get_by_role("button", name="Go", exact=True).click()
+    expect(page.get_by_text("10.000 µm, reached")).to_be_visible()
+    page.get_by_role("button", name="Stop", exact=True).click()
+    expect(page.locator("#state")).to_contain_text("SAFE")

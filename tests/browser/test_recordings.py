@@ -1,0 +1,69 @@
+"""Somebody looks at a recording."""
+
+import h5py
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.machine import Machine
+
+pytestmark = pytest.mark.browser
+
+
+def record(machine: Machine, label: str) -> None:
+    """Record a movement of the stage."""
+    machine.run("arm")
+    machine.run("record", "start", label)
+    machine.run("goto", "12", "--wait")
+    machine.run("record", "stop")
+
+
+def test_a_recording_is_found_looked_at_and_downloaded(page: Page, machine: Machine) -> None:
+    """The list leads to the viewer, which zooms and changes its columns; the file is whole."""
+    record(machine, "scan")
+    page.get_by_role("link", name="Recordings").click()
+    row = page.get_by_role("row").filter(has_text="-scan")
+    expect(row).to_contain_text("axis x")
+    expect(row).to_contain_text("cycles at 200 Hz")
+    keep = row.get_by_role("checkbox", name="Keep")
+    keep.check()
+    page.reload()
+    expect(row.get_by_role("checkbox", name="Keep")).to_be_checked()
+
+    row.get_by_role("link", name="-scan", exact=False).first.click()
+    plot = page.get_by_role("img", name="Recording over time")
+    expect(plot.locator("canvas")).to_be_visible()
+    shown = page.get_by_role("group", name="What is shown").locator("output")
+    whole = shown.inner_text()
+    page.get_by_role("button", name="Zoom in").click()
+    expect(shown).not_to_have_text(whole)
+    plot.focus()
+    page.keyboard.press("Home")
+    expect(shown).to_have_text(whole)
+    page.get_by_label("Right").select_option(label="x: drive, V")
+    expect(page.locator("figcaption").first).to_contain_text("x: drive, V")
+    expect(page.get_by_role("region", name="List of marks")).to_contain_text("READY to RUN")
+
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Download").click()
+    with h5py.File(download.value.path()) as file:
+        assert file["recording/cycles/t_s"].shape[0] > 0
+
+
+def test_a_recording_in_progress_grows_as_it_is_looked_at(page: Page, machine: Machine) -> None:
+    """The viewer shows what is added meanwhile."""
+    machine.run("record", "start", "long")
+    page.get_by_role("link", name="Recordings").click()
+    row = page.get_by_role("row").filter(has_text="-long")
+    expect(row).to_contain_text("in progress")
+    row.get_by_role("link").click()
+    about = page.locator(".about")
+    before = about.inner_text()
+    expect(about).not_to_have_text(before)
+    machine.run("record", "stop")
+
+
+def test_a_recording_that_does_not_exist_is_refused_in_words(page: Page) -> None:
+    """The address of no recording says so."""
+    page.get_by_role("link", name="Recordings").click()
+    page.goto(f"{page.url}/20240501T120000Z")
+    expect(page.locator("main")).to_contain_text("no recording '20240501T120000Z'")

@@ -1,0 +1,106 @@
+"""The page of a stage: its controls, their refusals, and what it does while nobody looks."""
+
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.machine import Machine
+from tests.daemon.waiting import eventually
+
+pytestmark = pytest.mark.browser
+
+HIDE = """hidden => {
+    Object.defineProperty(document, "hidden", {value: hidden, configurable: true});
+    document.dispatchEvent(new Event("visibilitychange"));
+}"""
+
+
+def test_refusal_stands_beside_its_control(page: Page) -> None:
+    """The card of a control shows what was refused and what helps, until a request is accepted."""
+    stage = page.get_by_role("region", name="Stage", exact=True)
+    refusal = stage.get_by_role("status")
+    stage.get_by_role("button", name="Hold").click()
+    expect(refusal).to_contain_text("SAFE")
+    expect(page.get_by_role("region", name="Position").get_by_role("status")).to_be_empty()
+
+    stage.get_by_role("button", name="Arm", exact=True).click()
+
+    expect(refusal).to_be_empty()
+
+
+def test_wave_outside_the_range_is_not_started(page: Page) -> None:
+    """A wave beyond the range of commands is named with the limits before it can be sent."""
+    wave = page.get_by_role("region", name="Waveform")
+    start = wave.get_by_role("button", name="Start the wave")
+    expect(start).to_be_enabled()
+    wave.get_by_label("High").fill("30")
+    expect(wave).to_contain_text("2 to 30 µm, allowed 0 to 26 µm")
+    expect(start).to_be_disabled()
+
+    wave.get_by_label("High").fill("2")
+    expect(wave).to_contain_text("Low must be below high")
+    expect(start).to_be_disabled()
+
+    wave.get_by_label("High").fill("20")
+    expect(wave).to_contain_text("largest speed 56.5 µm/s")
+    expect(start).to_be_enabled()
+
+
+def test_slider_drags_the_set_point(page: Page, machine: Machine) -> None:
+    """The stage is where the slider was released, whatever happened on the way."""
+    page.get_by_role("button", name="Arm", exact=True).click()
+    expect(page.locator("#state")).to_contain_text("READY")
+    slider = page.get_by_role("slider", name="Set-point")
+    box = slider.bounding_box()
+    assert box is not None
+    middle_px = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 10, middle_px)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, middle_px, steps=25)
+    page.mouse.up()
+    wanted_um = float(slider.input_value())
+
+    def target_um() -> float | None:
+        target: float | None = status_of(machine)["axes"]["x"]["target_um"]
+        return target
+
+    eventually(lambda: target_um() == wanted_um, 10.0)
+    assert 12.0 < wanted_um < 14.0
+
+
+def test_hidden_tab_gets_no_telemetry(page: Page) -> None:
+    """A tab that is hidden ends its telemetry, and asks for it again when it is seen."""
+    displacement = page.locator(".readout", has_text="displacement").locator(".value")
+    expect(displacement).to_have_text(re.compile(r"\d"))
+    with page.expect_websocket() as opened:
+        page.reload()
+    expect(displacement).to_have_text(re.compile(r"\d"))
+    with opened.value.expect_event("framesent", is_message("unwatch")):
+        page.evaluate(HIDE, True)
+    with opened.value.expect_event("framesent", is_message("watch")):
+        page.evaluate(HIDE, False)
+
+
+def test_theme_is_kept(page: Page) -> None:
+    """The theme that a person has chosen outlives the page."""
+    theme = page.get_by_role("button", name="Dark")
+    expect(theme).to_have_attribute("aria-pressed", "false")
+    theme.click()
+    page.reload()
+    expect(theme).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("html")).to_have_attribute("data-theme", "dark")
+
+
+def is_message(do: str) -> Callable[[str], bool]:
+    """Return a predicate for the texts of a WebSocket: messages of one kind."""
+    return lambda text: bool(json.loads(text)["do"] == do)
+
+
+def status_of(machine: Machine) -> dict[str, Any]:
+    """Return the status of the stage."""
+    document: dict[str, Any] = json.loads(machine.run("status", "--json"))
+    return document

@@ -1,0 +1,115 @@
+"""Identification and learning for the page: their commands, and how a tab sees them."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from piezod.config.fields import Context
+from piezod.config.play import WaveConfig
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import load_yaml
+from piezod.control.reference.waveforms import build_waveform
+from piezod.experiment.live.drive import read_drive
+from piezod.web.job_commands import (
+    ChosenDrive,
+    Identify,
+    Learn,
+    identify_command,
+    learn_command,
+    tables_folder,
+)
+from tests.web.browser import Tab, Web
+
+DRIVE = {"low_v": 5.0, "high_v": 90.0, "duration_s": 10.0}
+
+
+def test_a_chosen_drive_is_one_that_the_command_takes(tmp_path: Path) -> None:
+    """It starts at the lowest voltage, has the largest swing twice, and stays in the range."""
+    wanted = Identify(id=1, do="identify", stage="bench", axis="x", drive=ChosenDrive(**DRIVE))
+    arguments = identify_command(wanted, tmp_path)
+    drive = read_drive(Path(arguments[arguments.index("--drive") + 1]))
+    voltage = build_waveform(drive.drive_v, drive.duration_s)
+    values_v = [voltage.value(step / 1000) for step in range(int(1000 * drive.duration_s))]
+
+    assert values_v[0] == pytest.approx(5.0)
+    assert min(values_v) >= 5.0 - 1e-9
+    after = values_v[math.ceil(1000 * drive.run_in_s) :]
+    assert max(values_v) == pytest.approx(90.0, abs=0.1)
+    assert max(after) == pytest.approx(90.0, abs=0.1)
+    assert arguments[:5] == ["identify", "--live", "--axis", "x", "--method"]
+
+
+def test_without_a_drive_the_command_designs_its_own(tmp_path: Path) -> None:
+    """The complete drive needs no file."""
+    wanted = Identify(id=1, do="identify", stage="bench", axis="x")
+    assert "--drive" not in identify_command(wanted, tmp_path)
+
+
+def test_a_waveform_is_one_that_the_command_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tables of a stage have a folder of their own, which lasts."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    sine = {"kind": "sine", "low": 8.0, "high": 16.0, "frequency_hz": 50.0}
+    arguments = learn_command(
+        Learn(id=1, do="learn", stage="bench", axis="x", command_um=sine), tmp_path
+    )
+    document = load_yaml(Path(arguments[1]))
+    document.data.setdefault("name", "wave")
+    wave = validate(document, WaveConfig, Context(tmp_path))
+
+    assert wave.period_s == pytest.approx(0.02)
+    assert tables_folder("bench").is_dir()
+    assert tables_folder("bench") != tables_folder("other")
+    assert arguments[arguments.index("--tables") + 1] == str(tables_folder("bench"))
+
+
+def last_job(tab: Tab) -> dict[str, object]:
+    """Return the job after its end."""
+    while (job := tab.event("job")["job"])["running"]:
+        pass
+    ended: dict[str, object] = job
+    return ended
+
+
+def test_a_refusal_reaches_the_tab_in_words(web: Web) -> None:
+    """A command that fails has its text as error, and every tab can read it afterwards."""
+    with web.tab() as tab:
+        started = tab.ask(do="identify", stage="bench", axis="none")
+        busy = tab.ask(do="learn", stage="bench", axis="x", command_um={})
+        job = last_job(tab)
+    with web.tab() as other:
+        seen = other.ask(do="job", stage="bench")["result"]["job"]
+
+    assert started["result"]["running"]
+    assert busy["error"]["code"] == "busy"
+    assert job["error"]
+    assert "Traceback" not in str(job["error"])
+    assert seen == job
+
+
+def test_a_job_is_ended_from_another_tab(web: Web) -> None:
+    """The command is interrupted, also before it has done anything."""
+    with web.tab() as tab, web.tab() as other:
+        tab.ask(do="identify", stage="bench", axis="x")
+        other.ask(do="end_job", stage="bench")
+        assert last_job(tab)["error"] == "ended as requested"
+
+
+def test_without_a_job_there_is_nothing_to_see(web: Web) -> None:
+    """A stage that nobody identified has no figure."""
+    assert web.request("GET", "/jobs/none.png", Cookie=web.cookie()).status_code == 404
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"method": "best"}, {"axis": "--out"}, {"drive": {**DRIVE, "duration_s": 1e9}}, {"more": 1}],
+)
+def test_what_a_command_would_not_take_is_refused(web: Web, change: dict[str, object]) -> None:
+    """An option that is none, or out of range, starts nothing."""
+    with web.tab() as tab:
+        message = {"do": "identify", "stage": "bench", "axis": "x", **change}
+        tab.send(**message)
+        answer = tab.answer(None)
+    assert answer["error"]["code"] == "invalid"
