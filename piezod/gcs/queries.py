@@ -26,25 +26,20 @@ async def _axis(readings: Readings, axis: str) -> AxisStatus:
 
 async def position(readings: Readings, axis: str) -> str:
     """Measured position, in µm."""
-    now = await _axis(readings, axis)
-    if now.position_um is None:
-        why = "the sensor has no valid sample" if now.has_sensor else "the axis has no sensor"
-        raise GcsRefusal(Code.INVALID_SENSOR_SIGNAL, why)
-    return number(now.position_um)
+    return number(_measured_um(await _axis(readings, axis)))
 
 
 async def target_um(readings: Readings, axis: str) -> float:
-    """Return the target of an axis, in µm; without a movement, the command.
+    """Return the target of an axis, in µm: without one the command, else the measured position.
 
     Raises:
         ClientError: If the daemon does not answer.
-        GcsRefusal: If there is none, because the stage is not armed.
+        GcsRefusal: If all are unknown.
     """
     now = await _axis(readings, axis)
-    target = now.command_um if now.target_um is None else now.target_um
-    if target is None:
-        raise GcsRefusal(Code.SERVO_OFF, "there is no command yet: SVO 1 arms the stage")
-    return target
+    commanded_um = now.command_um if now.target_um is None else now.target_um
+    # A disarmed stage has no command, and a client without a reply to `MOV?` would wait for it.
+    return _measured_um(now) if commanded_um is None else commanded_um
 
 
 async def target(readings: Readings, axis: str) -> str:
@@ -133,6 +128,13 @@ async def parameter(readings: Readings, arguments: str) -> str:
         why = f"no parameter {words[1]}: piezod has unit and limits of an axis only"
         raise GcsRefusal(Code.UNKNOWN_PARAMETER, why) from error
     return f"{axis} {words[1]}={value}"
+
+
+def _measured_um(now: AxisStatus) -> float:
+    if now.position_um is None:
+        why = "the sensor has no valid sample" if now.has_sensor else "the axis has no sensor"
+        raise GcsRefusal(Code.INVALID_SENSOR_SIGNAL, why)
+    return now.position_um
 
 
 def _flag(value: bool) -> str:

@@ -1,6 +1,6 @@
 """The dialogue with one client: commands in, replies out, and the last error."""
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from typing import Final
 
 from piezod.errors import ClientError
@@ -79,11 +79,6 @@ class Session:
                 for name, (value, text) in queries.AXIS_QUERIES.items()
             },
         }
-
-    @property
-    def commands(self) -> Sequence[str]:
-        """The names of all commands."""
-        return tuple(self._handlers)
 
     async def feed(self, data: bytes) -> bytes:
         """Carry out the commands that these bytes complete; return the replies.

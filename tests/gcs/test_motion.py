@@ -135,6 +135,14 @@ def test_servo_off_holds(controller: Controller, armed: Dialogue) -> None:
     assert armed.error_of("MOV 1 5") == 5
 
 
+def test_stop_at_once_after_servo_off(controller: Controller, armed: Dialogue) -> None:
+    """The stop does not switch the servo on again, also without a query in between."""
+    armed.send(b"SVO 1 0\n\x18")
+
+    assert controller.stage.state == "HOLD"
+    assert armed.ask("SVO? 1") == "1=0\n"
+
+
 def test_servo_off_and_stop_of_a_disarmed_stage(controller: Controller, client: Dialogue) -> None:
     """`SVO 0` is no error, and a stop of nothing is a stop."""
     assert client.error_of("SVO 1 0 2 0") == 0

@@ -20,6 +20,7 @@ from tests.gcs.fake_stage import IDENTITY, Controller, Dialogue, gone
         ("POS?", "1=1.500000 \n2=1.500000\n"),
         ("POS? 2", "2=1.500000\n"),
         ("pos? 2 1", "2=1.500000 \n1=1.500000\n"),
+        ("MOV? 2", "2=1.500000\n"),
         ("VOL? 1", "1=20.250000\n"),
         ("SVO?", "1=0 \n2=0\n"),
         ("ONT? 1", "1=0\n"),
@@ -87,13 +88,13 @@ def test_wrong_line_has_no_reply_but_an_error(
 
 
 def test_missing_values_are_not_invented(controller: Controller, client: Dialogue) -> None:
-    """Without a valid sample `POS?` is refused, without a command `MOV?`."""
+    """Without a valid sample `POS?` is refused, and `MOV?` too while there is no command."""
     with controller.changing() as stage:
         stage.axes["x"]["position_um"] = None
 
     assert client.error_of("POS? 1") == 505
     assert client.error_of("POS?") == 505
-    assert client.error_of("MOV? 1") == 5
+    assert client.error_of("MOV? 1") == 505
     assert client.ask("POS? 2") == "2=1.500000\n"
 
 
