@@ -24,6 +24,7 @@ from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
 from piezod.cli.export import export
+from piezod.cli.gcs import gcs
 from piezod.cli.grouped_help import GroupedHelp
 from piezod.cli.identify import identify
 from piezod.cli.init import init
@@ -54,7 +55,7 @@ OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Experiments and models": (demo, experiment, identify, response, play, check),
     "Recordings": (plot, export, replay),
     "Devices": (drivers, emulate, probe, commission),
-    "Daemon of a stage": (init, run_daemon, safe, web, install_service),
+    "Daemon of a stage": (init, run_daemon, safe, web, gcs, install_service),
 }
 """Commands that need no running daemon, by their heading in help."""
 for heading, verbs in OWN_VERBS.items():

@@ -13,7 +13,7 @@ from tests.daemon.waiting import eventually
 from tests.forked import Forked
 
 Streams: TypeAlias = tuple[int, int, int]
-READY: Final = {"run": "ready ", "emulate": "serving ", "web": "?token="}
+READY: Final = {"run": "ready ", "emulate": "serving ", "web": "?token=", "gcs": "GCS 2"}
 """Commands that run until somebody ends them, and a text that they print when they are ready.
 
 The server leaves them running, as in a terminal of their own, and the shell goes on. A second

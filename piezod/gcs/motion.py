@@ -1,0 +1,150 @@
+"""The commands that change something: servo, movements, stop."""
+
+from contextlib import suppress
+from typing import Final
+
+from piezod.config.states import State
+from piezod.errors import RefusedError
+from piezod.gcs.errors import Code, GcsRefusal
+from piezod.gcs.link import DaemonLink
+from piezod.gcs.queries import number, target_um
+from piezod.gcs.readings import Readings
+from piezod.gcs.syntax import ids_in, pairs_in
+
+_MAYBE_RUNNING: Final = (State.RUN, "")
+_NOTHING_DRIVEN: Final = "refused"
+"""Code of the daemon's answer to `hold` if nothing is driven."""
+
+
+class Motion:
+    """The commands of one connection.
+
+    Args:
+        link: Its client of the daemon, with its lease.
+        readings: Status and limits of the stage.
+        mode: The mode that `SVO 1` selects.
+    """
+
+    def __init__(self, link: DaemonLink, readings: Readings, mode: str) -> None:
+        self._link, self._readings, self._mode = link, readings, mode
+        self._speeds_um_per_s: dict[str, float] = {}
+        self._following = False
+
+    async def set_servo(self, arguments: str) -> None:
+        """Carry out `SVO`: 1 arms the stage and follows positions, 0 holds the voltage.
+
+        Raises:
+            GcsRefusal: If the arguments are invalid.
+            ClientError: If the daemon refuses.
+        """
+        pairs = pairs_in(arguments, tuple(await self._readings.axes()))
+        if any(value not in {0.0, 1.0} for value in pairs.values()):
+            raise GcsRefusal(Code.OUT_OF_RANGE, "the servo is 0 or 1")
+        self._readings.expire()
+        try:
+            for axis, value in pairs.items():
+                await (self._switch_on(axis) if value else self._switch_off())
+        finally:
+            self._readings.expire()
+
+    async def move(self, arguments: str) -> None:
+        """Carry out `MOV`: nothing moves if one of the positions is refused.
+
+        Raises:
+            GcsRefusal: If a servo is off, or a position is out of its limits.
+            ClientError: If the daemon refuses.
+        """
+        await self._go(pairs_in(arguments, tuple(await self._readings.axes())))
+
+    async def move_relative(self, arguments: str) -> None:
+        """Carry out `MVR`, relative to the targets; as `move`."""
+        steps = pairs_in(arguments, tuple(await self._readings.axes()))
+        await self._go(
+            {axis: await target_um(self._readings, axis) + um for axis, um in steps.items()}
+        )
+
+    async def set_speed(self, arguments: str) -> None:
+        """Carry out `VEL`: the speed of the movements of this connection.
+
+        Raises:
+            GcsRefusal: If a speed is not allowed.
+        """
+        speeds = pairs_in(arguments, tuple(await self._readings.axes()))
+        for axis, speed in speeds.items():
+            highest = (await self._readings.limits(axis)).speed_um_per_s
+            if not 0.0 < speed <= highest:
+                why = f"axis {axis}: speed {speed:g} µm/s, allowed: above 0, at most {highest:g}"
+                raise GcsRefusal(Code.VELOCITY_LIMITS, why)
+        self._speeds_um_per_s.update(speeds)
+
+    async def speed(self, readings: Readings, axis: str) -> str:
+        """Speed of movements, in µm/s, for `VEL?`."""
+        speed_um_per_s = self._speeds_um_per_s.get(axis)
+        return number(speed_um_per_s or (await readings.limits(axis)).speed_um_per_s)
+
+    async def stop(self, arguments: str = "") -> None:
+        """Carry out `STP`, `HLT` and `#24`: hold the voltage at once.
+
+        A connection that has switched the servo on then resumes at the present position, because
+        the servo of a PI controller stays on.
+
+        Raises:
+            GcsRefusal: Always, with the code "stopped"; or because an axis is unknown.
+        """
+        resumes = self._following and self._readings.newest_state in _MAYBE_RUNNING
+        try:
+            await self._link.hold()
+        except RefusedError as error:
+            if error.code != _NOTHING_DRIVEN:
+                raise
+            resumes = False
+        if resumes:
+            with suppress(RefusedError):  # then the stage stays in HOLD, until `SVO 1`
+                await self._link.resume()
+        self._readings.expire()
+        if arguments:
+            ids_in(arguments, tuple(await self._readings.axes()))
+        raise GcsRefusal(Code.STOPPED, "")
+
+    async def reference(self, arguments: str) -> None:
+        """Carry out `FRF`: nothing, because a stage of piezod is always referenced."""
+        ids_in(arguments, tuple(await self._readings.axes()))
+
+    async def _switch_on(self, axis: str) -> None:
+        readings = self._readings
+        name, status = await readings.name_of(axis), await readings.status()
+        if status.state == State.HOLD:
+            await self._link.resume()
+        elif status.state != State.RUN:
+            await self._link.arm()
+        readings.expire()
+        status = await readings.status()
+        if not readings.servo_on(status.state, status.axes[name]):
+            await self._link.mode(self._mode, axis=name)
+            readings.expire()
+        self._following = True
+
+    async def _switch_off(self) -> None:
+        self._following = False
+        if (await self._readings.status()).state != State.SAFE:
+            await self._link.hold()
+
+    async def _go(self, targets_um: dict[str, float]) -> None:
+        readings = self._readings
+        axes, state = await readings.axes(), (await readings.status()).state
+        for axis, um in targets_um.items():
+            if not readings.servo_on(state, axes[axis]):
+                why = f"axis {axis} is in {state}, mode {axes[axis].mode}: SVO {axis} 1 first"
+                raise GcsRefusal(Code.SERVO_OFF, why)
+            low_um, high_um, _ = await readings.limits(axis)
+            if not low_um <= um <= high_um:
+                why = f"axis {axis}: {um:g} µm, allowed range {low_um:g} to {high_um:g} µm"
+                raise GcsRefusal(Code.POSITION_LIMITS, why)
+        try:
+            for axis, um in targets_um.items():
+                speed_um_per_s = self._speeds_um_per_s.get(axis)
+                name = await readings.name_of(axis)
+                await self._link.goto(um, axis=name, speed_um_per_s=speed_um_per_s)
+        finally:
+            readings.expire()
+        self._following = True

@@ -1,0 +1,169 @@
+"""The dialogue with one client: commands in, replies out, and the last error."""
+
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+from piezod.errors import ClientError
+from piezod.gcs import queries
+from piezod.gcs.errors import Code, GcsRefusal, refusal_of
+from piezod.gcs.link import DaemonLink
+from piezod.gcs.motion import Motion
+from piezod.gcs.readings import UP, Readings
+from piezod.gcs.syntax import (
+    ENCODING,
+    IS_MOVING,
+    IS_READY,
+    LONGEST,
+    STOP_ALL,
+    LineBuffer,
+    ids_in,
+    lines,
+)
+
+READY: Final = "\xb1\n"
+BUSY: Final = "\xb0\n"
+
+_HTTP: Final = ("GET", "HEAD", "POST", "OPTIONS")
+"""First words of what a browser sends; no command of GCS has such a name."""
+
+Handler = Callable[[str], Awaitable[str | None]]
+"""Carries out a command with its arguments; returns the reply, None for none."""
+
+
+class Session:
+    """One connection: it has a lease of its own, and an error of its own.
+
+    Args:
+        link: Its client of the daemon.
+        readings: Status and limits of the stage, shared by all connections.
+        mode: The mode that `SVO 1` selects.
+        identity: Reply to `*IDN?`, without line feed.
+        report: Gets the text of each refusal, because the protocol has only its number.
+    """
+
+    def __init__(
+        self,
+        link: DaemonLink,
+        readings: Readings,
+        mode: str,
+        identity: str,
+        report: Callable[[str], None],
+    ) -> None:
+        self._link, self._readings, self._identity = link, readings, identity
+        self._report, self._buffer, self._error = report, LineBuffer(), Code.NONE
+        self._motion = motion = Motion(link, readings, mode)
+        self._handlers: dict[str, tuple[Handler, str]] = {
+            IS_MOVING: (self._is_moving, "motion status of the axes, a bit mask"),
+            IS_READY: (self._is_ready, "whether the stage is ready"),
+            STOP_ALL: (motion.stop, "stop all axes"),
+            "*IDN?": (self._identify, "identity"),
+            "CSV?": (self._version, "version of the syntax"),
+            "ERR?": (self._take_error, "last error"),
+            "HLP?": (self._help, "list of commands"),
+            "HLT": (motion.stop, "stop all axes"),
+            "FRF": (motion.reference, "nothing: every axis is referenced"),
+            "MOV": (motion.move, "{<axis> <position>}: move"),
+            "MVR": (motion.move_relative, "{<axis> <distance>}: move relative to the target"),
+            "ONL": (self._accept, "nothing: the amplifier is online"),
+            "ONL?": (self._axis_query(queries.yes), "[{<axis>}]: online"),
+            "SAI?": (self._axes, "identifiers of the axes"),
+            "SPA?": (self._parameter, "<axis> <parameter>: unit or limit"),
+            "SRG?": (self._register, "<axis> 1: status register"),
+            "STP": (motion.stop, "stop all axes"),
+            "SVO": (motion.set_servo, "{<axis> <0|1>}: switch the servo"),
+            "TPC?": (self._count, "number of axes"),
+            "VEL": (motion.set_speed, "{<axis> <speed>}: set the speed"),
+            "VEL?": (self._axis_query(motion.speed), "[{<axis>}]: speed"),
+            **{
+                name: (self._axis_query(value), f"[{{<axis>}}]: {text}")
+                for name, (value, text) in queries.AXIS_QUERIES.items()
+            },
+        }
+
+    async def feed(self, data: bytes) -> bytes:
+        """Carry out the commands that these bytes complete; return the replies.
+
+        Raises:
+            ConnectionAbortedError: If a browser sends them: a web page must not move a stage.
+        """
+        replies = []
+        for command in self._buffer.feed(data):
+            if command.strip().partition(" ")[0].upper() in _HTTP:
+                raise ConnectionAbortedError("this port serves GCS, not HTTP")
+            replies.append(await self._carry_out(command))
+        return "".join(replies).encode(ENCODING, "replace")
+
+    async def close(self) -> None:
+        """Release the lease; the stage continues."""
+        await self._link.close()
+
+    async def _carry_out(self, line: str) -> str:
+        name, _, arguments = line.strip().partition(" ")
+        if not name:
+            return ""
+        try:
+            handler, _ = self._handlers.get(name.upper(), (_unknown, ""))
+            if len(line) > LONGEST:
+                handler = _too_long
+            return await handler(arguments.strip()) or ""
+        except GcsRefusal as refusal:
+            self._refuse(line, refusal)
+        except ClientError as error:
+            self._refuse(line, refusal_of(error))
+        return BUSY if name == IS_READY else ""
+
+    def _refuse(self, line: str, refusal: GcsRefusal) -> None:
+        self._error = refusal.code
+        if refusal.code is not Code.STOPPED:
+            self._report(f"{line.strip()[:64]}: error {refusal.code.value}: {refusal.why}")
+
+    def _axis_query(self, value: queries.AxisValue) -> Handler:
+        async def answer(arguments: str) -> str:
+            axes = ids_in(arguments, tuple(await self._readings.axes()))
+            return lines([f"{axis}={await value(self._readings, axis)}" for axis in axes])
+
+        return answer
+
+    async def _is_moving(self, _arguments: str) -> str:
+        return lines([await queries.is_moving(self._readings)])
+
+    async def _is_ready(self, _arguments: str) -> str:
+        return READY if (await self._readings.status()).state in UP else BUSY
+
+    async def _identify(self, _arguments: str) -> str:
+        return lines([self._identity])
+
+    async def _version(self, _arguments: str) -> str:
+        return lines(["2.0"])
+
+    async def _take_error(self, _arguments: str) -> str:
+        error, self._error = self._error, Code.NONE
+        return lines([str(error.value)])
+
+    async def _help(self, _arguments: str) -> str:
+        # Clients drop the first and the last line, and read the first word of each other line.
+        texts = [f"{name} {text}" for name, (_, text) in self._handlers.items()]
+        return lines(["The following commands are valid:", *texts, "end of help"])
+
+    async def _accept(self, _arguments: str) -> None:
+        """Do nothing: the daemon alone decides about the amplifier."""
+
+    async def _axes(self, _arguments: str) -> str:
+        return lines(list(await self._readings.axes()))
+
+    async def _count(self, _arguments: str) -> str:
+        return lines([str(len(await self._readings.axes()))])
+
+    async def _parameter(self, arguments: str) -> str:
+        return lines([await queries.parameter(self._readings, arguments)])
+
+    async def _register(self, arguments: str) -> str:
+        return lines([await queries.register(self._readings, arguments)])
+
+
+async def _unknown(_arguments: str) -> None:
+    raise GcsRefusal(Code.UNKNOWN_COMMAND, "unknown command")
+
+
+async def _too_long(_arguments: str) -> None:
+    raise GcsRefusal(Code.TOO_LONG, f"the line is longer than {LONGEST} bytes")
