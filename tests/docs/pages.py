@@ -113,12 +113,12 @@ SETTINGS: Final[Mapping[str, Setting]] = {
     "docs/page.md": Setting(words={"piezod web\n": "piezod web --port 0\n"}),
     "docs/players.md": Setting(before=RUN, files=(wave,)),
     "docs/recordings.md": Setting(
-        before=RUN,
+        before=f"{RUN}\npiezod export scan.h5 --out scan.parquet",
         files=(recording, model),
         words={
-            "record get NAME": "record stop; piezod record get NAME",
             "NAME.h5": "scan.h5",
-            **{f"record {verb} NAME": f"record {verb} scan.h5" for verb in ("plot", "replay")},
+            "NAME.parquet": "scan.parquet",
+            "record replay NAME": "record replay scan.h5",
         },
     ),
     "docs/response.md": Setting(
