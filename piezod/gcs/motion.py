@@ -48,7 +48,7 @@ class Motion:
             self._readings.expire()
 
     async def move(self, arguments: str) -> None:
-        """Carry out `MOV`: nothing moves if one of the positions is refused.
+        """Carry out `MOV`: nothing moves if one of the positions is out of its limits.
 
         Raises:
             GcsRefusal: If a servo is off, or a position is out of its limits.
