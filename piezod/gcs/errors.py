@@ -25,6 +25,7 @@ class Code(IntEnum):
     UNKNOWN_PARAMETER = 54
     PROTECTED = 60
     """The command level is too low: here, the role of the user."""
+    INITIALISING = 63
     NO_CONNECTION = 215
     """"The connection between controller and stage may be broken"."""
     INVALID_SENSOR_SIGNAL = 505

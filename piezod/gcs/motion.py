@@ -9,7 +9,7 @@ from piezod.gcs.errors import Code, GcsRefusal
 from piezod.gcs.link import DaemonLink
 from piezod.gcs.queries import number, target_um
 from piezod.gcs.readings import Readings
-from piezod.gcs.syntax import ids_in, pairs_in
+from piezod.gcs.syntax import IS_READY, ids_in, pairs_in
 
 _MAYBE_RUNNING: Final = (State.RUN, "")
 _NOTHING_DRIVEN: Final = "refused"
@@ -48,7 +48,7 @@ class Motion:
             self._readings.expire()
 
     async def move(self, arguments: str) -> None:
-        """Carry out `MOV`: nothing moves if one of the positions is refused.
+        """Carry out `MOV`: nothing moves if one of the positions is out of its limits.
 
         Raises:
             GcsRefusal: If a servo is off, or a position is out of its limits.
@@ -115,10 +115,13 @@ class Motion:
         name, status = await readings.name_of(axis), await readings.status()
         if status.state == State.HOLD:
             await self._link.resume()
-        elif status.state != State.RUN:
+        elif status.state not in {State.RUN, State.IDENT}:
             await self._link.arm()
         readings.expire()
         status = await readings.status()
+        if status.state == State.IDENT:  # `conditioning.on_arm`
+            why = f"the stage is being conditioned: when {IS_READY} reports ready, SVO {axis} 1"
+            raise GcsRefusal(Code.INITIALISING, why)
         if not readings.servo_on(status.state, status.axes[name]):
             await self._link.mode(self._mode, axis=name)
             readings.expire()

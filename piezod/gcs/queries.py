@@ -25,7 +25,7 @@ async def _axis(readings: Readings, axis: str) -> AxisStatus:
 
 
 async def position(readings: Readings, axis: str) -> str:
-    """Measured position, in µm."""
+    """Measured position, in µm; of an axis without a sensor, the command."""
     return number(_measured_um(await _axis(readings, axis)))
 
 
@@ -56,8 +56,9 @@ async def voltage(readings: Readings, axis: str) -> str:
 
 
 async def on_target(readings: Readings, axis: str) -> str:
-    """Whether the position has been within its tolerance for the settling time."""
-    return _flag((await _axis(readings, axis)).on_target)
+    """Whether the axis has arrived."""
+    now = await _axis(readings, axis)
+    return _flag(readings.on_target((await readings.status()).state, now))
 
 
 async def servo(readings: Readings, axis: str) -> str:
@@ -113,7 +114,8 @@ async def register(readings: Readings, arguments: str) -> str:
     if words[1] != "1":
         raise GcsRefusal(Code.OUT_OF_RANGE, f"no register {words[1]}, there is 1 only")
     bits = _SERVO * readings.servo_on(state, now) + _MOVING * readings.moving(state, now)
-    return f"{words[0]} 1=0x{bits + _ON_TARGET * now.on_target:04X}"
+    bits += _ON_TARGET * readings.on_target(state, now)
+    return f"{words[0]} 1=0x{bits:04X}"
 
 
 async def parameter(readings: Readings, arguments: str) -> str:
@@ -131,10 +133,12 @@ async def parameter(readings: Readings, arguments: str) -> str:
 
 
 def _measured_um(now: AxisStatus) -> float:
-    if now.position_um is None:
+    # Programs ask for positions all the time; without a sensor the command is the best estimate.
+    position_um = now.position_um if now.has_sensor else now.command_um
+    if position_um is None:
         why = "the sensor has no valid sample" if now.has_sensor else "the axis has no sensor"
         raise GcsRefusal(Code.INVALID_SENSOR_SIGNAL, why)
-    return now.position_um
+    return position_um
 
 
 def _flag(value: bool) -> str:
@@ -143,7 +147,7 @@ def _flag(value: bool) -> str:
 
 _PARAMETERS: Final[Mapping[int, AxisValue]] = {_UNIT: unit, _LOWEST: lowest, _HIGHEST: highest}
 AXIS_QUERIES: Final[Mapping[str, tuple[AxisValue, str]]] = {
-    "POS?": (position, "measured position"),
+    "POS?": (position, "position"),
     "MOV?": (target, "target position"),
     "ONT?": (on_target, "on target"),
     "SVO?": (servo, "servo on"),

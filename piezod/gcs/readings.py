@@ -109,16 +109,18 @@ class Readings:
         return state == State.RUN and axis.mode == self._mode
 
     @staticmethod
-    def moving(state: str, axis: AxisStatus) -> bool:
-        """Return whether a movement goes on: with a sensor, until the axis is on target."""
-        if state != State.RUN:
-            return False
+    def on_target(state: str, axis: AxisStatus) -> bool:
+        """Return whether an axis has arrived: without a sensor, its command has."""
         if axis.has_sensor:
-            return not axis.on_target
+            return axis.on_target
         target_um, command_um = axis.target_um, axis.command_um
-        if target_um is None or command_um is None:
+        if state != State.RUN or target_um is None or command_um is None:
             return False
-        return abs(target_um - command_um) > SAME_UM
+        return abs(target_um - command_um) <= SAME_UM
+
+    def moving(self, state: str, axis: AxisStatus) -> bool:
+        """Return whether a movement goes on, until the axis has arrived."""
+        return state == State.RUN and not self.on_target(state, axis)
 
 
 def _limits_in(config: Document) -> dict[str, AxisLimits]:

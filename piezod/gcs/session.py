@@ -25,6 +25,8 @@ BUSY: Final = "\xb0\n"
 
 _HTTP: Final = ("GET", "HEAD", "POST", "OPTIONS")
 """First words of what a browser sends; no command of GCS has such a name."""
+_TLS: Final = b"\x16\x03"
+"""A browser begins an encrypted connection with these bytes, and random ones, which may stop."""
 
 Handler = Callable[[str], Awaitable[str | None]]
 """Carries out a command with its arguments; returns the reply, None for none."""
@@ -86,6 +88,8 @@ class Session:
         Raises:
             ConnectionAbortedError: If a browser sends them: a web page must not move a stage.
         """
+        if data.startswith(_TLS):
+            raise ConnectionAbortedError("this port serves GCS, not TLS")
         replies = []
         for command in self._buffer.feed(data):
             if command.strip().partition(" ")[0].upper() in _HTTP:

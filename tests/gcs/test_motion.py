@@ -19,6 +19,26 @@ def test_servo_on_arms_and_selects_the_mode(controller: Controller, client: Dial
     assert controller.stage.paths() == ["arm", "mode"]
 
 
+def test_servo_on_while_the_stage_is_conditioned(
+    controller: Controller, client: Dialogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If arming conditions the stage, `SVO 1` is refused until `#7` reports ready again."""
+    monkeypatch.setattr(
+        controller.stage, "_arm", lambda _: setattr(controller.stage, "state", "IDENT")
+    )
+    assert client.error_of("SVO 1 1") == 63
+    assert client.ask("\x07") == "\xb0\n"
+    assert client.error_of("SVO 1 1") == 63
+    assert controller.stage.paths() == ["arm"]
+
+    monkeypatch.undo()
+    with controller.changing() as stage:
+        stage.state = "READY"
+    assert client.ask("\x07") == "\xb1\n"
+    assert client.error_of("SVO 1 1") == 0
+    assert client.ask("SVO? 1") == "1=1\n"
+
+
 def test_move_without_servo(controller: Controller, client: Dialogue) -> None:
     """A move with the servo off is refused, also after another client has changed the mode."""
     assert client.error_of("MOV 1 5") == 5
@@ -79,16 +99,20 @@ def test_motion_and_on_target(controller: Controller, armed: Dialogue) -> None:
     assert armed.ask("\x05") == "0\n"
 
 
-def test_motion_without_a_sensor(controller: Controller, armed: Dialogue) -> None:
-    """Without a sensor an axis moves until its command is at the target."""
+def test_axis_without_a_sensor(controller: Controller, armed: Dialogue) -> None:
+    """Its position is its command, and it has arrived when its command has."""
+    blind = {"has_sensor": False, "position_um": None, "on_target": False}
     with controller.changing() as stage:
-        stage.axes["x"].update(has_sensor=False, command_um=4.0, target_um=5.0)
-        stage.axes["y"].update(has_sensor=False)
+        stage.axes["x"].update(blind, command_um=4.0, target_um=5.0)
+        stage.axes["y"].update(blind, command_um=2.0, target_um=2.0)
     assert armed.ask("\x05") == "1\n"
+    assert armed.ask("ONT?") == "1=0 \n2=1\n"
+    assert armed.ask("POS?") == "1=4.000000 \n2=2.000000\n"
+    assert armed.ask("SRG? 2 1") == "2 1=0x9000\n"
 
     with controller.changing() as stage:
-        stage.axes["x"]["command_um"] = 5.0
-    assert armed.ask("\x05") == "0\n"
+        stage.axes["x"].update(command_um=None, target_um=None)
+    assert armed.error_of("POS? 1") == 505
 
 
 @pytest.mark.parametrize("stop", ALL_STOPS)

@@ -79,9 +79,39 @@ PYLABLIB = [
     ("STP 1", ""),
     ("ERR?", "10"),
 ]
+PIPYTHON = [
+    # the start of a device, and a move with its wait, after HLP?
+    ("*IDN?", "(c)2026 piezod, piezod bench, 0, 1.2.3"),
+    ("ERR?", "0"),
+    ("CSV?", "2.0"),
+    ("ERR?", "0"),
+    ("SAI?", "1 \n2"),
+    ("ERR?", "0"),
+    ("ONL 1 1 2 1", ""),
+    ("ERR?", "0"),
+    ("\x18", ""),
+    ("ERR?", "10"),
+    ("\x07", "\xb1"),
+    ("ERR?", "0"),
+    ("FRF? 1", "1=1"),
+    ("ERR?", "0"),
+    ("SVO 1 1", ""),
+    ("ERR?", "0"),
+    ("\x07", "\xb1"),
+    ("SVO 2 1", ""),
+    ("ERR?", "0"),
+    ("MOV 1 5", ""),
+    ("ERR?", "0"),
+    ("SVO? 1", "1=1"),
+    ("ONT? 1", "1=0"),
+    ("\x05", "1"),
+    ("SPA? 1 117442049", "1 117442049=um"),
+    ("\x18", ""),
+    ("ERR?", "10"),
+]
 
 
-@pytest.mark.parametrize("exchanges", [MICRO_MANAGER, EPICS, PYLABLIB])
+@pytest.mark.parametrize("exchanges", [MICRO_MANAGER, EPICS, PYLABLIB, PIPYTHON])
 def test_program(
     controller: Controller, client: Dialogue, exchanges: Sequence[tuple[str, str]]
 ) -> None:

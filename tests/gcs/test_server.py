@@ -1,13 +1,18 @@
 """Places, addresses and the identity of the server."""
 
+import socket
 from ipaddress import IPv4Address
 from pathlib import Path
 
 import pytest
+import typer
 
 import piezod
+from piezod.cli.gcs import gcs
 from piezod.client.results import Status
-from piezod.gcs.server import MOST_CLIENTS, Plan, identity_of, refusal
+from piezod.errors import PiezodError
+from piezod.gcs.server import MOST_CLIENTS, Plan, identity_of, refusal, serve
+from tests.client.fake_daemon import FakeDaemon
 
 
 def status_of(stage: str) -> Status:
@@ -49,3 +54,21 @@ def test_who_may_connect(address: str, clients: int, text: str) -> None:
 
     assert text in why
     assert bool(why) == bool(text)
+
+
+def test_port_in_use(tmp_path: Path) -> None:
+    """The server says which port is in use, and how to choose another one."""
+    daemon = FakeDaemon(tmp_path / "api.sock")
+    with daemon.running(), socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+
+        with pytest.raises(PiezodError, match=f"127.0.0.1:{port}: .*choose another port"):
+            serve(Plan(daemon.socket_path, "trimmed", port), announce=print, report=print)
+
+
+def test_wrong_options() -> None:
+    """A network is no address, and a stage has either a name or a socket."""
+    with pytest.raises(typer.BadParameter, match=r"10\.0\.0\.0/8"):
+        gcs(allow=["10.0.0.0/8"])
+    with pytest.raises(typer.BadParameter, match="exclude each other"):
+        gcs(stage="bench", socket=Path("api.sock"))
