@@ -14,6 +14,9 @@ from tests.browser.machine import Machine
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
 
+WITHIN_MS = 30_000
+"""Longest wait of any step: a generous one, which only ends a failing test."""
+
 # Without the environment of `make browser` these files cannot even be imported.
 collect_ignore_glob = [] if find_spec("playwright") else ["test_*.py"]
 
@@ -21,7 +24,9 @@ collect_ignore_glob = [] if find_spec("playwright") else ["test_*.py"]
 @pytest.fixture(scope="session")
 def browser() -> "Iterator[Browser]":
     """Yield the chromium of this machine."""
-    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - see above
+    from playwright.sync_api import expect, sync_playwright  # noqa: PLC0415 - see above
+
+    expect.set_options(timeout=WITHIN_MS)
 
     program = shutil.which("chromium") or shutil.which("chromium-browser")
     if program is None:
@@ -46,7 +51,7 @@ def context(browser: "Browser") -> "Iterator[BrowserContext]":
     """Yield a window of the browser; a test fails if a page has an error that nobody handles."""
     errors: list[str] = []
     context = browser.new_context(viewport={"width": 1400, "height": 1000})
-    context.set_default_timeout(20_000)
+    context.set_default_timeout(WITHIN_MS)
     context.on("weberror", lambda found: errors.append(str(found.error)))
     yield context
     context.close()

@@ -99,11 +99,10 @@ class Machine:
         return out
 
     def stop(self) -> None:
-        """End all processes, the newest first."""
+        """End all processes, the newest first: a daemon before the emulator of its device."""
         for process in reversed(self._started):
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-        for process in self._started:
             try:
                 process.wait(ENDED_WITHIN_S)
             except subprocess.TimeoutExpired:

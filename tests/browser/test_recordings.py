@@ -5,6 +5,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.browser.machine import Machine
+from tests.browser.test_accessible import violations
 
 pytestmark = pytest.mark.browser
 
@@ -67,3 +68,23 @@ def test_a_recording_that_does_not_exist_is_refused_in_words(page: Page) -> None
     page.get_by_role("link", name="Recordings").click()
     page.goto(f"{page.url}/20240501T120000Z")
     expect(page.locator("main")).to_contain_text("no recording '20240501T120000Z'")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_in_viewer_and_dialogs(page: Page, machine: Machine, scheme: str) -> None:
+    """List, viewer and dialogs have names, contrast and structure in both themes."""
+    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+    record(machine, "scan")
+    for name in ("Identify", "Play and learn"):
+        page.get_by_role("button", name=name).click()
+        expect(page.get_by_role("dialog")).to_be_visible()
+        found = violations(page)
+        assert not found
+        page.get_by_role("button", name=f"Close {name}").click()
+    page.get_by_role("link", name="Recordings").click()
+    row = page.get_by_role("row").filter(has_text="-scan")
+    expect(row).to_contain_text("cycles at")
+    assert not violations(page)
+    row.get_by_role("link", name="-scan").first.click()
+    expect(page.get_by_role("region", name="List of marks")).to_contain_text("READY to RUN")
+    assert not violations(page)
