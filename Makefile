@@ -57,7 +57,7 @@ lint: $(STAMP) ## check style, types and import directions
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(STAMP) ## measure what a sample and a start cost
+bench: $(STAMP) ## measure what a sample, a start and a recording cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
 
 bench-peers: $(STAMP) $(BENCH_PEERS) ## compare inverse models by others with ours (some minutes)

@@ -5,13 +5,17 @@ from typing import Final
 
 import typer
 
+from piezod.cli.export import export
 from piezod.cli.metrics import metrics
 from piezod.cli.motion import goto, wave
 from piezod.cli.operation import arm, mode, reset
 from piezod.cli.params import history, list_params, load, restore, save
 from piezod.cli.plain_verb import Verb, plain_verb
+from piezod.cli.plot import plot
 from piezod.cli.record import get, keep, list_records, repair, start, stop
+from piezod.cli.record_show import show
 from piezod.cli.reload import reload
+from piezod.cli.replay import replay
 from piezod.cli.status import faults, status
 from piezod.cli.stream import stream
 from piezod.cli.verb_list import REQUEST_VERBS
@@ -45,7 +49,7 @@ OWN_FUNCTIONS: Final[Mapping[str, Callable[..., None]]] = {
 FAMILIES: Final = {
     "params": "List, save and restore learned parameters.\n\n"
     "Offset and scale are saved and not restored, because they drift within a day.",
-    "record": "Record every cycle, list and copy recordings.",
+    "record": "Record every cycle; list, show, copy and use recordings.",
 }
 """Verbs of two words, by the first one, and its help."""
 NEGATIVE_NUMBERS: Final = ("goto", "wave")
@@ -74,7 +78,8 @@ def add_client_verbs(app: typer.Typer) -> None:
         target.command(word, help=verb.help, rich_help_panel=verb.group, context_settings=settings)(
             function
         )
-    families["record"].command("repair")(repair)  # it needs no daemon, so that it is no endpoint
+    for function in (show, plot, export, replay, repair):  # they need no daemon: no endpoints
+        families["record"].command()(function)
     headings = {verb.words.partition(" ")[0]: verb.group for verb in verbs}
     for word, commands in families.items():
         app.add_typer(commands, name=word, rich_help_panel=headings.get(word))

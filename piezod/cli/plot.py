@@ -12,11 +12,13 @@ from piezod.cli.recordings import (
     RecordedAxisOption,
     RecordingArgument,
     checked_out,
+    local_file,
     read_part,
 )
+from piezod.cli.stage_options import SocketOption, StageOption
 
 
-def plot(
+def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
     recording: RecordingArgument,
     out: Annotated[
         Path | None,
@@ -29,6 +31,8 @@ def plot(
     axis: RecordedAxisOption = None,
     begin_s: BeginOption = None,
     end_s: EndOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Draw a recording.
@@ -39,10 +43,11 @@ def plot(
     """
     from piezod.cli.output import new_console, print_json
     from piezod.records.figures.style import FORMATS, save_figure
-    from piezod.records.figures.telemetry import telemetry_figure
+    from piezod.records.figures.telemetry import COLUMNS, telemetry_figure
 
     path = checked_out(out, Path(f"{recording.stem}.png"), FORMATS)
-    telemetry = read_part(recording, begin_s, end_s)
+    with local_file(recording, stage, socket) as file:
+        telemetry = read_part(file, begin_s, end_s, COLUMNS)
     name = telemetry.chosen_axis(axis)
     save_figure(path, telemetry_figure(telemetry, name))
     if json:

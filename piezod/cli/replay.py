@@ -15,8 +15,10 @@ from piezod.cli.recordings import (
     RecordedAxisOption,
     RecordingArgument,
     checked_out,
+    local_file,
     read_part,
 )
+from piezod.cli.stage_options import SocketOption, StageOption
 from piezod.config.modes import Mode
 
 if TYPE_CHECKING:
@@ -52,6 +54,8 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
     axis: RecordedAxisOption = None,
     begin_s: BeginOption = None,
     end_s: EndOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run the control law again on a recording.
@@ -62,19 +66,13 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
     voltages.
     """
     from piezod.cli.replay_view import as_document, print_comparison
-    from piezod.control.law.model_files import read_model
-    from piezod.experiment.replay.comparison import replay_recording
     from piezod.records.figures.style import FORMATS
 
     figure = checked_out(out, out, FORMATS) if out else None
-    telemetry = read_part(recording, begin_s, end_s)
-    name = telemetry.chosen_axis(axis)
-    config, recorded_model = _recorded_axis(recording, telemetry, name, needed=model is None)
-    used = read_model(model)[0] if model else recorded_model
-    assert used is not None  # noqa: S101 - `needed` refuses a recording without a model
-    compared = replay_recording(
-        recording, telemetry, name, config, used, mode=mode, learned=model is None
-    )
+    with local_file(recording, stage, socket) as file:
+        telemetry = read_part(file, begin_s, end_s)
+        name = telemetry.chosen_axis(axis)
+        compared = _compared(file, telemetry, name, model, mode)
     if figure:
         _draw(figure, recording, name, compared)
     if json:
@@ -85,6 +83,18 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
         from piezod.cli.output import new_console
 
         print_comparison(new_console(), model, mode, compared, figure)
+
+
+def _compared(
+    file: Path, telemetry: "RecordedTelemetry", axis: str, model: Path | None, mode: Mode | None
+) -> "Comparison":
+    from piezod.control.law.model_files import read_model
+    from piezod.experiment.replay.comparison import replay_recording
+
+    config, recorded_model = _recorded_axis(file, telemetry, axis, needed=model is None)
+    used = read_model(model)[0] if model else recorded_model
+    assert used is not None  # noqa: S101 - `needed` refuses a recording without a model
+    return replay_recording(file, telemetry, axis, config, used, mode=mode, learned=model is None)
 
 
 def _recorded_axis(

@@ -1,8 +1,7 @@
 """CSV input and output: named columns of numbers over time, `t_s, drive_v, position_um, …`."""
 
 import csv
-from collections.abc import Mapping, Sequence
-from itertools import chain
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -87,9 +86,17 @@ def write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
         ValueError: If the columns differ in length.
         OSError: If the file cannot be written.
     """
-    rows = map(",".join, zip(*map(_texts, columns.values()), strict=True))
+    write_csv_portions(path, [columns])
+
+
+def write_csv_portions(path: Path, portions: Iterable[Mapping[str, npt.ArrayLike]]) -> None:
+    """Write columns that come in portions; arguments and errors are those of `write_csv`."""
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
-        file.writelines(f"{row}\n" for row in chain([",".join(columns)], rows))
+        for number, columns in enumerate(portions):
+            if not number:
+                file.write(",".join(columns) + "\n")
+            rows = map(",".join, zip(*map(_texts, columns.values()), strict=True))
+            file.writelines(f"{row}\n" for row in rows)
 
 
 def _texts(column: npt.ArrayLike) -> list[str]:

@@ -1,6 +1,11 @@
 """What the HDF5 files of this package share: groups with a class of NeXus."""
 
+from typing import Final
+
 import h5py
+
+CHUNK_CACHE_BYTES: Final = 0
+"""Cache per dataset: chunks are read and written whole, and HDF5 would keep 8 MB of each column."""
 
 
 def new_group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:

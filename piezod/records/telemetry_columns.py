@@ -221,8 +221,13 @@ def _growing(
     )
     if name in _OWN:
         dataset.attrs["description"] = _OWN[name]
-    dataset.attrs["units"] = _UNITS.get(name.rsplit("_", 1)[-1], "")
+    dataset.attrs["units"] = unit_of(name)
     return dataset
+
+
+def unit_of(column: str) -> str:
+    """Return the unit of a column, from the end of its name; "" for numbers without one."""
+    return _UNITS.get(column.rsplit("_", 1)[-1], "")
 
 
 def _grow(dataset: h5py.Dataset, values: NDArray[Any]) -> None:

@@ -35,6 +35,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.reserved import Reserved
 from piezod.records.telemetry_columns import TelemetryColumns, WeightsRow
 from piezod.records.telemetry_events import MODEL_BYTES, AdoptedModel
@@ -86,7 +87,8 @@ class TelemetryWriter:
         self._reserved = Reserved(path)
         try:
             self._reserved.reserve(self._spare_bytes)
-            self._file = h5py.File(path, "w", libver="v110", track_order=True)
+            cache = CHUNK_CACHE_BYTES
+            self._file = h5py.File(path, "w", libver="v110", track_order=True, rdcc_nbytes=cache)
             self._reserved.reserve(self._spare_bytes)  # again, because h5py has truncated the file
             self._columns = TelemetryColumns(self._file, header, dtype, self._chunk)
             self._file.swmr_mode = True  # after all datasets: this mode cannot create any

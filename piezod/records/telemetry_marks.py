@@ -1,10 +1,12 @@
 """What to know about a recording before its numbers are used: states, modes, faults, and gaps."""
 
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.config.states import State
 from piezod.records.frozen import FloatArray
 from piezod.records.telemetry_reader import RecordedTelemetry
 from piezod.units import NS_PER_S
@@ -47,11 +49,21 @@ def names_of(telemetry: RecordedTelemetry, name: str, column: NDArray[Any]) -> N
     return names
 
 
+def modes_in_run(telemetry: RecordedTelemetry, axis: str) -> NDArray[np.int16]:
+    """Return the number of the mode in each cycle in RUN, and -1 in other states."""
+    state, mode = telemetry.cycles["state"], telemetry.axes[axis]["mode"]
+    running = state == list(telemetry.header.names["state"]).index(State.RUN)
+    return np.where(running, mode.astype(np.int16), np.int16(-1))
+
+
 def states(telemetry: RecordedTelemetry, axis: str) -> tuple[Span, ...]:
     """Return the states of the stage over time, in RUN with the mode of the axis."""
-    state = names_of(telemetry, "state", telemetry.cycles["state"])
-    mode = names_of(telemetry, "mode", telemetry.axes[axis]["mode"])
-    return _spans(telemetry.cycles["t_s"], np.where(state == "RUN", mode, state))
+    names, modes = telemetry.header.names, modes_in_run(telemetry, axis)
+    state = telemetry.cycles["state"].astype(np.int16)
+    # Numbers, not texts: an hour of texts has 200 MB.
+    numbers = np.where(modes < 0, state, len(names["state"]) + modes)
+    texts = (*names["state"], *names["mode"])
+    return _spans(telemetry.cycles["t_s"], [numbers], lambda row: texts[numbers[row]])
 
 
 def faults_present(telemetry: RecordedTelemetry) -> NDArray[np.str_]:
@@ -66,7 +78,13 @@ def faults_latched(telemetry: RecordedTelemetry) -> NDArray[np.str_]:
 
 def fault_spans(telemetry: RecordedTelemetry) -> dict[str, tuple[Span, ...]]:
     """Return the parts of a recording in which a fault was present, by the name of the fault."""
-    spans = _spans(telemetry.cycles["t_s"], faults_present(telemetry))
+    bits = _bits(telemetry, "present")
+    columns = [telemetry.cycles[name] for name in bits]
+    spans = _spans(
+        telemetry.cycles["t_s"],
+        columns,
+        lambda row: _names_of_bits([int(column[row]) for column in columns], bits.values()),
+    )
     faults = dict.fromkeys(fault for span in spans for fault in span.name.split())
     return {fault: tuple(span for span in spans if fault in span.name.split()) for fault in faults}
 
@@ -94,30 +112,43 @@ def irregularities(telemetry: RecordedTelemetry, axis: str) -> tuple[Irregularit
 
 def _fault_names(telemetry: RecordedTelemetry, mask: str) -> NDArray[np.str_]:
     """Return the names of the bits of a mask, which may be in two columns."""
-    bits = {name: bits for name, bits in telemetry.header.bits.items() if name.startswith(mask)}
-    if not bits:  # an older recording, which does not name its bits
+    bits = _bits(telemetry, mask)
+    if not bits:
         return np.full(telemetry.cycles["t_s"].size, "")
     columns = np.stack([telemetry.cycles[name] for name in bits], axis=1)
     # Masks change seldom: each different one is spelt out once.
     masks, places = np.unique(columns, axis=0, return_inverse=True)
-    texts = [
-        " ".join(
-            bit
-            for number, names in zip(row.tolist(), bits.values(), strict=True)
-            for place, bit in enumerate(names)
-            if number >> place & 1
-        )
-        for row in masks
-    ]
+    texts = [_names_of_bits(row.tolist(), bits.values()) for row in masks]
     return np.array(texts, dtype=np.str_)[places.reshape(-1)]
 
 
-def _spans(t_s: FloatArray, names: NDArray[np.str_]) -> tuple[Span, ...]:
+def _bits(telemetry: RecordedTelemetry, mask: str) -> dict[str, Sequence[str]]:
+    """Return the columns of a mask with the names of their bits; none of an older recording."""
+    return {name: bits for name, bits in telemetry.header.bits.items() if name.startswith(mask)}
+
+
+def _names_of_bits(numbers: Iterable[int], bits: Iterable[Sequence[str]]) -> str:
+    return " ".join(
+        bit
+        for number, names in zip(numbers, bits, strict=True)
+        for place, bit in enumerate(names)
+        if number >> place & 1
+    )
+
+
+def _spans(
+    t_s: FloatArray, columns: Sequence[NDArray[Any]], name_of: Callable[[int], str]
+) -> tuple[Span, ...]:
+    """Return the parts in which no column changes, each with the name of its first row."""
     if not t_s.size:
         return ()
-    begins = np.flatnonzero(np.concatenate(([True], names[1:] != names[:-1])))
+    changes = np.zeros(t_s.size, dtype=bool)
+    changes[0] = True
+    for column in columns:
+        changes[1:] |= column[1:] != column[:-1]
+    begins = np.flatnonzero(changes)
     ends = np.append(begins[1:], t_s.size - 1)
     return tuple(
-        Span(float(t_s[begin]), float(t_s[end]), str(names[begin]))
+        Span(float(t_s[begin]), float(t_s[end]), name_of(int(begin)))
         for begin, end in zip(begins, ends, strict=True)
     )

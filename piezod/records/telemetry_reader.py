@@ -1,7 +1,8 @@
 """Reading of a recording that `telemetry_file` wrote, as a whole or in part."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Any, Final
@@ -11,12 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.recording import Recording
 from piezod.records.telemetry_columns import ENTRY, FORMS
 from piezod.records.telemetry_events import AdoptedModel, read_events, read_models
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.telemetry_header_reader import read_header
 from piezod.telemetry.record import StageEvent
 
+_PORTION: Final = 2**15
+"""Records that a portion has at most."""
 _WEIGHTS: Final = ("weights", "weights_t_s", "weights_form")
 
 
@@ -130,42 +135,93 @@ def is_hdf5(path: Path) -> bool:
     return bool(h5py.is_hdf5(path))
 
 
-def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> RecordedTelemetry:
+def read_telemetry(
+    path: Path,
+    begin_s: float = -inf,
+    end_s: float = inf,
+    columns: Collection[str] | None = None,
+) -> RecordedTelemetry:
     """Return a recording; it may still be in progress, or incomplete.
 
     Args:
         path: Path of the file.
         begin_s: Start of the part to read, in s.
         end_s: End of the part to read, exclusive, in s.
+        columns: Names of the columns to read; all if None.
 
     Raises:
         DataError: If the file is not a recording of a stage.
         OSError: If the file cannot be opened, or is not HDF5.
     """
-    with h5py.File(path, "r", swmr=True, libver="v110") as file:
+    with _opened(path) as entry:
+        return _read(entry, _rows(entry, begin_s, end_s), (begin_s, end_s), columns)
+
+
+def read_portions(
+    path: Path,
+    begin_s: float = -inf,
+    end_s: float = inf,
+    columns: Collection[str] | None = None,
+) -> Iterator[RecordedTelemetry]:
+    """Yield a recording in portions of some 30,000 records; at least one, which may be empty.
+
+    Arguments and errors are those of `read_telemetry`.
+    """
+    with _opened(path) as entry:
+        rows, span_s = _rows(entry, begin_s, end_s), (begin_s, end_s)
+        whole = _read(entry, slice(rows.start, rows.start), span_s, columns)
+        for start in range(rows.start, max(rows.stop, rows.start + 1), _PORTION):
+            cycles, axes = _read_columns(
+                entry, slice(start, min(start + _PORTION, rows.stop)), columns
+            )
+            yield replace(whole, cycles=cycles, axes=axes)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.Group]:
+    cache = CHUNK_CACHE_BYTES
+    with h5py.File(path, "r", swmr=True, libver="v110", rdcc_nbytes=cache) as file:
         try:
-            return _read(file[ENTRY], begin_s, end_s)
+            entry = file[ENTRY]
+            _ = [entry[name] for name in ("cycles", "gaps")]
         except KeyError as error:
             raise DataError(
                 f"{path}: this is not the recording of a stage: {error.args[0]}; allowed are "
                 "files of `piezod record`; open other files with an HDF5 viewer"
             ) from error
+        yield entry
 
 
-def _read(entry: h5py.Group, begin_s: float, end_s: float) -> RecordedTelemetry:
-    names = list(entry.attrs["axes"])
-    cycles, axes = entry["cycles"], {name: entry[f"axis_{name}"] for name in names}
-    part = _part("t_s", [cycles, *axes.values()], begin_s, end_s)
+def _read(
+    entry: h5py.Group,
+    rows: slice,
+    span_s: tuple[float, float],
+    columns: Collection[str] | None,
+) -> RecordedTelemetry:
+    cycles, axes = _read_columns(entry, rows, columns)
     return RecordedTelemetry(
-        header=_read_header(entry),
+        header=read_header(entry),
         lost=int(entry.attrs["lost"]),
         gaps=entry["gaps"][()],
-        cycles=_columns(cycles, part),
-        axes={name: _columns(group, part) for name, group in axes.items()},
-        weights={name: _weights(entry, name, begin_s, end_s) for name in names},
+        cycles=cycles,
+        axes=axes,
+        weights={name: _weights(entry, name, *span_s) for name in axes},
         events=read_events(entry),
         adopted=read_models(entry),
     )
+
+
+def _read_columns(
+    entry: h5py.Group, rows: slice, names: Collection[str] | None
+) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, NDArray[Any]]]]:
+    """Return rows of the columns of the cycles, and of those of each axis."""
+    axes = {axis: _columns(entry[f"axis_{axis}"], rows, names) for axis in entry.attrs["axes"]}
+    return _columns(entry["cycles"], rows, names), axes
+
+
+def _rows(entry: h5py.Group, begin_s: float, end_s: float) -> slice:
+    axes = [entry[f"axis_{axis}"] for axis in entry.attrs["axes"]]
+    return _part("t_s", [entry["cycles"], *axes], begin_s, end_s)
 
 
 def _weights(entry: h5py.Group, axis: str, begin_s: float, end_s: float) -> dict[str, NDArray[Any]]:
@@ -185,55 +241,9 @@ def _part(time: str, groups: Sequence[h5py.Group], begin_s: float, end_s: float)
     return slice(int(begin), int(end))
 
 
-def _columns(group: h5py.Group, part: slice) -> dict[str, NDArray[Any]]:
-    return {name: dataset[part] for name, dataset in group.items()}
-
-
-def _read_header(entry: h5py.Group) -> TelemetryHeader:
-    fields = {
-        name: dataset
-        for key, group in entry.items()
-        if key == "cycles" or key.startswith("axis_")
-        for name, dataset in group.items()
-        if name != "t_s"
+def _columns(
+    group: h5py.Group, part: slice, names: Collection[str] | None = None
+) -> dict[str, NDArray[Any]]:
+    return {
+        name: dataset[part] for name, dataset in group.items() if names is None or name in names
     }
-    enumerations = {name: h5py.check_enum_dtype(each.dtype) for name, each in fields.items()}
-    return TelemetryHeader(
-        title=str(entry["title"].asstr()[()]),
-        axes=tuple(entry.attrs["axes"]),
-        rate_hz=float(entry.attrs["rate_hz"]),
-        started_at=str(entry["start_time"].asstr()[()]),
-        start_ns=int(entry.attrs["start_ns"]),
-        names={
-            name: tuple(sorted(numbers, key=numbers.__getitem__))
-            for name, numbers in enumerations.items()
-            if numbers and set(numbers) != {"FALSE", "TRUE"}  # h5py stores bool as such an enum
-        },
-        notes={
-            name: str(group["data"].asstr()[()])
-            for name, group in entry.items()
-            if group.attrs.get("NX_class") == "NXnote"
-        },
-        weights={
-            # Those of the start; the shape may have grown with an adopted model.
-            name: entry[f"weights_{name}/weights"].chunks[1]
-            for name in entry.attrs["axes"]
-            if f"weights_{name}" in entry
-        },
-        surfaces=tuple(
-            name
-            for name in entry.attrs["axes"]
-            if f"weights_{name}" in entry and entry[f"weights_{name}"].attrs.get("surface", False)
-        ),
-        descriptions={
-            name: str(each.attrs["description"])
-            for name, each in fields.items()
-            if "description" in each.attrs
-        },
-        bits={
-            name: tuple(text.partition(" = ")[2] for text in each.attrs["bits"])
-            for name, each in fields.items()
-            if "bits" in each.attrs
-        },
-        part=int(entry.attrs.get("part", 1)),
-    )

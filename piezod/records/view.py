@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
+from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.telemetry_columns import ENTRY
 
 _TIME: Final = "cycles/t_s"
@@ -86,7 +87,8 @@ class RecordingView:
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = h5py.File(path, "r", swmr=True, libver="v110")
+        cache = CHUNK_CACHE_BYTES
+        self._file = h5py.File(path, "r", swmr=True, libver="v110", rdcc_nbytes=cache)
         if f"{ENTRY}/{_TIME}" not in self._file:
             self._file.close()
             raise DataError(f"{path}: this is not the recording of a stage")

@@ -13,8 +13,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from piezod.web.access import METRICS, Access, Door
-from piezod.web.downloads import PATH as RECORDING
-from piezod.web.downloads import download
+from piezod.web.download import DownloadAnswer
 from piezod.web.metrics import PLAIN_TEXT, joined
 from piezod.web.stages import Stages
 from piezod.web.tab import Tab
@@ -43,11 +42,11 @@ def create_app(stages: Stages, access: Access) -> Starlette:
             return
         await Tab(f"{stages.client}:tab{next(numbers)}", websocket, stages).run()
 
+    async def recording(request: Request) -> Response:
+        return DownloadAnswer(stages, request.path_params["stage"], request.path_params["name"])
+
     async def metrics(_request: Request) -> Response:
         return PlainTextResponse(joined(await stages.metrics()), media_type=PLAIN_TEXT)
-
-    async def recording(request: Request) -> Response:
-        return await download(request, stages)
 
     async def figure(request: Request) -> Response:
         image = stages.jobs.figure(request.path_params["stage"])
@@ -59,7 +58,7 @@ def create_app(stages: Stages, access: Access) -> Starlette:
         routes=[
             Route("/", index),
             Route(METRICS, metrics),
-            Route(RECORDING, recording),
+            Route("/recordings/{stage}/{name}", recording),
             Route("/jobs/{stage}.png", figure),
             WebSocketRoute("/ws", socket),
             Mount("/static", StaticFiles(directory=_FILES)),

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import AsyncGenerator, Iterator
-from contextlib import contextmanager
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +12,14 @@ from piezod.client.errors import ended, translated
 from piezod.client.places import check_socket
 from piezod.client.results import Document
 from piezod.client.telemetry import LineSplitter
-from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request, is_error, telemetry_path
+from piezod.client.wire import (
+    TIMEOUT_S,
+    HttpRequest,
+    http_request,
+    is_error,
+    recording_path,
+    telemetry_path,
+)
 from piezod.config.requests import TABLE
 from piezod.errors import ClientError
 from piezod.web.errors import NOT_RUNNING, PageError, document_of, of_answer, of_connection
@@ -76,6 +83,19 @@ class Connections:
             raise of_answer(response)
         return response.content.decode(errors="replace")
 
+    @asynccontextmanager
+    async def recording(self, name: str) -> AsyncGenerator[httpcore.Response, None]:
+        """Yield the answer with the file of a recording, to be read block by block.
+
+        Raises:
+            PageError: If there is no such recording, or the daemon does not answer.
+        """
+        request = http_request("GET", recording_path(name), self._client)
+        with self._explained():
+            async with self._stream.stream(**request) as response:
+                await _check(response)
+                yield response
+
     async def status(self) -> Document:
         """Return the status, over a connection for emergency stops, which stays open by that.
 
@@ -118,9 +138,7 @@ class Connections:
         )
         with self._explained():
             async with self._stream.stream(**request) as response:
-                if is_error(response):
-                    await response.aread()
-                    raise of_answer(response)
+                await _check(response)
                 async for block in response.aiter_stream():
                     for line in lines.feed(block):
                         if line.startswith(_DATA):
@@ -151,3 +169,10 @@ class Connections:
                     raise
         except ClientError as error:
             raise of_connection(error) from error
+
+
+async def _check(response: httpcore.Response) -> None:
+    """Raise the error of an answer, of which nothing was read yet, if it is one."""
+    if is_error(response):
+        await response.aread()
+        raise of_answer(response)

@@ -16,6 +16,8 @@ NO_ANSWER: Final = "no_answer"
 NOT_ALLOWED: Final = "not_allowed"
 GONE: Final = (NOT_RUNNING, NO_ANSWER, NOT_ALLOWED)
 """Codes of the errors of a connection; with all others the daemon itself answers."""
+NOT_FOUND: Final = "not_found"
+"""Code of the error that there is no such stage, request or recording."""
 _CODES: Final[dict[type[ClientError], str]] = {
     NotRunningError: NOT_RUNNING,
     NotAllowedError: NOT_ALLOWED,

@@ -12,7 +12,7 @@ from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request
 from piezod.config.endpoints import LARGE_BODY, Endpoint
 from piezod.config.messages import describe
 from piezod.config.requests import TABLE
-from piezod.web.errors import PageError
+from piezod.web.errors import NOT_FOUND, PageError
 from piezod.web.job_commands import Identify, Learn, LookAtJob
 from piezod.web.message import Message
 from piezod.web.rows import RATE_HZ
@@ -121,7 +121,7 @@ def row_of(call: CallStage) -> Endpoint:
     row = _CALLABLE.get((call.method, path))
     if row is None or not _QUERY.fullmatch(query):
         what = f"{call.method[:8]} {call.path[:64]} is no request that a page may send"
-        raise PageError("not_found", what, "GET /v1/openapi lists all endpoints")
+        raise PageError(NOT_FOUND, what, "GET /v1/openapi lists all endpoints")
     return row
 
 

@@ -1,12 +1,34 @@
-"""The WebSocket of a tab on its connection, with a limit of time for a tab that does not read."""
+"""The connections of browsers, with limits of time: for a request, and for a tab that reads."""
 
 import asyncio
 from typing import Final
 
+from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 BLOCKED_S: Final = 5.0
 """Longest time that a text waits for its reader, in s."""
+REQUEST_S: Final = 10.0
+"""Longest time until the first request of a connection, in s; browsers open some in advance."""
+
+
+class PageProtocol(H11Protocol):
+    """HTTP until a request becomes a WebSocket."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as the base
+        """Wait for the first request, up to the limit."""
+        super().connection_made(transport)
+        self.loop.call_later(REQUEST_S, self._end_without_request)
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse data that is not HTTP; a request that it follows gets no other answer."""
+        super().send_400_response(msg)
+        if self.cycle is not None:
+            self.cycle.disconnected = True
+
+    def _end_without_request(self) -> None:
+        if self.cycle is None and self.transport.get_protocol() is self:
+            self.transport.abort()
 
 
 class TabProtocol(WebSocketsSansIOProtocol):

@@ -19,7 +19,7 @@ from piezod.errors import PiezodError
 from piezod.web.access import Access
 from piezod.web.app import create_app
 from piezod.web.messages import LONGEST
-from piezod.web.protocol import TabProtocol
+from piezod.web.protocol import PageProtocol, TabProtocol
 from piezod.web.stages import Stages
 
 _MAX_HEADER: Final = 16 * 1024
@@ -74,7 +74,7 @@ def make_server(app: Starlette) -> WebServer:
     """
     config = uvicorn.Config(
         app,
-        http="h11",
+        http=PageProtocol,
         ws=TabProtocol,
         ws_max_size=LONGEST,
         ws_per_message_deflate=False,  # it costs more than the loopback interface does

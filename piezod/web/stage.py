@@ -21,6 +21,8 @@ AT_MOST_EACH_S: Final = 0.2
 """Shortest time between two of them: near its tolerance a stage changes in every interval."""
 _AGAIN_S: Final = 0.3
 """Time until the next attempt to open the telemetry, in s."""
+_LAST_INTERVAL_S: Final = 0.2
+"""Time for a stream to end by itself, in s."""
 _MEASURED: Final = ("skipped_cycles", "gate")
 """Values of a status that change by themselves; numbers with a fraction are others."""
 
@@ -57,8 +59,10 @@ class WebStage:
     async def close(self) -> None:
         """End all tasks and connections."""
         self._watchers.clear()
-        await _ended(self._asking)
-        await self._end_stream()
+        if self._streaming is not None:
+            await asyncio.wait((self._streaming,), timeout=_LAST_INTERVAL_S)
+        for task in (self._asking, self._streaming):
+            await _ended(task)
         await self.connections.aclose()
 
     async def relocate(self, socket: Path) -> None:
@@ -74,14 +78,13 @@ class WebStage:
     def watch(self, tab: object, pacer: Pacer) -> None:
         """Send rows to a tab; the first watcher opens the stream."""
         self._watchers[tab] = pacer
-        if self._streaming is None:
+        if self._streaming is None or self._streaming.done():
             self._streaming = _task(self._stream())
         self._changed.set()
 
-    async def unwatch(self, tab: object) -> None:
-        """Send no more rows to a tab; after the last watcher the stream is closed."""
-        if self._watchers.pop(tab, None) is not None and not self._watchers:
-            await self._end_stream()
+    def unwatch(self, tab: object) -> None:
+        """Send no more rows to a tab; without watchers the stream ends with its next interval."""
+        self._watchers.pop(tab, None)
 
     async def refresh(self) -> None:
         """Ask for the status; publish it if more than measured values has changed.
@@ -113,11 +116,14 @@ class WebStage:
 
     async def _stream(self) -> None:
         state: object = None
-        while True:
+        while self._watchers:
             try:
                 async with aclosing(self.connections.telemetry()) as intervals:
                     async for interval in intervals:
+                        if not self._watchers:
+                            break
                         state = self._take(interval, state)
+                continue  # somebody may watch again since then
             except PageError as error:
                 # A daemon that refuses runs, but its loop has not started.
                 if error.document["code"] in GONE:
@@ -138,11 +144,6 @@ class WebStage:
         if state != before:
             self._changed.set()
         return state
-
-    async def _end_stream(self) -> None:
-        if self._streaming is not None:
-            streaming, self._streaming = self._streaming, None
-            await _ended(streaming)
 
     def _set_up(self) -> None:
         if self.up:
@@ -185,7 +186,8 @@ def _task(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
     return asyncio.get_running_loop().create_task(work)
 
 
-async def _ended(task: asyncio.Task[None]) -> None:
-    task.cancel()
-    with suppress(asyncio.CancelledError):
-        await task
+async def _ended(task: asyncio.Task[None] | None) -> None:
+    if task is not None:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task

@@ -1,15 +1,15 @@
 """All stages of this machine, and all tabs that look at them."""
 
 import asyncio
-from collections.abc import Callable
-from contextlib import aclosing, suppress
+from collections.abc import AsyncGenerator, Callable, Iterable
+from contextlib import aclosing, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from piezod.client.places import running_stages
 from piezod.client.results import Document
 from piezod.web.connections import Connections
-from piezod.web.errors import PageError
+from piezod.web.errors import NOT_FOUND, PageError
 from piezod.web.job_commands import LookAtJob
 from piezod.web.jobs import Jobs
 from piezod.web.messages import ReadRecording
@@ -67,7 +67,7 @@ class Stages:
         self._tabs.discard(tab)
         async with self._changing:
             for stage in self.all():
-                await stage.unwatch(tab)
+                stage.unwatch(tab)
             if self._tabs or self._looking is None:
                 return
             looking, self._looking = self._looking, None
@@ -90,9 +90,7 @@ class Stages:
             PageError: If no daemon of that name was found.
         """
         if name not in self._stages:
-            found = ", ".join(sorted(self._stages)) or "none"
-            what = f"no stage {name[:64]!r} on this machine"
-            raise PageError("not_found", what, f"stages: {found}")
+            raise _unknown(name, self._stages)
         return self._stages[name]
 
     async def read(self, wanted: ReadRecording) -> Document:
@@ -114,13 +112,25 @@ class Stages:
         stage = self.named(wanted.stage).name
         return self.jobs.end(stage) if wanted.do == "end_job" else self.jobs.document(stage)
 
+    @asynccontextmanager
+    async def visiting(self, name: str) -> AsyncGenerator[Connections, None]:
+        """Yield connections to a daemon for one use, which needs no open tab.
+
+        Raises:
+            PageError: If no daemon of that name runs.
+        """
+        sockets = await asyncio.to_thread(self._find)
+        if name not in sockets:
+            raise _unknown(name, sockets)
+        async with aclosing(Connections(sockets[name], self.client)) as connections:
+            yield connections
+
     async def metrics(self) -> list[str]:
         """Return the metrics of each stage whose daemon runs and answers."""
         texts = []
-        for socket in (await asyncio.to_thread(self._find)).values():
-            # Of their own, because a scrape may come while no tab is open.
-            async with aclosing(Connections(socket, self.client)) as connections:
-                with suppress(PageError):
+        for name in await asyncio.to_thread(self._find):
+            with suppress(PageError):
+                async with self.visiting(name) as connections:
                     texts.append(await connections.metrics())
         return texts
 
@@ -132,7 +142,8 @@ class Stages:
     async def _keep_looking(self) -> None:
         while True:
             await asyncio.sleep(LOOK_EACH_S)
-            await self._look()
+            with suppress(OSError):  # no descriptor is free just now
+                await self._look()
 
     async def _look(self) -> None:
         """Add the stages that have started; one may also have another socket than before."""
@@ -145,3 +156,8 @@ class Stages:
                 continue
             stage = self._stages[name] = WebStage(name, socket, self.client, self.publish)
             self.publish(encoded({"event": "stage", **stage.document()}))
+
+
+def _unknown(name: str, known: Iterable[str]) -> PageError:
+    what = f"no stage {name[:64]!r} on this machine"
+    return PageError(NOT_FOUND, what, f"stages: {', '.join(sorted(known)) or 'none'}")

@@ -96,7 +96,11 @@ class Tab:
             await self._wake.wait()
             self._wake.clear()
             while self._waiting:
-                await self._socket.send_text(self._next())
+                text = self._next()
+                try:
+                    await self._socket.send_text(text)
+                except RuntimeError:  # uvicorn has closed it after a frame that is not allowed
+                    return
 
     async def _receive(self) -> None:
         while True:
@@ -104,12 +108,12 @@ class Tab:
             if received["type"] == "websocket.disconnect":
                 return
             try:
-                await self._carry_out(messages.read(received.get("text") or ""))
+                self._carry_out(messages.read(received.get("text") or ""))
             except PageError as error:
                 self._answer(None, error)
             await asyncio.sleep(0)  # a tab that sends without pause delays no other one
 
-    async def _carry_out(self, message: messages.AnyMessage) -> None:
+    def _carry_out(self, message: messages.AnyMessage) -> None:
         try:
             match message:
                 case messages.EmergencyStop():
@@ -124,11 +128,11 @@ class Tab:
                 case LookAtJob():
                     self._answer(message.id, self._stages.look_at_job(message))
                 case messages.ListStages():
-                    self._answer(message.id, await self._list())
+                    self._answer(message.id, self._list())
                 case messages.Watch():
-                    self._answer(message.id, await self._watch(message))
+                    self._answer(message.id, self._watch(message))
                 case messages.Unwatch():
-                    await self._unwatch()
+                    self._unwatch()
                     self._answer(message.id, {})
         except PageError as error:
             self._answer(message.id, error)
@@ -164,22 +168,21 @@ class Tab:
         await self._release_lease(stage)  # the command needs it
         return self._stages.jobs.start(wanted, stage.connections.socket)
 
-    async def _list(self) -> Document:
+    def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]
         return {"client": self.name, "stages": stages}
 
-    async def _watch(self, message: messages.Watch) -> Document:
+    def _watch(self, message: messages.Watch) -> Document:
         stage = self._stages.named(message.stage)
-        if self._watched is not stage:  # a new rate does not interrupt the stream
-            await self._unwatch()
+        self._unwatch()
         self._watched = stage
         stage.watch(self, Pacer(message.rate_hz, self.put))
         return stage.document()
 
-    async def _unwatch(self) -> None:
+    def _unwatch(self) -> None:
         watched, self._watched = self._watched, None
         if watched is not None:
-            await watched.unwatch(self)
+            watched.unwatch(self)
 
     def _answer(self, number: int | None, result: Document | PageError) -> None:
         if isinstance(result, PageError):

@@ -26,9 +26,11 @@ class Machine:
     Attributes:
         config: A copy of the shipped configurations.
         stage: The daemon that was started last.
+        web: The server of the page.
     """
 
     stage: "subprocess.Popen[str]"
+    web: "subprocess.Popen[str]"
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -82,7 +84,8 @@ class Machine:
 
     def start_web(self) -> str:
         """Start the server of the page; return its address with the token."""
-        return self.line_of(self.start("web", "--port", "0"))
+        self.web = self.start("web", "--port", "0")
+        return self.line_of(self.web)
 
     def line_of(self, process: "subprocess.Popen[str]") -> str:
         """Return the next line that a process prints."""

@@ -24,7 +24,8 @@ def test_every_verb_has_a_section() -> None:
     own = {verb.__name__.replace("_", r"\-") for verbs in OWN_VERBS.values() for verb in verbs}
     asked = {verb.words for verb in client_verbs()}
     families = {words.partition(" ")[0] for words in asked if " " in words}
-    assert sections == own | asked | families | {"record repair"}
+    of_files = {f"record {word}" for word in ("show", "plot", "export", "replay", "repair")}
+    assert sections == own | asked | families | of_files
 
 
 def test_texts_are_no_requests() -> None:

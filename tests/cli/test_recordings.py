@@ -2,13 +2,17 @@
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from pyarrow import DictionaryType, parquet
 
+from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
+from piezod.records import telemetry_reader
 from piezod.records.figures.telemetry import telemetry_figure
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_marks import fault_spans, irregularities, states
@@ -120,6 +124,59 @@ def test_table_has_names_and_units(piezod: Command, recording: Path) -> None:
     assert "present_lo" not in rows[0]
 
 
+def test_parquet_has_units(piezod: Command, recording: Path) -> None:
+    """Parquet has the columns of CSV, with units and descriptions; texts are categories."""
+    csv_columns = json.loads(piezod("export", recording, "--json").out)["columns"]
+    code, out, _ = piezod("export", recording, "--out", "rec.parquet")
+    table = parquet.read_table("rec.parquet")
+    drive_v = table.schema.field("drive_v").metadata
+
+    assert (code, out.partition(",")[0]) == (0, f"rec.parquet: {table.num_rows} rows")
+    assert table.schema.names == csv_columns
+    with h5py.File(recording) as file:
+        assert table["drive_v"].to_pylist() == file["recording/axis_x/drive_v"][:].tolist()
+        assert (
+            drive_v[b"description"].decode()
+            == (file["recording/axis_x/drive_v"].attrs["description"])
+        )
+    assert drive_v[b"units"] == b"V"
+    assert set(table["mode"].to_pylist()) == {"uncompensated", "feedforward"}
+    assert isinstance(table.schema.field("mode").type, DictionaryType)
+    assert json.loads(table.schema.metadata[b"piezod.configuration"])["axes"].keys() == {"x"}
+
+
+def test_parquet_without_its_library(
+    piezod: Command, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without pyarrow the command says how to install it, and writes nothing."""
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    code, _, err = piezod("export", recording, "--out", "rec.parquet")
+
+    assert code == 1
+    assert "pip install 'piezod[parquet]'" in err
+    assert not Path("rec.parquet").exists()
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_long_table_is_written_in_portions(
+    piezod: Command, recording: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    """The table does not depend on the size of the portions, and a part may be written."""
+    piezod("export", recording, "--out", f"whole.{ending}")
+    monkeypatch.setattr(telemetry_reader, "_PORTION", 300)
+    piezod("export", recording, "--out", f"portions.{ending}")
+    part = json.loads(piezod("export", recording, "--begin-s", 1, "--end-s", 2, "--json").out)
+
+    if ending == "csv":
+        assert Path("whole.csv").read_bytes() == Path("portions.csv").read_bytes()
+    else:
+        whole, portions = map(parquet.read_table, ("whole.parquet", "portions.parquet"))
+        for name in whole.schema.names:
+            np.testing.assert_array_equal(whole[name].to_pylist(), portions[name].to_pylist())
+    rows = Path("rec.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert len(rows) == part["rows"] == 499
+
+
 def test_table_of_several_axes_names_them(tmp_path: Path) -> None:
     """With several axes the columns of an axis begin with its name; with one they do not."""
     file = tmp_path / "two.h5"
@@ -137,7 +194,7 @@ def test_table_of_several_axes_names_them(tmp_path: Path) -> None:
         (("plot", "rec.h5", "--axis", "y"), "no axis y; its axes are x"),
         (("plot", "rec.h5", "--begin-s", 99), "no cycle is recorded in this part"),
         (("plot", "text.h5"), "text.h5: this is not an HDF5 file"),
-        (("export", "rec.h5", "--out", "a.xls"), "must end in .csv (got a.xls)"),
+        (("export", "rec.h5", "--out", "a.xls"), "must end in .csv or .parquet (got a.xls)"),
         (("plot", "rec.h5", "--out", "a.jpg"), "must end in .png or .svg or .pdf"),
     ],
 )
@@ -168,6 +225,25 @@ def test_replay_repeats_and_compares(piezod: Command, recording: Path) -> None:
     assert document["stand_in_rms_um"] < 0.1
     assert [row["replayed"] for row in document["modes"]] == ["trimmed", "trimmed"]
     assert document["modes"][0]["rms_um"] < 0.1 < document["modes"][0]["recorded_rms_um"]
+
+
+def test_replay_uses_the_model_that_was_adopted(piezod: Command, recording: Path) -> None:
+    """The model in use at the begin of the part decides, not that at the start of the file."""
+    model = shipped_config().axes["x"].model
+    assert model is not None
+    first = load_model(model)
+    weights = tuple(2 * weight for weight in first.right_stop_weights)
+    other = first.model_copy(update={"right_stop_weights": weights})
+    Path("rec.h5").write_bytes(recording.read_bytes())
+    with h5py.File("rec.h5", "r+") as file:
+        adopted = file["recording/adopted_models"]
+        row = {"t_ns": file["recording/cycles/t_ns"][0], "axis": "x", "text": dump_model(other)}
+        for name, value in {**row, "t_s": 0.0}.items():
+            adopted[name].resize(1, axis=0)
+            adopted[name][0] = value
+
+    assert json.loads(piezod("replay", recording, "--json").out)["repeats"]
+    assert not json.loads(piezod("replay", "rec.h5", "--json").out)["repeats"]
 
 
 def test_replay_needs_a_model(piezod: Command, recording: Path) -> None:

@@ -273,6 +273,19 @@ def test_recording_survives_a_full_disk(file: Path) -> None:
     np.testing.assert_array_equal(seqs, np.arange(seqs.size))
 
 
+def test_memory_does_not_grow_with_the_file(file: Path) -> None:
+    """The supervisor records for days: HDF5 keeps no chunk that has been written."""
+    with TelemetryWriter(file, replace(header(), rate_hz=20_000.0), record_dtype()) as writer:
+        portion = records(0, 8192)
+        sizes_mb = []
+        for _ in range(40):
+            writer.append(portion)
+            pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+            sizes_mb.append(int(pages) * os.sysconf("SC_PAGESIZE") / 1e6)
+
+    assert sizes_mb[-1] - sizes_mb[4] < 5.0
+
+
 def test_file_explains_itself(file: Path) -> None:
     """With h5py alone each column shows its unit, its meaning, and the names of its numbers."""
     write(file, (0, 3))
@@ -350,6 +363,8 @@ def test_weights_of_a_longer_model_are_kept(file: Path) -> None:
             t_ns = START_NS + at * 1_000_000_000
             writer.append_weights("x", t_ns, weights, surface=False)
             writer.append(records(1000 * at, 1000 * at + 1000))
+            meanwhile = read_telemetry(file).weights["x"]["weights"]
+            assert meanwhile[-1][: len(weights)].tolist() == weights
     read = read_telemetry(file)
 
     assert read.header == said

@@ -105,21 +105,3 @@ def test_the_oldest_copies_make_room(tmp_path: Path) -> None:
     for path in paths:
         cache.add(path, lambda file: file.write_bytes(bytes(100)))
     assert [path.exists() for path in paths] == [False, True, True]
-
-
-def test_a_recording_is_downloaded_as_it_is(web: Web, recording: Path) -> None:
-    """The download has the bytes of the file and its name."""
-    with web.tab():  # stages are known while a tab is open
-        answer = web.request("GET", f"/recordings/bench/{NAME}.h5", Cookie=web.cookie())
-    assert answer.content == recording.read_bytes()
-    assert f'filename="{NAME}.h5"' in answer.headers["content-disposition"]
-
-
-@pytest.mark.parametrize("path", [f"bench/{NAME}x", "other/a", "bench/..%2fa"])
-def test_an_unknown_download_is_refused_in_words(web: Web, recording: Path, path: str) -> None:
-    """The answer has the document of the error."""
-    assert recording.is_file()
-    with web.tab():
-        answer = web.request("GET", f"/recordings/{path}.h5", Cookie=web.cookie())
-
-    assert answer.status_code == 404

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+import httpx
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -23,6 +24,7 @@ from piezod.web import connections, protocol
 from piezod.web import tab as tab_module
 from piezod.web.stage import AT_MOST_EACH_S
 from piezod.web.tab import MOST_CALLS
+from tests.daemon.daemons import NO_TLS
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
 from tests.web.browser import Tab, Web, close_code
@@ -278,6 +280,37 @@ def test_socket_that_is_closed_to_this_user(
             other.rename(daemon.socket)
 
     assert (error["code"], error["remedy"]) == ("not_allowed", refusal.remedy)
+
+
+def test_recording_is_downloaded(web: Web, daemon: Served) -> None:
+    """A link in the page leads to the file of a recording, which arrives unchanged."""
+    content = bytes(range(256)) * 4000
+    (daemon.stage.recordings_folder / "scan.h5").write_bytes(content)
+    cookie = web.cookie()
+
+    file = web.request("GET", "/recordings/bench/scan", Cookie=cookie)
+    missing = web.request("GET", "/recordings/bench/none", Cookie=cookie)
+    nowhere = web.request("GET", "/recordings/other/scan", Cookie=cookie)
+
+    assert file.content == content
+    assert file.headers["content-disposition"] == 'attachment; filename="scan.h5"'
+    assert file.headers["content-length"] == str(len(content))
+    assert (missing.status_code, missing.json()["error"]["code"]) == (404, "not_found")
+    assert (nowhere.status_code, nowhere.json()["error"]["remedy"]) == (404, "stages: bench")
+    assert web.request("GET", "/recordings/bench/scan").status_code == 401
+
+
+def test_abandoned_download_ends_at_the_daemon(web: Web, daemon: Served) -> None:
+    """A browser that leaves in the middle of a file leaves no download behind."""
+    file = daemon.stage.recordings_folder / "scan.h5"
+    with file.open("wb") as opened:
+        opened.truncate(2**30)
+    url = f"http://{web.host}/recordings/bench/scan"
+    with httpx.stream("GET", url, headers={"Cookie": web.cookie()}, verify=NO_TLS) as response:
+        assert len(next(response.iter_raw()))
+        assert daemon.app.state.service.downloads
+
+    eventually(lambda: not daemon.app.state.service.downloads)
 
 
 def test_daemon_that_ends_and_starts_again(tmp_path: Path) -> None:

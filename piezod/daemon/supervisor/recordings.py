@@ -138,8 +138,13 @@ class StageRecordings:
 
         Raises:
             UnknownNameError: If there is none of that name.
+            NotNowError: If the disk refuses the mark.
         """
-        if not await asyncio.to_thread(self._recorder.folder.keep, name, kept):
+        try:
+            found = await asyncio.to_thread(self._recorder.folder.keep, name, kept)
+        except OSError as error:
+            raise NotNowError(f"the mark was not changed: {error}", "look at the disk") from error
+        if not found:
             what = f"no recording {name[:100]!r}"
             raise UnknownNameError(what, "`piezod record list` shows them")
         return {"name": name, "kept": kept}

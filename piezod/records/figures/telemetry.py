@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from piezod.config.states import State
 from piezod.records.figures.overview import MODE_MARKS
 from piezod.records.figures.style import (
     COMMAND,
@@ -29,11 +28,18 @@ from piezod.records.telemetry_marks import (
     Span,
     fault_spans,
     irregularities,
-    names_of,
+    modes_in_run,
     states,
 )
 from piezod.records.telemetry_reader import RecordedTelemetry
 
+COLUMNS: Final = frozenset(
+    {
+        *("t_s", "seq", "state", "skipped", "late_ns", "present_lo", "present_hi"),
+        *("mode", "position_um", "command_um", "in_force_v", "uncompensated_v"),
+    }
+)
+"""The columns that the figure shows."""
 _LABELLED_SHARE: Final = 0.012
 """Room for a letter of a state's name, as a share of the duration."""
 _STATE_COLOURS: Final = {"HOLD": "#F0B97A", "FAULT": "#E58A6B", "ESTOP": "#E58A6B"}
@@ -153,21 +159,23 @@ def _draw_irregularities(
     axes.grid(visible=False, axis="y")
 
 
-def _mode_of_each_cycle(telemetry: RecordedTelemetry, axis: str) -> NDArray[np.str_]:
-    """Return the mode in RUN and `_NOT_RUNNING` otherwise, shape (n_records,)."""
-    running = names_of(telemetry, "state", telemetry.cycles["state"]) == State.RUN.value
-    return np.where(
-        running, names_of(telemetry, "mode", telemetry.axes[axis]["mode"]), _NOT_RUNNING
-    )
+def _modes(telemetry: RecordedTelemetry, axis: str) -> dict[str, NDArray[np.bool_]]:
+    """Return in which cycles each mode was in RUN, and in which none was, in order of time."""
+    numbers, names = modes_in_run(telemetry, axis), telemetry.header.names["mode"]
+    found, first = np.unique(numbers, return_index=True)
+    return {
+        _NOT_RUNNING if number < 0 else names[number]: numbers == number
+        for number in found[np.argsort(first)].tolist()
+    }
 
 
 def _draw_loop(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
-    columns, modes = telemetry.axes[axis], _mode_of_each_cycle(telemetry, axis)
+    columns = telemetry.axes[axis]
     entries: dict[str, Line2D] = {}
-    for name in dict.fromkeys(modes.tolist()):
+    for name, rows in _modes(telemetry, axis).items():
         mark = MODE_MARKS.get(name)
         # NaN leaves out the other modes.
-        position_um = np.where(modes == name, columns["position_um"], np.nan)
+        position_um = np.where(rows, columns["position_um"], np.nan)
         style = {"color": mark.colour if mark else _IDLE, "linewidth": 1.0}
         entries[name] = draw_trace(axes, columns["in_force_v"], position_um, **style)
     axes.set(
@@ -180,13 +188,13 @@ def _draw_loop(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
 
 def _write_errors(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     """Write the errors of each mode as a small table."""
-    columns, modes = telemetry.axes[axis], _mode_of_each_cycle(telemetry, axis)
+    columns = telemetry.axes[axis]
     error_um = np.abs(columns["position_um"] - columns["command_um"])
     axes.set_axis_off()
     axes.set_title("(f) Error in RUN")
     rows = [("mode", "time (s)", "rms (µm)", "worst (µm)")]
-    for name in dict.fromkeys(modes.tolist()):
-        judged = error_um[(modes == name) & np.isfinite(error_um)]
+    for name, rows_of in _modes(telemetry, axis).items():
+        judged = error_um[rows_of & np.isfinite(error_um)]
         if name != _NOT_RUNNING and judged.size:
             rms_um, worst_um = np.sqrt(np.mean(judged**2)), np.max(judged)
             duration_s = judged.size / telemetry.header.rate_hz

@@ -29,7 +29,7 @@ export function insideText(contents) {
 
 /** Return a link that downloads the file of a recording. */
 export function downloadLink(stage, name) {
-  const href = `/recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}.h5`;
+  const href = `/recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
   return el("a", { class: "button", href, download: `${name}.h5`, "aria-label": `Download ${name}` }, "Download");
 }
 

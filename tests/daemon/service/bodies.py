@@ -31,6 +31,7 @@ BODIES: Final[dict[str, Any]] = {
     "model": {"model": MODEL},
     "stream": {"x": 1.0},
     "params/restore": {"sequence": 1},
+    "recordings/keep": {"name": "20261121T120000Z"},
 }
 
 

@@ -58,7 +58,7 @@ def test_the_table_gives_these_rights() -> None:
     }
     assert {path for path, access in post.items() if not access.lease} == {
         *("hold", "stop", "estop", "disarm", "params/save", "shutdown"),
-        *("recordings/start", "recordings/stop"),
+        *("recordings/start", "recordings/stop", "recordings/keep"),
     }
     assert others == {"audit"}
 

@@ -1,5 +1,6 @@
 """Recordings in several files, with events and models, and the limit of their folder."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -73,15 +74,15 @@ def test_recording_goes_on_in_the_next_file(recorder: Recorder, ring: FakeRing) 
 
 def test_file_ends_at_its_size(recorder: Recorder, ring: FakeRing) -> None:
     """The next records after the size was reached are in the next file."""
-    recorder.start(header(), limits=RecordingLimits(file_bytes=50_000))
-    for _ in range(20):
+    recorder.start(header(), limits=RecordingLimits(file_bytes=30_000))
+    for _ in range(8):
         run(recorder, ring, 1000)
     status = recorder.stop()
     sizes = [each.size_bytes for each in recorder.folder.files()]
 
     assert status.files == len(sizes) > 2
-    assert all(50_000 <= size < 200_000 for size in sizes[1:])
-    np.testing.assert_array_equal(joined(files(recorder)).cycles["seq"], np.arange(300, 20_300))
+    assert all(30_000 <= size < 200_000 for size in sizes[1:])
+    np.testing.assert_array_equal(joined(files(recorder)).cycles["seq"], np.arange(300, 8300))
 
 
 def test_each_file_has_the_model_in_use(recorder: Recorder, ring: FakeRing) -> None:
@@ -206,6 +207,27 @@ def test_recording_beyond_the_limit_ends(recorder: Recorder) -> None:
 
     assert "fetch and delete some, or raise max_total_mb" in recorder.status.why
     assert recorder.status.disk_full
+
+
+@pytest.mark.fault("P6")
+def test_disk_without_room_for_the_next_file(
+    recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The recording ends with the reason, and the file before is complete."""
+    recorder.start(header(), limits=EVERY_SECOND)
+    run(recorder, ring, 1000)
+
+    def fail(*_arguments: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", fail)
+    ring.run(500)
+    eventually(lambda: not recorder.status.recording)
+    (found,) = files(recorder)
+
+    assert "No space left" in recorder.status.why
+    assert (recorder.status.disk_full, recorder.status.files) == (True, 1)
+    np.testing.assert_array_equal(found.cycles["seq"], np.arange(300, 1300))
 
 
 KILLED = """

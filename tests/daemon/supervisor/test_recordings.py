@@ -11,7 +11,7 @@ from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.states import State
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import UnknownNameError
+from piezod.daemon.service.stage_service import NotNowError, UnknownNameError
 from piezod.records.telemetry_reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.events import EventWriter
@@ -93,3 +93,16 @@ def test_configuration_limits_the_recordings(bench: Bench) -> None:
     assert (folder / f"{running}.h5").exists()
     with pytest.raises(UnknownNameError, match="no recording 'x'"):
         asyncio.run(bench.link.keep_recording("x", PEER, kept=True))
+
+
+def test_mark_on_a_disk_that_refuses_it(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The client gets the reason of the disk."""
+
+    def fail(_path: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    (bench.link.recordings_folder / "20240501T120000Z.h5").touch()
+    monkeypatch.setattr(Path, "touch", fail)
+
+    with pytest.raises(NotNowError, match=r"the mark was not changed: .*No space left"):
+        asyncio.run(bench.link.keep_recording("20240501T120000Z", PEER, kept=True))
