@@ -1,6 +1,6 @@
 /** The log of a stage: what this page has seen, and the commands of all clients. */
 
-import { el } from "./dom.js";
+import { el, withCode } from "./dom.js";
 import { clockTime } from "./format.js";
 
 const MOST = 200;
@@ -21,7 +21,7 @@ export function eventsPanel(context) {
 
   const draw = () => list.replaceChildren(...log.entries.map(({ when, text, kind, times }) => el(
     "li", { class: kind }, el("time", { datetime: when.toISOString() }, clockTime(when)),
-    el("span", {}, times > 1 ? `${text} (${times} times)` : text),
+    el("span", {}, withCode(times > 1 ? `${text} (${times} times)` : text)),
   )));
   const add = (text, kind = "", when = new Date()) => {
     // What repeats is one entry with a number: a fault may come and go many times a second.

@@ -3,6 +3,7 @@
 import { CommandCard, NewestOnly, button } from "./command_card.js";
 import { el, field } from "./dom.js";
 import { fixed } from "./format.js";
+import { niceStep } from "./signals.js";
 
 const STEPS_UM = ["0.01", "0.1", "1", "5"];
 const LARGER = 10; // times the step, with Shift
@@ -85,8 +86,7 @@ export function positionCard(context, axis) {
     slider.disabled = !range;
     if (!range) return;
     [slider.min, slider.max] = range;
-    // `any` has no steps for the keyboard; a thousandth of the range is one.
-    slider.step = Number(((range[1] - range[0]) / 1000).toPrecision(1));
+    slider.step = niceStep((range[1] - range[0]) / 2000); // `any` has no steps for the keyboard
     range.forEach((each, index) => (ends[index].textContent = `${fixed(each, 1)} µm`));
     const { target_um = null, position_um = null } = axis.newest() ?? {};
     if (jogged != null && target_um === jogged) jogged = null; // the stage has taken it

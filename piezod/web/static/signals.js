@@ -29,7 +29,7 @@ export function histogram(values, least) {
 }
 
 /** Return the smallest of 1, 2 and 5 times a power of ten that is not below a value. */
-function niceStep(value) {
+export function niceStep(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return power * [1, 2, 5, 10].find((each) => each * power >= value * (1 - 1e-9));
 }
