@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
+from shutil import which
 
 import pytest
 
@@ -25,6 +26,9 @@ def run_page(
     page: str, folder: Path, kinds: set[str], slower: Mapping[str, str], python: str = ""
 ) -> None:
     """Run the blocks of a page one after the other, as a reader copies them."""
+    texts = [block.text for block in blocks(ROOT / page) if block.kind in kinds]
+    if any("curl " in text for text in texts) and which("curl") is None:
+        pytest.skip("the page uses curl, which this machine lacks")
     setting = SETTINGS.get(page, Setting())
     with workspace(folder, setting.prepare, setting.words, slower, python) as place:
         place.shell(setting.before, f"before {page}")
