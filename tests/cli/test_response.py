@@ -29,9 +29,9 @@ def rig(folder: Path) -> Iterator[Daemon]:
 def recorded(folder: Path) -> Path:
     """Return a recorded random drive of a stage with a mode at 80 Hz."""
     rng = np.random.default_rng(1)
-    drive_v = 75.0 + rng.standard_normal(20_000)
+    drive_v = 75.0 + rng.standard_normal(8_000)
     position_um = 0.1 * answer(model_of(0.0, (80.0, 0.05, 1.0)), drive_v, 1000.0, 1)
-    columns = {"t_s": np.arange(20_000) / 1000.0, "drive_v": drive_v}
+    columns = {"t_s": np.arange(8_000) / 1000.0, "drive_v": drive_v}
     write_csv(folder / "r.csv", {**columns, "position_um": position_um})
     return folder / "r.csv"
 

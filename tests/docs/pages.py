@@ -17,13 +17,10 @@ from tests.recorded import RATE_HZ, new_stage, sine, write_recording
 SOCKET_FOLDER: Final = "{XDG_RUNTIME_DIR}/piezod/simulated"
 RUN: Final = "piezod run config/simulated.yaml"
 QUICK: Final = (
-    "docs/client.md",
-    "docs/commissioning.md",
     "docs/how-to/read-a-recording.md",
     "docs/monitoring.md",
-    "docs/stage.md",
 )
-"""Pages that `make test` runs; all of them take 16 s of processor time."""
+"""Pages that `make test` runs."""
 ELSEWHERE: Final = {"docs/writing-a-driver.md": "tests/devices/test_writing_a_driver.py"}
 """Pages whose blocks form one program, and the test that runs it."""
 

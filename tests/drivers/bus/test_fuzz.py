@@ -25,7 +25,7 @@ every_profile = pytest.mark.parametrize(
         for each in PROFILES
     ],
 )
-few = settings(max_examples=20, suppress_health_check=list(HealthCheck))
+few = settings(max_examples=10, suppress_health_check=list(HealthCheck))
 
 Change = Callable[[bytes], bytes]
 

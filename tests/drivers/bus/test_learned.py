@@ -117,12 +117,10 @@ def known_axis(interval_ns: int, lag_s: float) -> KnownAxis:
     return KnownAxis(makes, model().creep, response, SENSOR_DELAY_S)
 
 
-DEVICES = pytest.mark.parametrize(
-    # An output of a LabJack follows the sample of its scan, and acts in the next step of the rig.
-    ("connect", "lag_s"),
-    [(labjack, ONE_POINT_S), (pi, 0.0)],
-    ids=["labjack-t7", "pi-gcs2"],
-)
+# An output of a LabJack follows the sample of its scan, and acts in the next step of the rig.
+LABJACK = pytest.param(labjack, ONE_POINT_S, id="labjack-t7")
+PI = pytest.param(pi, 0.0, id="pi-gcs2", marks=pytest.mark.stress)
+DEVICES = pytest.mark.parametrize(("connect", "lag_s"), [LABJACK, PI])
 
 
 WAVES = pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def fit() -> Fit:
     ("mode", "delay_s"),
     [
         pytest.param(MODE, 0.0011, marks=pytest.mark.stress),
-        (MODE._replace(lag_s=5e-4), 0.0011),
+        pytest.param(MODE._replace(lag_s=5e-4), 0.0011, marks=pytest.mark.stress),
         pytest.param(FirstMode(60.0, 0.2), 0.0, marks=pytest.mark.stress),
         (FirstMode(430.0, 0.008), 0.0003),
     ],

@@ -43,7 +43,7 @@ def dwell_then_swing(
     return dwelling, after.tolist()
 
 
-@pytest.mark.parametrize("dwell_s", [20.0, pytest.param(600.0, marks=pytest.mark.stress)])
+@pytest.mark.parametrize("dwell_s", [10.0, pytest.param(600.0, marks=pytest.mark.stress)])
 def test_dwell_does_not_spoil_the_full_swing(
     beyond_stage: Identified, figure: Figure, dwell_s: float
 ) -> None:
