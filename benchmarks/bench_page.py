@@ -24,6 +24,8 @@ from websockets.typing import Origin
 
 from piezod.client import running_stages
 
+STAGE: Final = "page"
+RATE_HZ: Final = 1000
 TABS: Final = 3
 MEASURED_S: Final = 20.0
 ROUNDS: Final = 3
@@ -70,28 +72,35 @@ async def read(socket: ClientConnection, events: list[int]) -> None:
             events[0] += len(message["t_s"])
 
 
-async def use(url: str, pids: dict[str, int]) -> None:
-    """Measure without tabs, with tabs, and after them."""
+async def opened_tabs(url: str, stack: AsyncExitStack) -> list[ClientConnection]:
+    """Open tabs that watch the stage; they are closed with the stack."""
     address = urlsplit(url)
     async with httpcore.AsyncConnectionPool() as http:
         answer = await http.request("GET", url)
     cookie = dict(answer.headers)[b"set-cookie"].partition(b";")[0].decode()
+    tabs = []
+    for _ in range(TABS):
+        socket = await stack.enter_async_context(
+            connect(
+                f"ws://{address.netloc}/ws",
+                origin=Origin(f"http://{address.netloc}"),
+                additional_headers={"Cookie": cookie},
+                compression=None,
+            )
+        )
+        await socket.send(json.dumps({"id": 1, "do": "watch", "stage": STAGE}))
+        tabs.append(socket)
+    return tabs
+
+
+async def use(url: str, pids: dict[str, int]) -> None:
+    """Measure without tabs, with tabs, and after them."""
     events = [0]
     await measured("no tab", pids, events)
     for number in range(ROUNDS):
         async with AsyncExitStack() as stack:
-            readers = []
-            for _ in range(TABS):
-                socket = await stack.enter_async_context(
-                    connect(
-                        f"ws://{address.netloc}/ws",
-                        origin=Origin(f"http://{address.netloc}"),
-                        additional_headers={"Cookie": cookie},
-                        compression=None,
-                    )
-                )
-                await socket.send(json.dumps({"id": 1, "do": "watch", "stage": "page"}))
-                readers.append(asyncio.create_task(read(socket, events)))
+            tabs = await opened_tabs(url, stack)
+            readers = [asyncio.create_task(read(socket, events)) for socket in tabs]
             await asyncio.sleep(2.0)
             await measured(f"{TABS} tabs, round {number + 1}", pids, events)
             for reader in readers:
@@ -108,28 +117,37 @@ def wait_until_up(environ: dict[str, str], page: Path) -> None:
         time.sleep(0.2)
 
 
+def started(stack: ExitStack) -> tuple[dict[str, int], str]:
+    """Start the stage at 1 kHz and the server; return their processes and the address.
+
+    The environment then has their folders, so that clients of this process find the stage.
+    """
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pz-")))
+    os.environ.update(XDG_RUNTIME_DIR=str(folder), XDG_STATE_HOME=str(folder))
+    config = folder / f"{STAGE}.yaml"
+    text = (CONFIG / "simulated.yaml").read_text(encoding="utf-8")
+    text = text.replace("rate_hz: 200", f"rate_hz: {RATE_HZ}")
+    config.write_text(text.replace("models/", f"{CONFIG}/models/"), encoding="utf-8")
+    page = folder / "page.txt"
+    pids = {}
+    with page.open("w") as out:
+        commands = {"supervisor": ("run", str(config)), "page": ("web", "--port", "0")}
+        for name, arguments in commands.items():
+            process = subprocess.Popen(  # noqa: S603 - ours
+                (*PIEZOD, *arguments), stdout=out, stderr=subprocess.DEVNULL
+            )
+            stack.enter_context(process)
+            stack.callback(process.terminate)
+            pids[name] = process.pid
+    wait_until_up(dict(os.environ), page)
+    return pids, page.read_text(encoding="utf-8").strip()
+
+
 def main() -> None:
     """Measure and print."""
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pz-")))
-        environ = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "XDG_STATE_HOME": str(folder)}
-        config = folder / "page.yaml"
-        text = (CONFIG / "simulated.yaml").read_text(encoding="utf-8")
-        text = text.replace("rate_hz: 200", "rate_hz: 1000").replace("models/", f"{CONFIG}/models/")
-        config.write_text(text, encoding="utf-8")
-        page = folder / "page.txt"
-        pids = {}
-        with page.open("w") as out:
-            commands = {"supervisor": ("run", str(config)), "page": ("web", "--port", "0")}
-            for name, arguments in commands.items():
-                process = subprocess.Popen(  # noqa: S603 - ours
-                    (*PIEZOD, *arguments), env=environ, stdout=out, stderr=subprocess.DEVNULL
-                )
-                stack.enter_context(process)
-                stack.callback(process.terminate)
-                pids[name] = process.pid
-        wait_until_up(environ, page)
-        asyncio.run(use(page.read_text(encoding="utf-8").strip(), pids))
+        pids, url = started(stack)
+        asyncio.run(use(url, pids))
 
 
 if __name__ == "__main__":

@@ -7,27 +7,19 @@ take, and their memory; at the end the sums, and whether a cycle is missing in a
 
 import argparse
 import asyncio
-import json
-import os
-import subprocess
 import tempfile
 import time
 from contextlib import AsyncExitStack, ExitStack
 from pathlib import Path
 from typing import Final, NamedTuple
-from urllib.parse import urlsplit
 
 import h5py
-import httpcore
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.typing import Origin
+from websockets.asyncio.client import ClientConnection
 
-from benchmarks.bench_page import CONFIG, PIEZOD, TABS, cpu_s, resident_mb, wait_until_up
+from benchmarks.bench_page import RATE_HZ, STAGE, cpu_s, opened_tabs, resident_mb, started
 from piezod.client import StageClient
 from piezod.config.waveforms import Sine
 
-STAGE: Final = "page"
-RATE_HZ: Final = 1000
 SINE: Final = Sine(kind="sine", low=2.0, high=20.0, frequency_hz=1.0)
 
 
@@ -56,22 +48,9 @@ async def drain(socket: ClientConnection) -> None:
 
 
 async def with_page(url: str, duration_s: float) -> None:
-    """Hold three tabs open that watch the stage."""
-    address = urlsplit(url)
-    async with httpcore.AsyncConnectionPool() as http:
-        answer = await http.request("GET", url)
-    cookie = dict(answer.headers)[b"set-cookie"].partition(b";")[0].decode()
+    """Hold tabs open that watch the stage."""
     async with AsyncExitStack() as stack:
-        for _ in range(TABS):
-            socket = await stack.enter_async_context(
-                connect(
-                    f"ws://{address.netloc}/ws",
-                    origin=Origin(f"http://{address.netloc}"),
-                    additional_headers={"Cookie": cookie},
-                    compression=None,
-                )
-            )
-            await socket.send(json.dumps({"id": 1, "do": "watch", "stage": STAGE}))
+        for socket in await opened_tabs(url, stack):
             stack.callback(asyncio.create_task(drain(socket)).cancel)
         await asyncio.sleep(duration_s)
 
@@ -154,27 +133,7 @@ def main() -> None:
     parser.add_argument("--spans", type=int, default=6)
     options = parser.parse_args()
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pz-")))
-        os.environ.update(XDG_RUNTIME_DIR=str(folder), XDG_STATE_HOME=str(folder))
-        config = folder / f"{STAGE}.yaml"
-        text = (CONFIG / "simulated.yaml").read_text(encoding="utf-8")
-        text = text.replace("rate_hz: 200", f"rate_hz: {RATE_HZ}").replace(
-            "models/", f"{CONFIG}/models/"
-        )
-        config.write_text(text, encoding="utf-8")
-        page = folder / "page.txt"
-        pids = {}
-        with page.open("w") as out:
-            commands = {"supervisor": ("run", str(config)), "server": ("web", "--port", "0")}
-            for name, arguments in commands.items():
-                process = subprocess.Popen(  # noqa: S603 - ours
-                    (*PIEZOD, *arguments), stdout=out, stderr=subprocess.DEVNULL
-                )
-                stack.enter_context(process)
-                stack.callback(process.terminate)
-                pids[name] = process.pid
-        wait_until_up(dict(os.environ), page)
-        url = page.read_text(encoding="utf-8").strip()
+        pids, url = started(stack)
         measure(pids, url, options.span_s, options.spans)
 
 
