@@ -1,22 +1,20 @@
 """Arguments and options of the commands that read a recording, and their checks."""
 
-import re
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.stage_options import connect
+from piezod.records.part_names import RECORDING_NAME, without_part
 
 if TYPE_CHECKING:
     from piezod.client import StageClient
     from piezod.records.telemetry_reader import RecordedTelemetry
-
-_NAME: Final = re.compile(r"[0-9]{8}T[0-9]{6}Z(-[A-Za-z0-9_-]{1,60})?")
 
 
 def _file_or_name(recording: Path) -> Path:
@@ -26,7 +24,7 @@ def _file_or_name(recording: Path) -> Path:
         typer.BadParameter: If it is neither.
         OSError: If the permission to look at the file is missing.
     """
-    if not _NAME.fullmatch(str(recording)) or recording.exists():
+    if not RECORDING_NAME.fullmatch(str(recording)) or recording.exists():
         existing_file(recording)
     return recording
 
@@ -80,9 +78,8 @@ def _report_further_files(name: str, client: "StageClient") -> None:
     """Print to stderr if a recording has further files, because only one is used."""
     from piezod.cli.output import error_console
 
-    further = re.compile(rf"{re.escape(name)}-[0-9]{{4,}}")
     names = sorted(each.name for each in client.recordings().recordings)
-    if found := [each for each in names if further.fullmatch(each)]:
+    if found := [each for each in names if each != name and without_part(each) == name]:
         last = f" to {found[-1]}" if len(found) > 1 else ""
         text = f"{name} is the first file of the recording; it goes on in {found[0]}{last}"
         error_console().print(text, soft_wrap=True)

@@ -6,11 +6,9 @@ from math import inf
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from piezod.records.part_names import RECORDING_NAME, without_part
+
 _LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-_NAME: Final = re.compile(
-    r"[0-9]{8}T[0-9]{6}Z(-[0-9]+)?(-[A-Za-z0-9][A-Za-z0-9_-]{0,31})?(-[0-9]{4,})?"
-)
-_PART: Final = re.compile(r"-[0-9]{4,}$")
 _SUFFIX: Final = ".h5"
 _KEPT: Final = ".keep"
 """Ending of the empty file that marks a recording as kept."""
@@ -76,7 +74,7 @@ class RecordingsFolder:
         """Return the file of a name, or None; no name leads out of the folder."""
         path = self.path_of(name)
         # The pattern first: it refuses "..", slashes and zero bytes before the disk is asked.
-        found = _NAME.fullmatch(name) and path.is_file() and not path.is_symlink()
+        found = RECORDING_NAME.fullmatch(name) and path.is_file() and not path.is_symlink()
         return path if found else None
 
     def files(self) -> tuple[StoredRecording, ...]:
@@ -135,7 +133,7 @@ class RecordingsFolder:
         )
 
     def _is_kept(self, name: str) -> bool:
-        return self._mark(name).exists() or self._mark(_PART.sub("", name)).exists()
+        return self._mark(name).exists() or self._mark(without_part(name)).exists()
 
     def _mark(self, name: str) -> Path:
         return self.path / f"{name}{_KEPT}"

@@ -279,7 +279,8 @@ stage = FakeRing().stage._replace(open_reader=EndlessReader)
 recorder = Recorder(stage, Path(sys.argv[1]), no_room=lambda folder: "")
 recorder.start(header())
 eventually(lambda: not recorder.status.recording)
-print(recorder.status.why, recorder.status.disk_full)
+ended = recorder.stop()  # waits for the thread, which still logs its end
+print(ended.why, ended.disk_full)
 """
 
 
@@ -299,6 +300,6 @@ def test_file_that_cannot_grow(tmp_path: Path) -> None:
 
     assert done.returncode == 0, done.stderr
     assert "File too large" in done.stdout
-    assert done.stdout.rstrip().endswith("True")  # the log line of a thread may end after it
+    assert done.stdout.rstrip().endswith("True")
     assert seqs.size >= 1000
     np.testing.assert_array_equal(seqs, np.arange(seqs.size))
