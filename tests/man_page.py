@@ -49,11 +49,8 @@ def _page() -> Iterator[str]:
     yield from _paragraphs("Every command also has `--help`.")
     yield ".SH OPTIONS"
     yield from _parameters(program, context)
-    heading = ""
-    for words, command, inner in commands(program, context):
-        panel = command.rich_help_panel or heading
-        if panel != heading:
-            heading = panel
+    for heading, words, command, inner in commands_with_headings(program, context):
+        if heading:
             yield f'.SH "{_text(heading.upper())}"'
         yield f'.SS "{_text(words)}"'
         yield from _usage(command, inner)
@@ -63,6 +60,17 @@ def _page() -> Iterator[str]:
     title, _, codes = program.epilog.partition(": ")
     yield f'.SH "{title.upper()}"'
     yield from _paragraphs(codes)
+
+
+def commands_with_headings(
+    program: Command, context: Context
+) -> Iterator[tuple[str, str, Command, Context]]:
+    """Yield each command as `commands` does, behind the heading that begins with it, or nothing."""
+    last = ""
+    for words, command, inner in commands(program, context):
+        panel = command.rich_help_panel or last
+        yield panel if panel != last else "", words, command, inner
+        last = panel
 
 
 def commands(group: Command, context: Context) -> Iterator[tuple[str, Command, Context]]:

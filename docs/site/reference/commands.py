@@ -7,7 +7,7 @@ from typer.main import get_command
 
 from docs.site.reference.text import code, one_line, table
 from piezod.cli.main import app
-from tests.man_page import commands
+from tests.man_page import commands_with_headings
 
 
 def page() -> Iterator[str]:
@@ -20,11 +20,8 @@ def page() -> Iterator[str]:
     yield ""
     yield "Every command also has `--help`."
     yield from _parameters(program, context)
-    heading = ""
-    for words, command, inner in commands(program, context):
-        panel = command.rich_help_panel or heading
-        if panel != heading:
-            heading = panel
+    for heading, words, command, inner in commands_with_headings(program, context):
+        if heading:
             yield f"\n## {heading}\n"
         usage = " ".join(command.collect_usage_pieces(inner))
         yield f"\n### `{words}` {{ #{words.replace(' ', '-')} }}\n"

@@ -15,21 +15,15 @@ _HEAD: Final = ("key", "unit", "range", "default", "meaning")
 
 
 def stage_page() -> Iterator[str]:
-    """Yield the page about the configuration of a stage."""
-    yield "# Keys of a stage"
-    yield ""
-    yield "The file that `piezod run` takes. [Running a stage](../stage.md#the-configuration) has"
-    yield "the same keys with explanations; `piezod check FILE` checks a file."
-    yield from _sections(DaemonConfig)
+    """Return the lines of the page about the configuration of a stage."""
+    explained = "[Running a stage](../stage.md#the-configuration)"
+    return _page("a stage", "piezod run", explained, DaemonConfig)
 
 
 def experiment_page() -> Iterator[str]:
-    """Yield the page about experiment files."""
-    yield "# Keys of an experiment"
-    yield ""
-    yield "The file that `piezod experiment` takes. [Writing an experiment](../experiments.md) has"
-    yield "the same keys with explanations; `piezod check FILE` checks a file."
-    yield from _sections(ExperimentConfig)
+    """Return the lines of the page about experiment files."""
+    explained = "[Writing an experiment](../experiments.md)"
+    return _page("an experiment", "piezod experiment", explained, ExperimentConfig)
 
 
 def drivers_page() -> Iterator[str]:
@@ -56,6 +50,14 @@ def reachable(model: type[BaseModel]) -> list[type[BaseModel]]:
             inner = models_in(field.annotation)
             found += [one for one in inner if one not in APART and one not in found]
     return found
+
+
+def _page(what: str, command: str, explained: str, model: type[BaseModel]) -> Iterator[str]:
+    yield f"# Keys of {what}"
+    yield ""
+    yield f"The file that `{command}` takes. {explained} has"
+    yield "the same keys with explanations; `piezod check FILE` checks a file."
+    yield from _sections(model)
 
 
 def _sections(model: type[BaseModel]) -> Iterator[str]:
