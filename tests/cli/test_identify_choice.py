@@ -3,11 +3,13 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from piezod.cli.identify import _FitJob
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
+from piezod.experiment.fit.file import FileFit, identify_file
 from piezod.experiment.fit.record import Record
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, swells, write_record
@@ -36,6 +38,18 @@ def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
         return CHOICES[key]
 
     monkeypatch.setattr("piezod.experiment.fit.file.choose", known)
+
+
+@pytest.fixture
+def fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit a file once in each test, because the fit takes seconds."""
+    fits: dict[str, FileFit] = {}
+
+    def known(data: Path, **options: Any) -> FileFit:
+        key = repr((data, {name: each for name, each in options.items() if name != "progress"}))
+        return fits.get(key) or fits.setdefault(key, identify_file(data, **options))
+
+    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", known)
 
 
 @pytest.mark.usefixtures("chosen_once")
@@ -173,6 +187,7 @@ def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: 
     )
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_a_constant_offset_is_named(piezod: Command, data: Path, folder: Path) -> None:
     """The constant offset removed from the test is reported in % and µm."""
     other = record_of(path=swells, creep=0.004, noise=0.001)
@@ -191,6 +206,7 @@ def test_a_constant_offset_is_named(piezod: Command, data: Path, folder: Path) -
     assert f"with creep: {removed['offset_pct']:+.2f} %" in out
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_uncertainty_is_reported(piezod: Command, data: Path) -> None:
     """The uncertainties of delay, creep and voltage are in the document and in the text."""
     document = json.loads(piezod("identify", data, "--creep", "--json").out)

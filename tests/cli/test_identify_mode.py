@@ -24,7 +24,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> FileFit:
     file = tmp_path_factory.mktemp("data") / "ringing.csv"
     write_record(file, ringing_record(duration_s=2.0))
     settings = FitSettings(method=Method.SURFACE)
-    return identify_file(file, test=None, skip_s=0.0, delay_s=None, settings=settings)
+    return identify_file(file, test=None, skip_s=0.0, delay_s=0.00135, settings=settings)
 
 
 def test_text_has_the_mode_and_the_reason(fitted: FileFit) -> None:

@@ -107,7 +107,7 @@ def test_both_errors_decide(position: float, voltage: float, order: int) -> None
 def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
     """Full swings do not determine it; a record with all loops does, and it keeps its own delay."""
     poor = choose(record_of(path=sine, duration_s=12.0), Wanted(creep=False), None)
-    rich = choose(surface_record(delay_s=-0.004), Wanted(creep=False), None)
+    rich = choose(surface_record(delay_s=-0.004, duration_s=20.0), Wanted(creep=False), None)
 
     methods = [{each.fit.settings.method for each in choice.candidates} for choice in (poor, rich)]
     assert methods == [{Method.LMS, Method.LEAST_SQUARES}, set(Method)]
@@ -117,7 +117,7 @@ def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
 
 def test_a_surface_is_tried_with_creep_and_without() -> None:
     """A stage without creep gets the surface without, which is as good and has fewer parameters."""
-    choice = choose(surface_record(), Wanted(), 0.0)
+    choice = choose(surface_record(duration_s=20.0), Wanted(), 0.0)
 
     surfaces = [each for each in choice.candidates if each.fit.settings.method is Method.SURFACE]
     assert [each.fit.settings.creep for each in surfaces] == [False, True]
@@ -126,7 +126,7 @@ def test_a_surface_is_tried_with_creep_and_without() -> None:
 
 def test_a_surface_is_not_tried_if_the_axis_refuses_it() -> None:
     """A record with all loops is then described by operators."""
-    choice = choose(surface_record(), Wanted(creep=False, surface=False), 0.0)
+    choice = choose(surface_record(duration_s=20.0), Wanted(creep=False, surface=False), 0.0)
 
     methods = {each.fit.settings.method for each in choice.candidates}
     assert methods == {Method.LMS, Method.LEAST_SQUARES}

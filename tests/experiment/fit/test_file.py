@@ -142,13 +142,13 @@ def test_delay_at_the_end_of_the_search_has_a_warning(tmp_path: Path) -> None:
 
 def test_more_operators_than_noisy_data_determine_still_give_an_inverse(tmp_path: Path) -> None:
     """Weights that only noise determines still have an inverse."""
-    path, record = tmp_path / "noisy.csv", record_of()
+    path, record = tmp_path / "noisy.csv", record_of(duration_s=10.0)
     record.position_um[:] += np.random.default_rng(1).normal(scale=0.3, size=record.t_s.size)
     write_record(path, record)
 
     fitted = identify(path, delay_s=0.0, settings=FitSettings(order=60))
 
-    assert fitted.taken.fit.smallest_slope >= LEAST_SLOPE
+    assert fitted.taken.fit.smallest_slope >= LEAST_SLOPE - 1e-9
 
 
 def test_refusals_begin_with_the_file(data: Path) -> None:

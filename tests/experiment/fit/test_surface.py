@@ -151,7 +151,7 @@ def test_curve_of_delays_has_its_least_at_the_delay() -> None:
 
 @pytest.mark.parametrize("creep", [False, True])
 def test_uncertainty_covers_the_truth(creep: bool) -> None:
-    """In most of 40 draws of the noise the true prediction is in the band, which is not too wide.
+    """In most of 15 draws of the noise the true prediction is in the band, which is not too wide.
 
     With creep, the same holds for the creep per decade.
     """
@@ -160,7 +160,7 @@ def test_uncertainty_covers_the_truth(creep: bool) -> None:
     known = linear(fit)
     truth = known.regressors @ known.parameters
     inside, ratios, creeps = [], [], []
-    for seed in range(40):
+    for seed in range(15):
         target = truth + NOISE * np.random.default_rng(seed).standard_normal(truth.size)
         drawn = replace(known, target=target)
         drawn = replace(drawn, parameters=drawn.solved(drawn.counted))

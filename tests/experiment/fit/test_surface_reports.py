@@ -16,6 +16,7 @@ from tests.experiment.fit.made_up_surface import made_up_surface, surface_record
 from tests.experiment.made_up import sine
 
 SURFACE = FitSettings(method=Method.SURFACE, creep=True, smoothing=False)
+UNDELAYED = replace(SURFACE, delay_s=0.0)
 
 
 @pytest.mark.parametrize("delay_s", [-0.004, 0.006])
@@ -45,7 +46,7 @@ def test_record_of_one_frequency_bounds_the_creep() -> None:
     """Lags of a sinusoid are sinusoids: the search stays bounded, and the record is described."""
     record = surface_record(path=sine, creep=0.005, noise=0.001)
 
-    fit = fit_model(record, replace(SURFACE, delay_s=0.0))
+    fit = fit_model(record, UNDELAYED)
 
     assert np.all(fit.model.creep.weights <= MAX_LAG)
     assert fit.model.creep.per_decade < 0.05
@@ -54,7 +55,7 @@ def test_record_of_one_frequency_bounds_the_creep() -> None:
 
 def test_creep_stays_within_the_limits_of_a_model_file() -> None:
     """The weight of a lag is at most 0.1, whatever the record asks for."""
-    fit = fit_model(surface_record(creep=0.12), replace(SURFACE, delay_s=0.0))
+    fit = fit_model(surface_record(creep=0.12), UNDELAYED)
 
     assert np.max(fit.model.creep.weights) == pytest.approx(MAX_LAG)
     assert np.max(fit.model.creep.weights) <= MAX_LAG
@@ -63,7 +64,7 @@ def test_creep_stays_within_the_limits_of_a_model_file() -> None:
 def test_record_without_small_loops_has_a_warning() -> None:
     """A surface is determined by the loops of its record only."""
     poor, rich = (
-        tuple(fit_warnings(fit_model(record, replace(SURFACE, delay_s=0.0)), 0.01))
+        tuple(fit_warnings(fit_model(record, UNDELAYED), 0.01))
         for record in (surface_record(path=sine), surface_record())
     )
 
@@ -88,7 +89,7 @@ def test_creep_before_the_record_is_that_of_its_first_position() -> None:
 def test_band_is_the_scatter_of_the_predicted_voltage() -> None:
     """The band follows from one record; the scatter over records with other noise agrees."""
     fits = [
-        fit_model(surface_record(noise=0.002, seed=seed, duration_s=20.0), SURFACE)
+        fit_model(surface_record(noise=0.002, seed=seed, duration_s=20.0), UNDELAYED)
         for seed in range(12)
     ]
     clean = surface_record(duration_s=20.0)

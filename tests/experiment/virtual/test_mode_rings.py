@@ -133,10 +133,18 @@ def _largest_between(error: FloatArray, waves: int) -> float:
     return float(np.max(amplitudes[(lines > FIRST_HARMONIC * waves) & (off_harmonic > 2)]))
 
 
-def pace_margin(stage: Identified, patch: pytest.MonkeyPatch) -> float:
-    """Return the largest factor of the pace with which nothing rings, 0 if even one does."""
+def pace_margin(stage: Identified, patch: pytest.MonkeyPatch, *, whole: bool) -> float:
+    """Return the largest factor of the pace with which nothing rings, 0 if even one does.
+
+    Args:
+        stage: The stage.
+        patch: Changes the pace.
+        whole: Whether factors above the least margin are tried, too.
+    """
     steady = 0.0
     for factor in FACTORS:
+        if factor > LEAST_MARGIN and not whole:
+            break
         patch.setattr(
             compensated,
             "learning_pace",
@@ -162,10 +170,16 @@ PAIRS = [
 
 @pytest.mark.parametrize(("variant", "rate_hz", "kind"), PAIRS)
 def test_learning_does_not_ring_a_mode(
-    variant: str, rate_hz: float, kind: str, monkeypatch: pytest.MonkeyPatch, figure: Figure
+    variant: str,
+    rate_hz: float,
+    kind: str,
+    monkeypatch: pytest.MonkeyPatch,
+    figure: Figure,
+    request: pytest.FixtureRequest,
 ) -> None:
     """Nothing oscillates, not even if the stage learns 1.5 times as fast."""
-    margin = pace_margin(at_rate(identified(variant, kind), rate_hz), monkeypatch)
+    stage, whole = at_rate(identified(variant, kind), rate_hz), "stress" in request.keywords
+    margin = pace_margin(stage, monkeypatch, whole=whole)
     figure(f"{variant}, {kind}, {rate_hz:g} Hz: learning may be {margin:g} times as fast")
 
     assert margin >= LEAST_MARGIN

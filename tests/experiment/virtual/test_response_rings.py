@@ -76,10 +76,11 @@ def test_learning_without_the_modes_does_not_ring_them(
     factor: float,
     monkeypatch: pytest.MonkeyPatch,
     figure: Figure,
+    request: pytest.FixtureRequest,
 ) -> None:
     """Nothing oscillates, not even if the stage learns 1.5 times as fast."""
     stage = with_response(at_rate(identified(variant, kind), rate_hz), factor)
-    margin = pace_margin(stage, monkeypatch)
+    margin = pace_margin(stage, monkeypatch, whole="stress" in request.keywords)
     figure(
         f"{variant}, {kind}, {rate_hz:g} Hz, response at {factor:g} times the mode: "
         f"learning may be {margin:g} times as fast"
