@@ -18,6 +18,7 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
+from tests.conftest import Reaction
 from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
 from tests.control.rig_stage import RigStage, quick_config
 
@@ -48,9 +49,9 @@ def result_of(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
 @pytest.mark.parametrize(
     "case", [pytest.param(one, marks=pytest.mark.fault(one.fault), id=one.fault) for one in CASES]
 )
-def test_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase) -> None:
+def test_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase, reaction: Reaction) -> None:
     """The fault is reported, the stage leaves RUN within the bound, and ends at rest."""
-    check_course(case, *result_of(case))
+    check_course(case, *result_of(case), reaction)
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
