@@ -307,6 +307,9 @@ def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
 
 @pytest.mark.fault("D8")
 @pytest.mark.fault("P6")
+@pytest.mark.fault("P7")
+@pytest.mark.fault("P11")
+@pytest.mark.fault("P15")
 def test_faults_of_the_supervisor_are_reported_in_each_cycle(rig: Rig) -> None:
     """The faults that only the supervisor can find are present as long as it finds them."""
     words = rig.shared.words
