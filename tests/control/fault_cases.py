@@ -14,7 +14,7 @@ from piezod.control.watch.sensor import STUCK_SWING
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
-from tests.control.rig_stage import FaultyStage, quick_config
+from tests.control.rig_stage import FaultyStage, cycles_until, has_left_run, quick_config
 
 SWING = rq.Wave(
     command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
@@ -96,7 +96,7 @@ def check_course(
     case: FaultCase, stage: SwingingStage, after: list[CycleRecord], reaction: Reaction
 ) -> None:
     """Check that the fault was reported, RUN was left in time, and the stage ended at rest."""
-    first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
+    first = cycles_until(after, has_left_run) - 1
     reaction(case.fault, cycles=first + 1 - visible_from(case, stage, after))
     assert case.fault in stage.faults()
     assert (after[first].state, first < case.within_cycles) == (case.state, True)

@@ -136,8 +136,7 @@ def test_fault_is_detected_in_time(
     assert fault in stage.faults()
     assert set(stage.faults()) <= {"S4", fault}
     if (kind, value) not in GROWING:
-        (found_ns,) = {event.t_ns for event in stage.events if event.fault == fault}
-        reaction(fault, cycles=(found_ns - before_ns) // stage.period_ns)
+        reaction(fault, cycles=stage.cycles_to(fault, before_ns))
 
 
 @pytest.mark.fault("S1")

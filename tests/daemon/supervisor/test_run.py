@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -24,6 +25,7 @@ from piezod.daemon.supervisor.terms import RunOptions
 from piezod.errors import ConfigError, DeviceUnavailableError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import HUNG, SUPERVISOR_FAULTS, Word
+from tests.conftest import Reaction
 from tests.daemon.bench import write_record
 from tests.daemon.daemons import configuration, is_alive
 from tests.daemon.supervisor.run_rig import Rig
@@ -149,9 +151,19 @@ def test_lost_loop_is_ramped_down(
 
 
 @pytest.mark.fault("L3")
-def test_hung_loop_is_killed(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
-    """A loop without cycles is killed, and the stage ramped down."""
-    in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGSTOP))
+def test_hung_loop_is_killed(
+    rig: Rig, capsys: pytest.CaptureFixture[str], reaction: Reaction
+) -> None:
+    """A loop without cycles is killed, and the stage ramped down; the next start reports it."""
+
+    def hang() -> None:
+        began_s, (_, loop) = time.monotonic(), rig.processes[0]
+        os.kill(loop.pid, signal.SIGSTOP)
+        eventually(lambda: not is_alive(loop.pid))
+        reaction("L3", ms=(time.monotonic() - began_s) * 1e3)
+        eventually(lambda: not rig.paths.api_socket.exists())
+
+    in_order = rig.run(hang)
 
     assert not in_order
     log = capsys.readouterr().err
@@ -160,7 +172,7 @@ def test_hung_loop_is_killed(rig: Rig, capsys: pytest.CaptureFixture[str]) -> No
     assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
     last_end: list[int] = []
     rig.run(lambda: last_end.append(attach(rig.paths.loop_map).words[Word.UNCLEAN]))
-    assert last_end == [HUNG]  # the next loop reports it
+    assert last_end == [HUNG]
 
 
 def _kill_and_wait(rig: Rig, number: int) -> None:
