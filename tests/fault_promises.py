@@ -118,7 +118,7 @@ PROMISES: Final = MappingProxyType(
         "D9": Promise("no step beyond the slew rate"),
         "D10": Promise("WARN; no adaptive mode", cycles=1),
         # Process.
-        "P1": Promise("RAMP, then exit code 0; the time beyond that of the ramp", ms=1000),
+        "P1": Promise("RAMP, then exit code 0; the time beyond that of the ramp", ms=2000),
         "P2": Promise("first voltage of the ramp of `piezod safe`; reset needed", ms=3000),
         "P3": Promise("HOLD, or BLIND if writing fails", cycles=2),
         "P4": Promise("voltage held, HOLD", cycles=2),
