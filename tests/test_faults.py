@@ -1,10 +1,11 @@
 """The promises of the page are those of the table, and each reaction is compared with its own."""
 
 import re
-from collections.abc import Callable
+from typing import Literal
 
 import pytest
 
+from tests.conftest import Reaction
 from tests.fault_promises import PROMISES, PROVED, REACTION
 from tests.faults import PAGE, Result, problems, promises_on_the_page, results_of
 
@@ -13,11 +14,8 @@ IDS = re.findall(r"^\| ([A-Z]\d+) \| ", PAGE.read_text(encoding="utf-8"), re.MUL
 
 def report(passed: bool, *properties: tuple[str, object]) -> pytest.TestReport:
     """Return the report of a test."""
-    told = pytest.TestReport(
-        "a test", ("", 0, ""), {}, "passed", None, "call", user_properties=properties
-    )
-    told.outcome = "passed" if passed else "failed"
-    return told
+    told: Literal["passed", "failed"] = "passed" if passed else "failed"
+    return pytest.TestReport("", ("", 0, ""), {}, told, None, "call", user_properties=properties)
 
 
 def kept() -> dict[str, Result]:
@@ -66,7 +64,7 @@ def test_each_gap_is_a_problem() -> None:
     ]
 
 
-def test_reaction_beyond_its_cycles_fails(reaction: Callable[..., None]) -> None:
+def test_reaction_beyond_its_cycles_fails(reaction: Reaction) -> None:
     """Virtual time is compared in each test run; a wall clock by the command only."""
     reaction("L3", ms=10**9)
 
