@@ -131,7 +131,7 @@ def figure(record_property: Callable[[str, object], None]) -> Figure:
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Put the faults that a test proves into its report, for `make faults`."""
-    item.user_properties += [(PROVED, mark.args[0]) for mark in item.iter_markers("fault")]
+    item.user_properties += [(PROVED, str(mark.args[0])) for mark in item.iter_markers("fault")]
 
 
 class Reaction(Protocol):
@@ -151,7 +151,7 @@ def reaction(record_property: Callable[[str, object], None]) -> Reaction:
         if cycles is not None:
             assert promise.cycles is not None, f"{fault} has no promise in cycles"
             assert cycles <= promise.cycles, f"{fault}: {cycles} of {promise.bound}"
-            record_property(REACTION, [str(fault), cycles])
+            record_property(REACTION, [str(fault), int(cycles)])
         if ms is not None:
             assert promise.ms is not None, f"{fault} has no promise in ms"
             record_property(REACTION, [str(fault), ceil(ms)])

@@ -71,11 +71,11 @@ def results_of(reports: list[pytest.TestReport]) -> dict[str, Result]:
     for report in reports:
         properties = report.user_properties if report.passed else []
         measured: list[Any] = [value for name, value in properties if name == REACTION]
-        for fault in {value for name, value in properties if name == PROVED}:
-            proofs, worst = results.get(str(fault), Result())
+        for fault in {str(value) for name, value in properties if name == PROVED}:
+            proofs, worst = results.get(fault, Result())
             times = [time for each, time in measured if each == fault]
             worst = max((*times, *(() if worst is None else (worst,))), default=None)
-            results[str(fault)] = Result(proofs + 1, worst)
+            results[fault] = Result(proofs + 1, worst)
     return results
 
 
