@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress peers browser screenshots fuzz check lint bench \
+.PHONY: help demo docs docs-test test coverage stress faults peers browser screenshots fuzz check lint bench \
 	bench-peers figures lock clean
 
 help: ## show this list
@@ -35,6 +35,9 @@ coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice a
 
 stress: $(STAMP) ## run the tests that take longer
 	PIEZOD_EXAMPLES=long $(BIN)/python -m pytest -m "stress or hypothesis" --timeout 1800
+
+faults: $(STAMP) ## run the proofs of all faults, and compare their times with the promises
+	$(BIN)/python -m tests.faults $(WORKERS)
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers

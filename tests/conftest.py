@@ -7,10 +7,14 @@ import subprocess
 import sys
 from collections.abc import Callable, Generator
 from fcntl import LOCK_EX, LOCK_SH, flock
+from math import ceil
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 from hypothesis import settings
+
+from tests.fault_promises import PROMISES, PROVED, REACTION
 
 HERE = Path(__file__)
 KERNELS = HERE.with_name("kernels.py")
@@ -121,6 +125,36 @@ def figure(record_property: Callable[[str, object], None]) -> Figure:
     def note(line: str) -> None:
         print(line)
         record_property("figure", line)
+
+    return note
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Put the faults that a test proves into its report, for `make faults`."""
+    item.user_properties += [(PROVED, str(mark.args[0])) for mark in item.iter_markers("fault")]
+
+
+class Reaction(Protocol):
+    """Notes the time from a cause to the reaction, for `make faults`."""
+
+    def __call__(self, fault: str, *, cycles: int | None = None, ms: float | None = None) -> None:
+        """Note a reaction; cycles are of virtual time, and may not exceed the promise."""
+        ...
+
+
+@pytest.fixture
+def reaction(record_property: Callable[[str, object], None]) -> Reaction:
+    """Return what notes the measured time of a reaction, see `tests.fault_promises`."""
+
+    def note(fault: str, *, cycles: int | None = None, ms: float | None = None) -> None:
+        promise = PROMISES[fault]
+        if cycles is not None:
+            assert promise.cycles is not None, f"{fault} has no promise in cycles"
+            assert cycles <= promise.cycles, f"{fault}: {cycles} of {promise.bound}"
+            record_property(REACTION, [str(fault), int(cycles)])
+        if ms is not None:
+            assert promise.ms is not None, f"{fault} has no promise in ms"
+            record_property(REACTION, [str(fault), ceil(ms)])
 
     return note
 

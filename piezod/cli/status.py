@@ -1,7 +1,9 @@
 """`piezod status` and `piezod faults`: the present state of a stage."""
 
 from contextlib import closing
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import SocketOption, StageOption, connect
@@ -39,17 +41,43 @@ def status(
 
 
 def faults(
-    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    undetected: Annotated[
+        bool,
+        typer.Option("--undetected", help="Print which faults never appear here, and why."),
+    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Print a table of the faults with their remedies."""
     from piezod.cli.output import new_console, print_json
 
+    if undetected:
+        _undetected(json=json)
+        return
     with closing(connect(stage, socket)) as client:
         found = client.faults()
     if json:
         print_json(found.document)
     else:
         new_console().print(_faults(found.faults) if found.faults else "no fault")
+
+
+def _undetected(*, json: bool) -> None:
+    """Print what the faults do not show; this needs no running stage."""
+    from piezod.cli.output import new_console, print_json
+    from piezod.control.faults.table import FAULTS
+    from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
+
+    names = {rule.id: rule.name for rule in FAULTS}
+    if json:
+        print_json({"never_shown": dict(NEVER_SHOWN), "gaps": dict(GAPS)})
+        return
+    console = new_console()
+    for heading, reasons in (("Never shown:", NEVER_SHOWN), ("Gaps:", GAPS)):
+        console.print(heading)
+        for fault, why in reasons.items():
+            console.print(f"  {fault} {names[fault]}: {why}", soft_wrap=True, markup=False)
 
 
 def _summary(found: "Status") -> str:

@@ -12,6 +12,8 @@ from piezod.errors import NotReachedError, RefusedError
 
 SAME_UM: Final = 1e-6
 """A command that is closer than this to its target has arrived, in µm."""
+_NO_CAUSE: Final = frozenset({Fault.D10, Fault.P6, Fault.P7, Fault.P11, Fault.P15})
+"""Faults that change no state."""
 _REMEDIES: Final[dict[str, str]] = {
     Mode.UNCOMPENSATED: "mode uncompensated leaves the hysteresis of the stage in: choose another "
     "mode, as in `piezod mode feedforward`",
@@ -89,12 +91,13 @@ def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | Non
 def because_of(interval: Telemetry) -> str:
     """Return the faults because of which a stage may have left its state, in words; or nothing.
 
-    An unknown hysteresis memory (D10) follows from a stop and changes no state.
+    An unknown hysteresis memory follows from a stop; neither it nor the faults of disk, log and
+    configuration file change a state.
 
     Args:
         interval: The newest interval of telemetry.
     """
-    faults = [fault for fault in interval.faults if fault != Fault.D10]
+    faults = [fault for fault in interval.faults if fault not in _NO_CAUSE]
     return f" because of {', '.join(faults)}" if faults else ""
 
 

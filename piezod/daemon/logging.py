@@ -35,6 +35,15 @@ class EventRateLimit:
         self._now_s = now_s
         self._kinds: dict[tuple[str, str], tuple[float, int]] = {}
 
+    @property
+    def drops(self) -> bool:
+        """Whether lines of a kind are dropped now."""
+        now_s = self._now_s()
+        return any(
+            count > MAX_LINES and now_s - begun_s < WINDOW_S
+            for begun_s, count in self._kinds.values()
+        )
+
     def __call__(self, _logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
         """Return the event, or drop it."""
         kind = (str(event.get("event")), str(event.get("fault", "")))
@@ -103,6 +112,12 @@ def set_up_logging(
         )
     )
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+
+
+def drops_lines() -> bool:
+    """Return whether the log drops lines of a kind now, because there are too many."""
+    steps = structlog.get_config()["processors"]
+    return any(step.drops for step in steps if isinstance(step, EventRateLimit))
 
 
 def logger(room: str) -> Any:

@@ -57,7 +57,8 @@ class Word(IntEnum):
     DEVICES_OPEN = 20
     """1 while the devices are open, 0 while they are absent."""
     UNCLEAN = 21
-    """1 if the previous daemon did not end cleanly; set before the loop starts."""
+    """1 if the previous daemon did not end cleanly, `HUNG` if its loop hung; set before the loop
+    starts."""
     LOOP_ASKABLE = 22
     """1 when the loop takes requests; before that it has accessed no device."""
     NEWEST_REQUEST = 23
@@ -79,5 +80,8 @@ class Word(IntEnum):
     """Likewise, from bit 64."""
 
 
-SUPERVISOR_FAULTS: Final = (Fault.D8, Fault.P6)
-"""Faults that only the supervisor can find, because the loop uses no disk."""
+HUNG: Final = 2
+"""Value of `Word.UNCLEAN` after a daemon that killed its loop because it hung."""
+
+SUPERVISOR_FAULTS: Final = (Fault.D8, Fault.P6, Fault.P7, Fault.P11, Fault.P15)
+"""Faults that only the supervisor can find, because the loop uses no disk and no log."""

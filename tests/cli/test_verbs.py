@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 from piezod.cli.outcome import outcome
+from piezod.config.faults import Fault
 from piezod.config.states import State
+from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 from tests.cli.conftest import Command
 from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, Raw, interval
 
@@ -183,6 +185,15 @@ def test_faults(piezod: Command, daemon: FakeDaemon) -> None:
 
     daemon.answers["GET faults"] = {"faults": []}
     assert piezod("faults") == (0, "no fault\n", "")
+
+
+def test_faults_that_are_never_shown_are_listed_with_the_reason(piezod: Command) -> None:
+    """No stage needs to run."""
+    _, out, _ = piezod("faults", "--undetected")
+    _, text, _ = piezod("faults", "--undetected", "--json")
+
+    assert f"L9 real-time privileges missing: {NEVER_SHOWN[Fault.L9]}" in out
+    assert json.loads(text) == {"never_shown": dict(NEVER_SHOWN), "gaps": dict(GAPS)}
 
 
 def test_metrics(piezod: Command, daemon: FakeDaemon) -> None:

@@ -222,7 +222,11 @@ def test_goto_and_wait(stage: StageClient, daemon: FakeDaemon) -> None:
             "state",
         ),
         (interval(state="RAMP", faults=["S5", "L2"]), "RAMP because of S5, L2 before", "state"),
-        (interval(state="SAFE", faults=["D10"]), "the stage went to SAFE before", "state"),
+        (
+            interval(state="SAFE", faults=["D10", "P7", "P11", "P15"]),
+            "the stage went to SAFE before",
+            "state",
+        ),
         (interval(None, state="BLIND", on_target=True), "the stage went to BLIND", "state"),
     ],
 )

@@ -3,13 +3,18 @@
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from piezod.config import requests as rq
+from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
+from piezod.control.watch.sensor import STUCK_SWING
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
-from tests.control.rig_stage import FaultyStage, quick_config
+from tests.conftest import Reaction
+from tests.control.rig_stage import FaultyStage, cycles_until, has_left_run, quick_config
 
 SWING = rq.Wave(
     command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
@@ -73,9 +78,26 @@ def run_case(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
     return stage, after + stage.run(0.4)
 
 
-def check_course(case: FaultCase, stage: SwingingStage, after: list[CycleRecord]) -> None:
+def visible_from(case: FaultCase, stage: SwingingStage, after: list[CycleRecord]) -> int:
+    """Return the first cycle in which the values of the devices show the fault."""
+    if case.fault == Fault.S1:
+        drive_v = [record.axes[0].drive_v for record in after]
+        return next(i for i in range(len(after)) if np.ptp(drive_v[: i + 1]) > STUCK_SWING * 150.0)
+    if case.fault == Fault.S9:
+        allowed_um = stage.stage.watches[0].sensor.allowed_um
+        for i, record in enumerate(after):
+            low_um, high_um = allowed_um(record.axes[0].in_force_v)
+            if not low_um <= record.axes[0].position_um <= high_um:
+                return i
+    return 0
+
+
+def check_course(
+    case: FaultCase, stage: SwingingStage, after: list[CycleRecord], reaction: Reaction
+) -> None:
     """Check that the fault was reported, RUN was left in time, and the stage ended at rest."""
-    first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
+    first = cycles_until(after, has_left_run) - 1
+    reaction(case.fault, cycles=first + 1 - visible_from(case, stage, after))
     assert case.fault in stage.faults()
     assert (after[first].state, first < case.within_cycles) == (case.state, True)
     assert all(record.state not in {State.RUN, State.IDENT} for record in after[first:])

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.requests import Request
+from piezod.config.states import State
 from piezod.control.assembly import make_stage
 from piezod.control.controller import StageController
 from piezod.control.stage.answer import Answer
@@ -44,6 +45,16 @@ def quick_config() -> DaemonConfig:
     steep = axis.safety.model_copy(update={"ramp_v_per_s": QUICK_RAMP_V_PER_S})
     quick_axis = axis.model_copy(update={"conditioning": brief, "safety": steep})
     return shipped_config().model_copy(update={"axes": {"x": quick_axis}})
+
+
+def cycles_until(records: Sequence[CycleRecord], happens: Callable[[CycleRecord], bool]) -> int:
+    """Return the number of the first record in which something happens, from 1 on."""
+    return next(number for number, record in enumerate(records, 1) if happens(record))
+
+
+def has_left_run(record: CycleRecord) -> bool:
+    """Return whether the stage is in another state than RUN."""
+    return record.state is not State.RUN
 
 
 class RecordingChannels(Channels):
@@ -157,6 +168,13 @@ class RigStage:
                 return
             self.cycle()
         raise TimeoutError(f"{state} was not reached, the stage is in {self.state}")
+
+    def cycles_to(self, fault: str, since_ns: int) -> int:
+        """Return the number of cycles from an instant to the first event of a fault after it."""
+        found_ns = next(
+            event.t_ns for event in self.events if event.fault == fault and event.t_ns > since_ns
+        )
+        return (found_ns - since_ns) // self.period_ns
 
     def faults(self) -> list[str]:
         """Return the ids of the faults that appeared, in order."""

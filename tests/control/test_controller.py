@@ -9,7 +9,15 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine, Triangle
-from tests.control.rig_stage import CONFIG, RigStage, quick_config, shipped_config
+from tests.conftest import Reaction
+from tests.control.rig_stage import (
+    CONFIG,
+    RigStage,
+    cycles_until,
+    has_left_run,
+    quick_config,
+    shipped_config,
+)
 
 SINE = Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0)
 
@@ -199,12 +207,15 @@ def test_shutdown_ends_at_the_safe_voltage_from_every_state(
 
 
 @pytest.mark.fault("E1")
-def test_emergency_stop_ramps_latches_and_needs_a_reset(quick_stage: RigStage) -> None:
+def test_emergency_stop_ramps_latches_and_needs_a_reset(
+    quick_stage: RigStage, reaction: Reaction
+) -> None:
     """ESTOP lasts to the safe voltage, then FAULT refuses to arm; a reset leads to SAFE."""
     stage = quick_stage
     running(stage).do(rq.Goto(position_um=20.0))
     stage.run(0.5)
     stage.do(rq.Estop())
+    reaction("E1", cycles=cycles_until(stage.records[-1:], has_left_run))
     refused = stage.ask(rq.Goto(position_um=1.0))
     stage.until("FAULT")
     too_early = stage.ask(rq.Arm())

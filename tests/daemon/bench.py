@@ -36,8 +36,19 @@ class Bench:
         self.config = config
         self.loop = self.connection()
         self.stopped: list[str] = []
-        self.link = StageLink(
-            self.paths, self.loop, stop=self.stopped.append, reload=self._reload, shadow=shadow
+        self.link = self.new_link(shadow=shadow)
+
+    def new_link(
+        self, *, shadow: bool = False, config_changed: Callable[[], bool] = bool
+    ) -> StageLink:
+        """Make a stage link."""
+        return StageLink(
+            self.paths,
+            self.loop,
+            stop=self.stopped.append,
+            reload=self._reload,
+            shadow=shadow,
+            config_changed=config_changed,
         )
 
     def connection(self) -> LoopConnection:

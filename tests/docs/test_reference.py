@@ -15,6 +15,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.requests import TABLE
 from piezod.control.faults.table import FAULTS
+from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 from piezod.devices import registry
 from piezod.telemetry.descriptions import descriptions
 from tests.command_table import CONNECTION, usage_of_verbs
@@ -81,6 +82,7 @@ def test_all_faults_and_columns_are_described(pages: dict[str, str]) -> None:
     for rule in FAULTS:
         section = pages["reference/faults.md"].partition(f"### {rule.id} ")[2].partition("###")[0]
         assert rule.remedy[1:] in section
+        assert {**NEVER_SHOWN, **GAPS}.get(rule.id, "") in section
     for name, text in descriptions().items():
         assert f"| `{name}` |" in pages["reference/recordings.md"]
         assert text[1:].rstrip(".") in pages["reference/recordings.md"]

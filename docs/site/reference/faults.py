@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from docs.site.reference.text import code, sentence, table
 from piezod.control.faults.cases import CASES, Case
 from piezod.control.faults.table import FAULTS, Escalation, FaultRule, Latch, Source
+from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 from piezod.devices import registry
 from piezod.units import NS_PER_S
 
@@ -39,6 +40,10 @@ def _fault(rule: FaultRule, drivers: list[str]) -> Iterator[str]:
         if case is not Case.SINGLE:
             rows.append((f"reaction: {case.value}", f"{_reaction(each)}; ends: {_ends(each)}"))
     rows.append(("what to do", sentence(rule.remedy)))
+    if rule.id in NEVER_SHOWN:
+        rows.append(("never shown", NEVER_SHOWN[rule.id]))
+    if rule.id in GAPS:
+        rows.append(("not detected", GAPS[rule.id]))
     if drivers:
         rows.append(("drivers that detect it", ", ".join(drivers)))
     yield from table(("", ""), rows)

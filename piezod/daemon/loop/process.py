@@ -58,7 +58,7 @@ from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.succession import succession_of
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import HUNG, Word
 from piezod.units import NS_PER_S
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -214,6 +214,8 @@ def _take_over(
     # The last run did not end in order: an operator must look at the stage first.
     if shared.words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
+        if shared.words[Word.UNCLEAN] == HUNG:
+            controller.report(Detection(Fault.L3))
         # `piezod safe` has failed if its voltage is still in force, as while a device was absent.
         # Another device may be where it is for a reason.
         if channels.identities.keys() == known.keys() and all(

@@ -40,6 +40,7 @@ class Housekeeping:
             await asyncio.sleep(PERIOD_S)
             try:
                 self._link.report_faults()
+                await self._link.look_at_config()
                 await self._link.stage_recordings.write_flight(self._link.loop)
                 await asyncio.to_thread(self._link.stage_audit.sync)
             except Exception:  # noqa: BLE001 - a failing disk must not stop the stage

@@ -21,6 +21,7 @@ from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import UnavailableError
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.notify import without_manager
+from piezod.daemon.supervisor.source_file import SourceFile
 from piezod.errors import ConfigError, PiezodError, Problem
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
@@ -51,6 +52,7 @@ class LoopRun:
         config_file: Path of the accepted copy.
         config: The accepted configuration, after `accept`.
         started: Whether the process may open the devices.
+        source_file: The configuration file, compared with its present contents.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class LoopRun:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
         self.started = False
         self._paths, self._source, self._overdue_ns = paths, source, 0
+        self.source_file = SourceFile(source)  # before the process reads it
         places = (paths.runtime, source, self.config_file, paths.loop_lock)
         options = {"--strict-rt": strict_rt, "--warm": warm}
         chosen = [option for option, is_set in options.items() if is_set]
@@ -134,17 +137,17 @@ class LoopRun:
         words = self.loop.shared.words
         return not words[Word.HEALTHY_CYCLES] and self.loop.latest() is None
 
-    def start(self, succession: Succession | None = None, *, unclean: bool = False) -> None:
+    def start(self, succession: Succession | None = None, *, last_end: int = 0) -> None:
         """Let the process open the devices and run.
 
         Args:
             succession: What it takes over from the loop that it replaces.
-            unclean: Whether the daemon did not end in order last time.
+            last_end: How the daemon ended last time: a value of `Word.UNCLEAN`.
         """
         self.started = True
         if succession is not None:
             put_succession(self.loop.shared, succession)
-        self.loop.shared.words[Word.UNCLEAN] = unclean
+        self.loop.shared.words[Word.UNCLEAN] = last_end
         if self._process.stdin is not None:
             # If it has ended already, its exit code is the report.
             with suppress(BrokenPipeError), self._process.stdin as pipe:

@@ -1,9 +1,13 @@
 """The mark of a running stage: if a start finds it, the last run did not end in order."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from piezod.errors import naming
+
+_HUNG: Final = b"hung\n"
 
 
 class Marker:
@@ -17,6 +21,10 @@ class Marker:
         self._path = path
         self.unclean = path.exists()
         """Whether the run before this one did not end in order."""
+        self.hung = False
+        """Whether its loop was killed because it hung."""
+        with suppress(OSError):
+            self.hung = path.read_bytes().endswith(_HUNG)
 
     def put(self) -> None:
         """Make the file, so that it survives a power failure.
@@ -37,6 +45,13 @@ class Marker:
         finally:
             os.close(file)
         self._sync_folder()  # the content alone would be lost with its name
+
+    def note_hung(self) -> None:
+        """Note for the next run that the loop of this one hung; without room, that is lost."""
+        with suppress(OSError), self._path.open("ab") as file:
+            file.write(_HUNG)
+            file.flush()
+            os.fsync(file.fileno())
 
     def remove(self) -> None:
         """Remove the file: the run has ended in order.

@@ -76,6 +76,7 @@ class StageRecordings:
         )
         self._recorder = Recorder(stage, paths.recordings)
         self._flights = FlightRecorder(last, paths.flights)
+        self._lost_before = ("", 0)
         self._one_at_a_time = asyncio.Lock()  # `Recorder.start` and `stop` must not overlap
 
     @property
@@ -93,6 +94,12 @@ class StageRecordings:
     def disk_full(self) -> bool:
         """Whether the disk was too full for the last recording, and no client knows that yet."""
         return self._recorder.status.disk_full
+
+    def take_lost(self) -> bool:
+        """Return whether the recording has lost cycles since the last call: the disk is slow."""
+        status = self._recorder.status
+        before, self._lost_before = self._lost_before, (status.name, status.lost)
+        return status.lost > (before[1] if before[0] == status.name else 0)
 
     async def start(self, loop: LoopConnection, label: str | None) -> Document:
         """Start recording every cycle.

@@ -150,6 +150,7 @@ async def exchange(
         return True
     await _end(fresh)
     back = await prepare(run, paths, run.config_file)  # the copy, not the file, which has changed
+    back.source_file = run.source_file
     use(back)
     back.start(succession)
     return False

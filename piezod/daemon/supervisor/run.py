@@ -17,6 +17,7 @@ from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.supervisor import Supervisor
 from piezod.daemon.supervisor.terms import Ending, RunOptions
 from piezod.errors import DeviceUnavailableError
+from piezod.telemetry.words import HUNG
 
 _log = logger("supervisor")
 
@@ -70,13 +71,16 @@ def _run_stage(
         lock.take()
     try:
         supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
-        ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
+        last_end = HUNG if marker.hung else int(marker.unclean)
+        ending, safe = asyncio.run(_run(supervisor, lock, last_end))
     except OSError:  # a file of the stage cannot be made
         if not run.started:  # it may have no shared memory to ask for its cycles
             run.discard()
             if not marker.unclean:
                 marker.remove()
         raise
+    if supervisor.loop_hung:
+        marker.note_hung()
     if ending is Ending.LOST:
         _remove(marker, supervisor.loop_run)
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
@@ -95,14 +99,14 @@ def _remove(marker: Marker, run: LoopRun) -> None:
         marker.remove()
 
 
-async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> tuple[Ending, bool]:
+async def _run(supervisor: Supervisor, lock: Lock, last_end: int) -> tuple[Ending, bool]:
     """Run the supervisor; if the loop does not leave the stage safe, ramp down before all else.
 
     Returns:
         How it ended, and whether the output is known to be at the safe voltage.
     """
     try:
-        ending = await supervisor.run(unclean=unclean)
+        ending = await supervisor.run(last_end=last_end)
     except BaseException:
         await supervisor.close()  # without a beat the loop ramps down by itself
         raise

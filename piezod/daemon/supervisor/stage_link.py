@@ -13,7 +13,7 @@ from piezod.config.faults import Fault
 from piezod.config.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
-from piezod.daemon.logging import logger
+from piezod.daemon.logging import drops_lines, logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import (
     AuditEntry,
@@ -53,6 +53,8 @@ class StageLink:
         stop: Called with the reason when a client requests a shutdown.
         reload: Called when a client requests a reload.
         shadow: Whether every arming is in shadow, so that nothing is written.
+        config_changed: Returns whether the configuration file is another one than that in force;
+            called in a thread, because it may wait for the disk.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class StageLink:
         stop: Callable[[str], None],
         reload: Callable[[Peer], Awaitable[Document]],
         shadow: bool,
+        config_changed: Callable[[], bool] = bool,
     ) -> None:
         self._played_file = paths.played
         self.loop = loop
@@ -81,6 +84,7 @@ class StageLink:
         )
         self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
+        self._config_changed, self._changed = config_changed, False
         self._detections = dict.fromkeys(Fault, 0)
 
     @property
@@ -202,8 +206,18 @@ class StageLink:
         record = self.loop.latest()
         if record is not None and Fault.D8 in self.fault_ids(stage_documents.masks(record)[1]):
             self.parameters.rejected = False  # latched: the loop knows it
-        found = {Fault.D8: self.parameters.rejected, Fault.P6: self.stage_recordings.disk_full}
+        found = {
+            Fault.D8: self.parameters.rejected,
+            Fault.P6: self.stage_recordings.disk_full,
+            Fault.P7: self.stage_recordings.take_lost(),
+            Fault.P11: self._changed,
+            Fault.P15: drops_lines(),
+        }
         self.loop.report([fault for fault, is_there in found.items() if is_there])
+
+    async def look_at_config(self) -> None:
+        """Look whether the configuration file has changed, for the next report of faults."""
+        self._changed = await asyncio.to_thread(self._config_changed)
 
     async def start_recording(self, label: str | None, peer: Peer) -> Document:
         """Start recording every cycle."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from piezod.config.endpoints import Role
+from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
@@ -60,6 +61,7 @@ class Supervisor:
 
     Attributes:
         loop_run: The present run of the loop process; a reload replaces it.
+        loop_hung: Whether it was killed because it ran no cycles any more.
     """
 
     def __init__(
@@ -76,13 +78,14 @@ class Supervisor:
         self._ending = Ending.IN_ORDER
         self._stopping = self._ready = self._reloading = self._exchanging = False
         self._state: State | None = None
-        self.loop_run = run
+        self.loop_run, self.loop_hung = run, False
         self._link = StageLink(
             paths,
             self.loop_run.loop,
             stop=self.stop,
             reload=self.reload,
             shadow=options.shadow,
+            config_changed=self._config_changed,
         )
         self._heartbeat = Heartbeat(self.loop_run.loop)
         self._housekeeping = Housekeeping(self._link)
@@ -93,15 +96,15 @@ class Supervisor:
         self._restored: LoopRun | None = None
         self._restoring: asyncio.Task[list[str]] | None = None
 
-    async def run(self, *, unclean: bool) -> Ending:
+    async def run(self, *, last_end: int) -> Ending:
         """Run until the end; then the loop process has ended, or no longer gets a beat.
 
         Args:
-            unclean: Whether the daemon did not end in order last time.
+            last_end: How the daemon ended last time: a value of `Word.UNCLEAN`.
         """
         # The socket first: if it cannot be bound, no device has been touched.
         await self._api.start()
-        self.loop_run.start(unclean=unclean)
+        self.loop_run.start(last_end=last_end)
         housekeeping = asyncio.create_task(self._housekeeping.run())
         self._heartbeat.start()
         try:
@@ -146,12 +149,15 @@ class Supervisor:
         if self._stopping and not run.takes_requests:
             run.kill()  # it has not touched a device yet
             return
-        overdue = self._stopping and not run.request_end()
-        if overdue or run.loop.health.hung(now_ns):
-            what = "it did not end in time" if overdue else "it runs no cycles any more"
-            _log.error("loop killed", what=what)
-            self._ending = Ending.LOST
-            run.kill()
+        if run.loop.health.hung(now_ns):
+            self.loop_hung = True
+            _log.error("loop killed", what="it runs no cycles any more", fault=Fault.L3)
+        elif self._stopping and not run.request_end():
+            _log.error("loop killed", what="it did not end in time")
+        else:
+            return
+        self._ending = Ending.LOST
+        run.kill()
 
     def _ended(self, code: int) -> Ending:
         """Return how the run ended, from the exit code of the loop process."""
@@ -233,6 +239,7 @@ class Supervisor:
             raise
         _log.info("reload", user=peer.user, changes=different)
         if not different:
+            run.source_file = fresh.source_file  # the file may have other comments now
             fresh.discard()
             return []
         await self._link.parameters.keep(run.loop, kept_axes(run.config, different))
@@ -272,6 +279,9 @@ class Supervisor:
     def _use(self, run: LoopRun) -> None:
         self.loop_run, self._link.loop = run, run.loop
         self._heartbeat.beat_for(run.loop)
+
+    def _config_changed(self) -> bool:
+        return self.loop_run.source_file.changed()
 
     def _handle_signals(self) -> None:
         if self._signals.end:

@@ -30,6 +30,8 @@ ZERO_S: Final = 0.5
 SHORTEST_S: Final = 0.1
 """Shortest duration of a rest that is driven, in s."""
 
+_NOT_OF_THE_DATA: Final = frozenset({Fault.L1, Fault.P11, Fault.P15})
+"""Faults that are no remark about the data: late samples are counted elsewhere."""
 _STATES_TO_SAFE: Final = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP})
 _OTHER_CHARACTERS: Final = re.compile(r"[^A-Za-z0-9_-]+")
 _LABEL_LETTERS: Final = 32
@@ -257,7 +259,7 @@ class LiveStage:
         before_s = inf
         with closing(self._client.telemetry(RATE_HZ)) as intervals:
             for interval in intervals:
-                self.faults.update(set(interval.faults) - {Fault.L1})  # late samples are counted
+                self.faults.update(set(interval.faults) - _NOT_OF_THE_DATA)
                 self._advance(max(interval.t_s - before_s, 0.0))
                 before_s = interval.t_s
                 if done(interval):

@@ -11,8 +11,9 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.hysteresis.memory import FloatArray
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
+from tests.conftest import Reaction
 from tests.control.fault_cases import SwingingStage
-from tests.control.rig_stage import RigStage
+from tests.control.rig_stage import RigStage, cycles_until, has_left_run
 
 OFTEN_LATE = CycleTiming(0, 1, 10_000, 0, 0)
 CYCLES_TO_L2 = 700  # of two periods each: more than a tenth of those of the last 5 s
@@ -79,11 +80,12 @@ def test_command_goes_on_in_time_after_a_stall() -> None:
 
 
 @pytest.mark.fault("L2")
-def test_lasting_lateness_holds_and_goes_on_by_itself() -> None:
+def test_lasting_lateness_holds_and_goes_on_by_itself(reaction: Reaction) -> None:
     """The movement goes on in the same mode, without a step, when the cycles are punctual."""
     stage = SwingingStage()
-    motion = stage.x.motion
+    motion, before_ns = stage.x.motion, stage.t_ns
     late_for_long(stage)
+    reaction("L2", cycles=stage.cycles_to(Fault.L2, before_ns))
     held_v = {record.axes[0].drive_v for record in stage.run(0.5)}
     stage.until("RUN", within_s=CYCLES_TO_PUNCTUAL * stage.period_ns * 1e-9)
     resumed = stage.run(3.0)
@@ -173,11 +175,12 @@ def test_resume_and_arm_are_refused_while_the_cycles_are_late() -> None:
 
 
 @pytest.mark.fault("L5")
-def test_pause_of_a_second_holds_until_a_person_resumes() -> None:
+def test_pause_of_a_second_holds_until_a_person_resumes(reaction: Reaction) -> None:
     """After two seconds without one the stage ramps."""
     stage = SwingingStage()
-    stage.cycle(stall(1000))
+    first = stage.cycle(stall(1000))
     state, mode = stage.state, stage.x.mode
+    reaction("L5", cycles=cycles_until([first], has_left_run))
     stage.run(2.1)
 
     assert Fault.L5 in stage.faults()

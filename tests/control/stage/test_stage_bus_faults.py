@@ -13,6 +13,7 @@ from piezod.control.faults.table import ids
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
+from tests.conftest import Reaction
 from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
 from tests.control.rig_stage import FaultyStage
 
@@ -60,9 +61,11 @@ def result_of(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
 
 
 @pytest.mark.parametrize("case", PARAMETERS)
-def test_bus_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase) -> None:
+def test_bus_fault_leads_to_its_state_in_time_and_to_rest(
+    case: FaultCase, reaction: Reaction
+) -> None:
     """The fault is reported, the stage leaves RUN within the bound, and ends at rest."""
-    check_course(case, *result_of(case))
+    check_course(case, *result_of(case), reaction)
 
 
 @pytest.mark.parametrize("case", PARAMETERS)

@@ -18,8 +18,9 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
+from tests.conftest import Reaction
 from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
-from tests.control.rig_stage import RigStage, quick_config
+from tests.control.rig_stage import FaultyStage, RigStage, cycles_until, has_left_run, quick_config
 
 CASES = [
     FaultCase("S1", InjectionKind.STUCK, {}, State.HOLD, 60),
@@ -48,9 +49,9 @@ def result_of(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
 @pytest.mark.parametrize(
     "case", [pytest.param(one, marks=pytest.mark.fault(one.fault), id=one.fault) for one in CASES]
 )
-def test_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase) -> None:
+def test_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase, reaction: Reaction) -> None:
     """The fault is reported, the stage leaves RUN within the bound, and ends at rest."""
-    check_course(case, *result_of(case))
+    check_course(case, *result_of(case), reaction)
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
@@ -136,6 +137,43 @@ def test_collapsed_amplifier_is_taken_over_from_its_read_back() -> None:
     assert stage.state in {State.FAULT, State.SAFE}
 
 
+@pytest.mark.fault("A5")
+def test_voltage_that_is_not_a_number_is_not_written(
+    monkeypatch: pytest.MonkeyPatch, reaction: Reaction
+) -> None:
+    """The amplifier keeps its voltage, and the stage holds it."""
+    stage = SwingingStage()
+    law, before_v = stage.stage.axes[0].law, stage.x.drive_v
+    update = law.update
+    monkeypatch.setattr(law, "update", lambda *values: update(*values)._replace(drive_v=nan))
+    stage.channels.writes.clear()
+    after = stage.run(0.02)
+
+    assert {drive_v for _, (drive_v,) in stage.channels.writes} <= {before_v}
+    assert stage.faults() == [Fault.A5]
+    assert stage.state == State.HOLD
+    reaction("A5", cycles=cycles_until(after, has_left_run))
+
+
+@pytest.mark.fault("A4")
+def test_ramp_of_an_overloaded_amplifier_has_half_the_slew_rate() -> None:
+    """A ramp that would be faster is slowed down while the fault is present."""
+    config = quick_config()
+    axis = config.axes["x"]
+    steep = axis.safety.model_copy(update={"ramp_v_per_s": axis.limits.slew_v_per_s})
+    fast = axis.model_copy(update={"safety": steep})
+    stage = FaultyStage(config.model_copy(update={"axes": {"x": fast}}))
+    stage.cycle()
+    stage.do(rq.Arm(), rq.Goto(position_um=20.0))
+    stage.run(1.0)
+    stage.fail(InjectionKind.FLAGGED, flag=DeviceFlag.OVERLOAD)
+    stage.until("FAULT")
+
+    written_v = [drive_v for _, (drive_v,) in stage.channels.writes]
+    most_v = axis.limits.slew_v_per_s * stage.period_ns * 1e-9
+    assert max(a - b for a, b in pairwise(written_v)) == pytest.approx(most_v / 2)
+
+
 @pytest.mark.fault("A4")
 def test_overloaded_amplifier_has_half_the_slew_rate(
     monkeypatch: pytest.MonkeyPatch,
@@ -210,11 +248,12 @@ def test_oscillating_axis_has_half_the_gain_until_a_reset() -> None:
 
 
 @pytest.mark.fault("D10")
-def test_unknown_memory_is_shown_until_conditioning() -> None:
+def test_unknown_memory_is_shown_until_conditioning(reaction: Reaction) -> None:
     """It is shown while it matters: not in SAFE, and not in mode uncompensated."""
     stage = RigStage(quick_config(), memory_known=False)
     stage.cycle()
     before = ids(stage.records[-1].present)
+    before_ns = stage.t_ns
     stage.do(rq.Arm())
     armed = ids(stage.records[-1].present)
     stage.do(rq.SelectMode(mode=Mode.UNCOMPENSATED))
@@ -227,26 +266,30 @@ def test_unknown_memory_is_shown_until_conditioning() -> None:
     stage.run(0.1)
 
     assert (before, armed, uncompensated) == ([], [Fault.D10], [])
+    reaction("D10", cycles=stage.cycles_to(Fault.D10, before_ns))
     assert ids(stage.records[-1].present) == []
     assert set(stage.faults()) == {Fault.D10}
 
 
 @pytest.mark.fault("P3")
 @pytest.mark.parametrize("kind", [InjectionKind.READ_RAISES, InjectionKind.WRITE_RAISES])
-def test_exception_of_a_driver_is_a_fault(kind: InjectionKind) -> None:
+def test_exception_of_a_driver_is_a_fault(kind: InjectionKind, reaction: Reaction) -> None:
     """The cycles continue, the stage holds or is blind within two cycles, and ends safe."""
     stage = SwingingStage()
     stage.fail(kind, 50)
-    first = stage.run(0.01)[3]
+    after = stage.run(0.01)
     stage.run(3.5)
 
     assert Fault.P3 in stage.faults()
-    assert first.state in {State.HOLD, State.RAMP, State.BLIND}
+    reaction("P3", cycles=cycles_until(after, has_left_run))
+    assert after[-1].state in {State.HOLD, State.RAMP, State.BLIND}
     assert stage.state in {State.SAFE, State.FAULT}
 
 
 @pytest.mark.fault("P4")
-def test_exception_of_the_control_law_holds_the_voltage(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exception_of_the_control_law_holds_the_voltage(
+    monkeypatch: pytest.MonkeyPatch, reaction: Reaction
+) -> None:
     """The voltage is not dropped."""
     stage = SwingingStage()
 
@@ -258,6 +301,7 @@ def test_exception_of_the_control_law_holds_the_voltage(monkeypatch: pytest.Monk
     after = stage.run(0.02)
 
     assert Fault.P4 in stage.faults()
+    reaction("P4", cycles=cycles_until(after, has_left_run))
     assert {record.axes[0].drive_v for record in after} == {before_v}
     assert stage.state == State.HOLD
 
@@ -330,18 +374,19 @@ def test_no_ramp_starts_with_a_step_up(off_v: float) -> None:
 
 
 @pytest.mark.fault("L1")
-def test_single_overrun_is_only_counted() -> None:
+def test_single_overrun_is_only_counted(reaction: Reaction) -> None:
     """The stage continues."""
     stage = SwingingStage()
     record = stage.cycle(CycleTiming(0, 1, 1_900_000, 0, 0))
 
     assert ids(record.present) == [Fault.L1]
+    reaction("L1", cycles=cycles_until([record], lambda each: Fault.L1 in ids(each.present)))
     assert stage.faults() == []
     assert stage.state == State.RUN
 
 
 @pytest.mark.fault("L4")
-def test_jump_of_the_wall_clock_changes_nothing() -> None:
+def test_jump_of_the_wall_clock_changes_nothing(reaction: Reaction) -> None:
     """The voltages are those of a stage whose clock did not jump."""
     jumped, twin = SwingingStage(), SwingingStage()
     hour_ns = 3600 * 10**9
@@ -351,14 +396,17 @@ def test_jump_of_the_wall_clock_changes_nothing() -> None:
     assert [record.axes[0].drive_v for record in ours] == [
         record.axes[0].drive_v for record in theirs
     ]
-    assert ids(jumped.records[-500].present) == [Fault.L4]
+    shown = cycles_until(jumped.records[-500:], lambda each: ids(each.present) == [Fault.L4])
+    reaction("L4", cycles=shown)
 
 
 @pytest.mark.fault("C9")
-def test_stream_that_stops_holds_in_feedforward() -> None:
+def test_stream_that_stops_holds_in_feedforward(reaction: Reaction) -> None:
     """The mode does not matter."""
     stage = SwingingStage(Mode.FEEDFORWARD)
+    before = len(stage.records)
     stage.do(rq.Stream(axes=("x",)))
     stage.run(0.2)
 
     assert stage.state == State.HOLD
+    reaction("C9", cycles=cycles_until(stage.records[before:], has_left_run))

@@ -8,12 +8,14 @@ import pytest
 from piezod.config import requests as rq
 from piezod.config.axes import CompensatorConfig
 from piezod.config.daemon import DaemonConfig
+from piezod.config.faults import Fault
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.control.assembly import check_stage
 from piezod.control.law.identifier import LEAST_ERROR, LearningGate
 from piezod.errors import ModelError
 from piezod.hysteresis import even_thresholds
+from tests.conftest import Reaction
 from tests.control.rig_stage import RigStage, shipped_config
 
 RANGE_UM = 31.3
@@ -99,16 +101,18 @@ def test_lms_is_refused_with_the_thresholds_of_an_adopted_model() -> None:
 
 @pytest.mark.fault("D1")
 @pytest.mark.usefixtures("learns_nothing")
-def test_learned_model_that_is_worse_is_a_fault_and_is_dropped() -> None:
+def test_learned_model_that_is_worse_is_a_fault_and_is_dropped(reaction: Reaction) -> None:
     """The stage degrades to the identified model and arrives, although it was off in RUN."""
     stage = running(with_compensator({}), Mode.FEEDFORWARD)
     stage.do(rq.Goto(position_um=13.0))
     stage.run(1.5)
 
+    before_ns = stage.t_ns
     worst_um = learn_wrong(stage, 1.5)
 
     assert worst_um > 5 * LEAST_ERROR * RANGE_UM
     assert stage.faults() == ["D1"]
+    reaction("D1", cycles=stage.cycles_to(Fault.D1, before_ns))
     assert (stage.state, stage.x.mode) == ("RUN", Mode.FEEDFORWARD)
     assert abs(error_um(stage, 13.0)) < LEAST_ERROR * RANGE_UM
     assert stage.stage.axes[0].law.identifier.offset == 0.0
@@ -148,15 +152,17 @@ def test_proven_model_stays_when_learning_ends() -> None:
 
 @pytest.mark.fault("D2")
 @pytest.mark.usefixtures("learns_nothing")
-def test_weights_that_are_nan_do_not_outlive_their_mode() -> None:
+def test_weights_that_are_nan_do_not_outlive_their_mode(reaction: Reaction) -> None:
     """The stage degrades to the identified model, and still moves to its target."""
     stage = running(with_compensator({}))
     error_um(stage, 13.0)
 
+    before_ns = stage.t_ns
     stage.stage.axes[0].law.identifier.weights[3] = np.nan
     records = stage.run(0.5)
 
     assert "D2" in stage.faults()
+    reaction("D2", cycles=stage.cycles_to(Fault.D2, before_ns))
     assert stage.x.mode is Mode.FEEDFORWARD
     assert all(np.isfinite(each.axes[0].drive_v) for each in records)
     assert abs(error_um(stage, 8.0)) < LEAST_ERROR * RANGE_UM

@@ -12,6 +12,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.guard import Limits
 from piezod.control.watch.amplifier import FLAG_FAULTS, AmplifierWatch
 from piezod.devices.status import NO_FLAGS, DeviceFlag
+from tests.conftest import Reaction
 from tests.control.fakes import MS
 
 LIMITS = Limits(0.0, 150.0, 20_000.0)
@@ -162,7 +163,9 @@ def test_request_that_is_not_a_number_is_detected_at_once() -> None:
 
 @pytest.mark.fault("A6")
 @pytest.mark.parametrize(("which", "cycles"), [("range_limited", 20), ("slew_limited", 100)])
-def test_drive_that_is_limited_for_long_is_detected(which: str, cycles: int) -> None:
+def test_drive_that_is_limited_for_long_is_detected(
+    which: str, cycles: int, reaction: Reaction
+) -> None:
     """It is detected after this many cycles in a row, until it is no longer limited."""
     subject, first = watch(), 0
     for k in range(2 * cycles):
@@ -172,6 +175,7 @@ def test_drive_that_is_limited_for_long_is_detected(which: str, cycles: int) -> 
     subject.wrote(150.0, taken=True)
 
     assert first == cycles
+    reaction("A6", cycles=first + 1)
     assert subject.check(math.nan, NO_FLAGS) == ()
 
 

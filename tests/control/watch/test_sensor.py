@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag
+from tests.conftest import Reaction
 from tests.control.fakes import MS
 from tests.control.watched_stage import (
     DRIVE_V,
@@ -76,12 +77,13 @@ def test_stuck_sensor_that_no_mode_needs_is_a_warning() -> None:
 
 
 @pytest.mark.fault("S13")
-def test_constant_sensor_at_rest_is_detected() -> None:
+def test_constant_sensor_at_rest_is_detected(reaction: Reaction) -> None:
     """S13 comes after 200 equal samples, unless the sensor never had any noise."""
     still = run_watch(measured(5000, at_rest_v), lambda k, t: t.showing(15.0) if k >= START else t)
     silent = run_watch(measured(5000, at_rest_v), lambda _k, inputs: inputs.showing(15.0))
 
     assert still.first("S13") == START + 199
+    reaction("S13", cycles=still.first("S13") + 1 - START)
     assert silent.all_ids == set()
 
 
@@ -215,7 +217,7 @@ def test_samples_that_are_too_late_count_as_missing() -> None:
 @pytest.mark.parametrize(
     ("flag", "fault"), [(DeviceFlag.SATURATED, "S7"), (DeviceFlag.LOW_LIGHT, "S8")]
 )
-def test_samples_with_a_flag_are_not_used(flag: DeviceFlag, fault: str) -> None:
+def test_samples_with_a_flag_are_not_used(flag: DeviceFlag, fault: str, reaction: Reaction) -> None:
     """The third flag in a row is a fault, however plausible the samples are."""
 
     def flagged(k: int, inputs: WatchInput) -> WatchInput:
@@ -223,6 +225,7 @@ def test_samples_with_a_flag_are_not_used(flag: DeviceFlag, fault: str) -> None:
 
     seen = run_watch(measured(START + 50), flagged)
     assert seen.first(fault) == START + 2
+    reaction(fault, cycles=seen.first(fault) + 1 - START)
     assert not any(sample.valid for sample in seen.samples[START:])
     assert seen.all_ids == {fault}
 

@@ -11,6 +11,7 @@ from piezod.config.waveforms import Sine, Staircase, Triangle
 from piezod.devices.interface import Amplifier, Device, Sensor
 from piezod.testing.faulty import FaultyDevice
 from piezod.testing.injections import Injection, InjectionKind
+from tests.conftest import Reaction
 from tests.control.fakes import MS
 from tests.control.rig_stage import RigStage
 
@@ -28,6 +29,9 @@ WAVES: Mapping[str, WaveformConfig] = {
 START_MS = 1137
 LEARNED_MS = 6137
 """By then the usual noise is known."""
+
+GROWING = {(InjectionKind.GAIN, 0.5), (InjectionKind.STUCK_OUTPUT, 0.0)}
+"""Faults that nothing can see before the stage has moved farther."""
 
 
 def arm_in(stage: RigStage, mode: Mode) -> None:
@@ -122,14 +126,17 @@ def faulty(kind: InjectionKind, value: float, mode: Mode) -> RigStage:
     ],
 )
 def test_fault_is_detected_in_time(
-    kind: InjectionKind, value: float, fault: str, within_ms: int, mode: Mode
+    kind: InjectionKind, value: float, fault: str, within_ms: int, mode: Mode, reaction: Reaction
 ) -> None:
     """In any mode the fault comes within its cycles, and no other fault before it."""
     stage = faulty(kind, value, mode)
+    before_ns = stage.t_ns
     stage.run((within_ms + 1) / 1000)
 
     assert fault in stage.faults()
     assert set(stage.faults()) <= {"S4", fault}
+    if (kind, value) not in GROWING:
+        reaction(fault, cycles=stage.cycles_to(fault, before_ns))
 
 
 @pytest.mark.fault("S1")

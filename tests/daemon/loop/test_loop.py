@@ -34,6 +34,7 @@ from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
+from tests.conftest import Reaction
 from tests.daemon.fake_controller import FakeController
 
 PERIOD_NS = 1_000_000
@@ -289,13 +290,19 @@ def test_loop_ends_when_the_controller_has_finished(rig: Rig) -> None:
     assert rig.controller.requests == [Shutdown()]
 
 
-def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
+@pytest.mark.fault("H1")
+def test_loop_without_supervisor_shuts_down(rig: Rig, reaction: Reaction) -> None:
     """A second after the last beat the loop shuts down, once, and reports H1."""
     rig.run(2000, rig.beat)
     before = list(rig.controller.requests)
 
     rig.run(SUPERVISOR_LOST_NS // PERIOD_NS - 1)
     shortly_before = list(rig.controller.requests)
+    further = 0
+    while not rig.controller.requests:
+        rig.run(1)
+        further += 1
+    reaction("H1", cycles=SUPERVISOR_LOST_NS // PERIOD_NS - 1 + further + 1)
     rig.run(2000)
 
     assert before == shortly_before == []
@@ -307,6 +314,9 @@ def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
 
 @pytest.mark.fault("D8")
 @pytest.mark.fault("P6")
+@pytest.mark.fault("P7")
+@pytest.mark.fault("P11")
+@pytest.mark.fault("P15")
 def test_faults_of_the_supervisor_are_reported_in_each_cycle(rig: Rig) -> None:
     """The faults that only the supervisor can find are present as long as it finds them."""
     words = rig.shared.words
@@ -349,15 +359,20 @@ def test_urgent_request_goes_first(rig: Rig) -> None:
 
 
 @pytest.mark.fault("E1")
-def test_emergency_stop_waits_for_no_other_request(rig: Rig) -> None:
+def test_emergency_stop_waits_for_no_other_request(rig: Rig, reaction: Reaction) -> None:
     """An emergency stop is executed in the next cycle, once, even if the urgent lane is full."""
     mailbox = MailboxWriter(rig.shared)
     for _ in range(3):
         mailbox.post(encode(Hold()), 10**12, urgent=True)
     number = mailbox.post_estop()
 
-    rig.run(2)
+    cycles = 0
+    while Estop() not in rig.controller.requests:
+        rig.run(1)
+        cycles += 1
+    rig.run(1)
 
+    reaction("E1", cycles=cycles + 1)  # the next cycle carries it out
     assert rig.controller.requests == [Estop(), Hold(), Hold()]
     answer = mailbox.estop_answer(number)
     assert answer is not None

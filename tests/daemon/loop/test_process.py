@@ -9,7 +9,7 @@ from piezod.config.requests import Arm, Goto, Shutdown
 from piezod.config.states import State
 from piezod.daemon.last_output import read_last_output
 from piezod.daemon.noted_identities import noted_identities
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import HUNG, Word
 from tests.daemon.loop_child import LoopChild
 from tests.daemon.waiting import eventually
 
@@ -143,12 +143,13 @@ def test_absent_device_is_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.fault("P2")
-def test_arming_after_an_unclean_end_needs_a_reset(tmp_path: Path) -> None:
-    """After an unclean end, P2 forbids arming."""
-    with LoopChild(tmp_path, SIMULATED, UNCLEAN=1) as child:
+@pytest.mark.fault("L3")
+def test_arming_after_a_loop_that_hung_needs_a_reset(tmp_path: Path) -> None:
+    """After an unclean end, P2 forbids arming, and L3 if its loop hung."""
+    with LoopChild(tmp_path, SIMULATED, UNCLEAN=HUNG) as child:
         child.wait_for(State.FAULT, State.SAFE)
 
         answer = child.ask(Arm())
 
     assert not answer.accepted
-    assert "P2" in {event.fault for event in child.events}
+    assert {"P2", "L3"} <= {event.fault for event in child.events}

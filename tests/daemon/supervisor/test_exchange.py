@@ -101,13 +101,14 @@ def test_new_configuration_is_in_force(tmp_path: Path, old_file: Path) -> None:
 
 @pytest.mark.fault("P11")
 def test_configuration_whose_loop_fails_is_taken_back(tmp_path: Path, old_file: Path) -> None:
-    """A loop with the old configuration runs again, from its own copy."""
+    """A loop with the old configuration runs again, from its own copy; the file still differs."""
     exchanged = Exchanged(tmp_path, old_file, titled(old_file, "broken"))
 
     assert not exchanged.came_up
     assert [run.config.title for run in exchanged.runs] == ["old", "broken", "old"]
     assert exchanged.code_of_first == 0
     assert exchanged.title == exchanged.kept["title"] == "old"
+    assert exchanged.runs[-1].source_file.changed()
 
 
 class Accepted:

@@ -13,10 +13,12 @@ import pytest
 
 from piezod.config.faults import Fault
 from piezod.config.states import State
-from piezod.daemon.logging import set_up_logging
+from piezod.daemon.lean_structlog import structlog
+from piezod.daemon.logging import MAX_LINES, WINDOW_S, EventRateLimit, set_up_logging
 from piezod.daemon.loop import accept
 from piezod.daemon.service.stage_service import NotNowError
 from piezod.daemon.stores import recorder
+from piezod.daemon.stores.recorder import RecorderStatus
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.record import StageEvent
@@ -113,6 +115,62 @@ def test_recording_that_the_disk_ends_is_a_fault(
     with pytest.raises(NotNowError, match="nothing is being recorded"):
         bench.do(lambda link: link.stop_recording(PEER))
     asyncio.run(Housekeeping(bench.link).close())
+
+
+@pytest.mark.fault("P7")
+def test_recording_that_loses_cycles_is_a_fault(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """P7 is reported as long as further cycles are lost, also by the next recording."""
+    found = []
+    status = RecorderStatus(True, "one", 100, 0, "")
+    for name, lost in [("one", 0), ("one", 7), ("one", 7), ("one", 9), ("two", 3), ("two", 3)]:
+        now = status._replace(name=name, lost=lost)
+        monkeypatch.setattr(recorder.Recorder, "status", now)
+        found.append(_reported(bench))
+
+    assert found == [[], [Fault.P7], [], [Fault.P7], [Fault.P7], []]
+
+
+@pytest.mark.fault("P15")
+@pytest.mark.usefixtures("log")
+def test_flood_of_events_is_a_fault(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """P15 is reported while the log drops lines of a kind."""
+    found = []
+    housekeeping = Housekeeping(bench.link)
+    event = StageEvent(5, "warning", "fault", "spike", "S4", "x", nan, nan)
+    for _ in range(MAX_LINES + 1):
+        EventWriter(bench.loop.shared).append(event)
+        found.append(_reported(bench))
+        housekeeping.log_events()
+    flooded = _reported(bench)
+    after_s = time.monotonic() + WINDOW_S
+    monkeypatch.setattr(log_limit(), "_now_s", lambda: after_s)
+
+    assert found == [[]] * (MAX_LINES + 1)
+    assert flooded == [Fault.P15]
+    assert _reported(bench) == []
+    asyncio.run(housekeeping.close())
+
+
+@pytest.mark.fault("P11")
+def test_changed_configuration_file_is_a_fault(bench: Bench) -> None:
+    """P11 is reported until the file in force is that on the disk, as after a reload."""
+    changed = iter([False, True, False])
+    bench.link = bench.new_link(config_changed=lambda: next(changed))
+    found = []
+    for _ in range(3):
+        asyncio.run(bench.link.look_at_config())
+        found.append(_reported(bench))
+
+    assert found == [[], [Fault.P11], []]
+
+
+def log_limit() -> EventRateLimit:
+    """Return the limit of the log."""
+    steps = structlog.get_config()["processors"]
+    (limit,) = [step for step in steps if isinstance(step, EventRateLimit)]
+    return limit
 
 
 def test_housekeeping_reports_faults(bench: Bench) -> None:

@@ -13,6 +13,7 @@ import pytest
 from piezod.units import NS_PER_S
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import EmulatedOptions
+from tests.conftest import Reaction
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import configuration, is_alive, latched
 from tests.daemon.waiting import eventually
@@ -124,7 +125,7 @@ def assert_gentle(trace: list[Write]) -> None:
 
 @pytest.mark.fault("P2")
 @pytest.mark.parametrize("number", KILLS)
-def test_killed(stage: Stage, number: int) -> None:
+def test_killed(stage: Stage, number: int, reaction: Reaction) -> None:
     """The writes keep to range and slew rate, and end at the safe voltage."""
     draw = random.Random(number)  # noqa: S311 - reproducible, not secret
     stage.run()
@@ -132,9 +133,14 @@ def test_killed(stage: Stage, number: int) -> None:
     if draw.random() < 0.2:  # kill during a ramp
         stage.ramp_for(draw.randrange(10))
 
-    stage.kill(VICTIMS[number % len(VICTIMS)])
+    driven, killed_ns = len(stage.writes()), time.monotonic_ns()
+    victim = VICTIMS[number % len(VICTIMS)]
+    stage.kill(victim)
 
     trace = stage.writes()
+    if victim == "loop" and len(trace) > driven:
+        first_ns = next(write.asked_ns for write in trace if write.pid != stage.loop_pid)
+        reaction("P2", ms=(first_ns - killed_ns) / 1e6)
     assert_gentle(trace)
     assert trace[-1].drive_v == SAFE_V
     assert stage.in_force_v() == pytest.approx(SAFE_V, abs=0.5)

@@ -15,6 +15,21 @@ def test_run_that_did_not_end_in_order_is_detected(tmp_path: Path) -> None:
     assert Marker(tmp_path / "running").unclean
 
 
+@pytest.mark.fault("L3")
+def test_loop_that_hung_is_noted_for_the_next_run(tmp_path: Path) -> None:
+    """The note is gone with the mark, and with the next run that is started."""
+    marker = Marker(tmp_path / "running")
+    marker.put()
+    marker.note_hung()
+    after = Marker(tmp_path / "running")
+    after.put()
+
+    assert (marker.hung, after.unclean, after.hung) == (False, True, True)
+    assert not Marker(tmp_path / "running").hung
+    marker.remove()
+    assert not Marker(tmp_path / "running").hung
+
+
 def test_orderly_end_leaves_no_mark(tmp_path: Path) -> None:
     """Removing the mark twice is no error."""
     marker = Marker(tmp_path / "running")

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -11,6 +12,7 @@ from subprocess import PIPE, Popen
 import httpx
 import pytest
 
+from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.lock import Lock
@@ -22,7 +24,8 @@ from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.terms import RunOptions
 from piezod.errors import ConfigError, DeviceUnavailableError
 from piezod.telemetry.shared_map import attach
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import HUNG, SUPERVISOR_FAULTS, Word
+from tests.conftest import Reaction
 from tests.daemon.bench import write_record
 from tests.daemon.daemons import configuration, is_alive
 from tests.daemon.supervisor.run_rig import Rig
@@ -148,13 +151,28 @@ def test_lost_loop_is_ramped_down(
 
 
 @pytest.mark.fault("L3")
-def test_hung_loop_is_killed(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
-    """A loop without cycles is killed, and the stage ramped down."""
-    in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGSTOP))
+def test_hung_loop_is_killed(
+    rig: Rig, capsys: pytest.CaptureFixture[str], reaction: Reaction
+) -> None:
+    """A loop without cycles is killed, and the stage ramped down; the next start reports it."""
+
+    def hang() -> None:
+        began_s, (_, loop) = time.monotonic(), rig.processes[0]
+        os.kill(loop.pid, signal.SIGSTOP)
+        eventually(lambda: not is_alive(loop.pid))
+        reaction("L3", ms=(time.monotonic() - began_s) * 1e3)
+        eventually(lambda: not rig.paths.api_socket.exists())
+
+    in_order = rig.run(hang)
 
     assert not in_order
-    assert "it runs no cycles any more" in capsys.readouterr().err
+    log = capsys.readouterr().err
+    assert "it runs no cycles any more" in log
+    assert "fault=L3" in log
     assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    last_end: list[int] = []
+    rig.run(lambda: last_end.append(attach(rig.paths.loop_map).words[Word.UNCLEAN]))
+    assert last_end == [HUNG]
 
 
 def _kill_and_wait(rig: Rig, number: int) -> None:
@@ -217,12 +235,21 @@ def test_voltage_of_an_earlier_run_is_ramped_down_first(rig: Rig) -> None:
 
 @pytest.mark.fault("P11")
 def test_reload_within_the_service(rig: Rig) -> None:
-    """A valid file is loaded, an invalid one is refused, and the service always answers."""
+    """A valid file is loaded, an invalid one is refused, and the service always answers.
+
+    The loop gets P11 until the file is loaded.
+    """
     answers: list[httpx.Response] = []
+
+    def changed() -> bool:
+        bits = attach(rig.paths.loop_map).words[Word.SUPERVISOR_FAULTS]
+        return bool(bits >> SUPERVISOR_FAULTS.index(Fault.P11) & 1)
 
     def reload() -> None:
         configuration(rig.config.parent, rate_hz="25")
+        eventually(changed)
         answers.append(rig.ask("POST", "reload", {}))
+        eventually(lambda: not changed())
         configuration(rig.config.parent, rate_hz="0")
         answers.append(rig.ask("POST", "reload", {}))
         answers.append(rig.ask("GET", "config"))

@@ -1,17 +1,20 @@
 """A stage from its start to its end, with real processes."""
 
 import signal
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.conftest import Reaction
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, configuration, is_alive
 from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
 from tests.hosted_rig import hosted
 
+RAMP_V_PER_S = 50.0  # as configured
 EXCITATION = {"kind": "sine", "low": 0.0, "high": 50.0, "frequency_hz": 0.1}
 
 
@@ -51,7 +54,7 @@ def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Pa
 )
 @pytest.mark.fault("P1")
 def test_end_is_orderly_in_every_state(
-    start: StartDaemon, rig_file: Path, state: str, verbs: tuple[str, ...]
+    start: StartDaemon, rig_file: Path, state: str, verbs: tuple[str, ...], reaction: Reaction
 ) -> None:
     """SIGTERM ends the daemon with code 0 in every state; further signals change nothing."""
     daemon = start(rig_file).up()
@@ -62,13 +65,14 @@ def test_end_is_orderly_in_every_state(
             daemon.do(verb, drive_v={"x": EXCITATION}, duration_s=600.0)
         else:
             daemon.do(verb)
-    daemon.until(state)
-    loop_pid = daemon.loop_pid
+    drive_v = daemon.until(state)["axes"]["x"]["drive_v"]
+    loop_pid, began_s = daemon.loop_pid, time.monotonic()
 
     daemon.signal(signal.SIGTERM)
     daemon.signal(signal.SIGINT)
 
     assert daemon.exit_code() == 0
+    reaction("P1", ms=(time.monotonic() - began_s - abs(drive_v) / RAMP_V_PER_S) * 1e3)
     assert not is_alive(loop_pid)
     assert not daemon.paths.running.exists()
 

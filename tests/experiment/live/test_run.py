@@ -15,6 +15,8 @@ from piezod.errors import (
     RefusedError,
 )
 from piezod.experiment.live.run import run_live
+from piezod.experiment.live.setup import read_setup
+from piezod.experiment.live.stage import LiveStage
 from tests.experiment.conftest import Load
 from tests.experiment.live_fakes import FakeStage, stage_document
 
@@ -218,3 +220,14 @@ def test_file_is_sent_as_its_points(load: Load, short: str, tmp_path: Path) -> N
     assert body is not None
     assert body["command_um"]["x"]["kind"] == "points"
     assert [list(point) for point in body["command_um"]["x"]["points"]] == [[0, 0], [1, 5], [3, 20]]
+
+
+def test_faults_that_concern_no_data_are_no_remark() -> None:
+    """Late samples are counted elsewhere; log and configuration file change no sample."""
+    client = FakeStage()
+    client.present = ("L1", "S6", "P11", "P15")
+
+    with LiveStage(client, read_setup(client), lambda _s: None) as stage:
+        stage.disarm()
+
+    assert stage.faults == {"S6"}

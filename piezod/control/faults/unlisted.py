@@ -1,0 +1,33 @@
+"""Faults that the register never shows, and the gaps of others, with their reasons."""
+
+from types import MappingProxyType
+from typing import Final
+
+from piezod.config.faults import Fault
+
+NEVER_SHOWN: Final = MappingProxyType(
+    {
+        Fault.L9: "It is known before the first cycle and does not change: `piezod status` names "
+        "each step that failed. `strict_rt` refuses to arm.",
+        Fault.D3: "It cannot occur: each learning step ends with the nearest weights that can be "
+        "inverted. A stage that follows worse with them has D1.",
+        Fault.D4: "It is part of normal work: nothing is learned, and `piezod watch` and "
+        "recordings show the gate of the axis (quiet).",
+        Fault.D7: "As D4: the gate names the reason (invalid, late, limited, skipped, spike, "
+        "noisy, stuck, repeated).",
+        Fault.D9: "It cannot occur: a change of mode fades from one drive to the other, and the "
+        "guard limits each step to the slew rate.",
+    }
+)
+"""Why the register never has these faults. A reaction to them exists, and has its proofs."""
+
+GAPS: Final = MappingProxyType(
+    {
+        Fault.S10: "Another calibration in the same device is not detected: no driver reads "
+        "a checksum of it. Zero the sensor, and identify again, after a calibration.",
+        Fault.A2: "A driver of a message bus or a library cannot see a part of a write: it is "
+        "A1, A3 or B9 then.",
+        Fault.P11: "Only the configuration file is compared, not the model files that it names.",
+    }
+)
+"""What is not detected of faults that the register has."""
