@@ -144,6 +144,8 @@ class Door:
 
         if answer is not None and scope["type"] == "websocket":
             await send({"type": "websocket.close"})  # before it is accepted: HTTP status 403
+        elif scope["path"].startswith(API):  # for programs: what browsers need would only be long
+            await (answer or self._app)(scope, receive, send)
         else:
             await (answer or self._app)(scope, receive, send_with_headers)
 
