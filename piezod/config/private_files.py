@@ -13,10 +13,10 @@ SHORTEST: Final = 20
 
 
 def check_private(file: Path) -> Path:
-    """Return the path of a file with a secret, if only its user and group can read it.
+    """Return the path of a file with a secret, if only its user and group can use it.
 
     Raises:
-        PiezodError: If other users can read it.
+        PiezodError: If other users can.
         OSError: If there is no such file.
     """
     mode = stat.S_IMODE(file.stat().st_mode)
@@ -30,7 +30,7 @@ def read_token(file: Path) -> str:
     """Return the token in a file: all its text, without blanks around it.
 
     Raises:
-        PiezodError: If other users can read the file, or there is no token in it.
+        PiezodError: If the file is not private, or there is no token in it.
         OSError: If the file cannot be read.
     """
     token = check_private(file).read_text(encoding="utf-8", errors="replace").strip()
@@ -59,12 +59,16 @@ def kept_token(file: Path) -> str:
     """Return the token in a file, which is made with a new token if there is none.
 
     Raises:
-        PiezodError: If other users can read the file, or there is no token in it.
+        PiezodError: If other users can use the file, or another one has made it, or there is no
+            token in it.
         OSError: If the file can be neither read nor made.
     """
     try:
         number = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
+        if (owner := file.stat().st_uid) not in (os.getuid(), 0):
+            what = f"{file}: another user (number {owner}) has made this token, and knows it"
+            raise PiezodError(f"{what}; use a folder of your own") from None
         return read_token(file)
     with os.fdopen(number, "w", encoding="ascii") as opened:
         opened.write(f"{secrets.token_urlsafe(32)}\n")

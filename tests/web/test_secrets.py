@@ -245,6 +245,20 @@ def test_bad_token_file_is_refused(tmp_path: Path, text: str, mode: int, problem
         assert not text or text not in str(error.value)
 
 
+def test_secret_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A token that somebody else has put there is known to him."""
+    file = tmp_path / "user"
+    file.touch(0o600)
+    file.write_text(TOKEN)
+    if os.getuid() == 0:
+        os.chown(file, 4711, -1)
+    else:
+        monkeypatch.setattr("os.getuid", lambda: 4711)
+
+    with pytest.raises(PiezodError, match=r"another user \(number \d+\) has made"):
+        kept_tokens(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("address", "environ", "problem"),
     [
