@@ -172,7 +172,7 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         """Return a context manager that binds the stage to this client.
 
         In the block this client has the lease. When the block or the process ends, in whatever way,
-        the daemon stops the stage and ends a recording that this process has started.
+        the daemon stops the stage and ends a recording that this client has started.
 
         Raises:
             RefusedError: If another client has the lease, or another process has a session.

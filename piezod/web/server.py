@@ -32,8 +32,6 @@ _KEEP_ALIVE: Final = (
     (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3),
 )
 """A computer that has vanished is noticed within 10 s, so that its session ends."""
-
-
 _EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104 - only with TLS
 
 
