@@ -45,7 +45,7 @@ def record_and_fit(
     from piezod.experiment.live.identify import record_live
 
     settings = read_drive(drive) if drive else None
-    file = out.with_suffix(".csv") if out else Path(f"{client.socket.parent.name}-record.csv")
+    file = out.with_suffix(".csv") if out else Path(f"{client.place.stage}-record.csv")
     check_writable(file.parent)
     with progress_bar() as progress:
         recorded = record_live(client, file, progress, axis=axis, settings=settings)

@@ -47,7 +47,8 @@ StageOption: TypeAlias = Annotated[
         "--stage",
         metavar="NAME",
         autocompletion=_stages,
-        help="Stage: the name of its configuration file without the ending. Default: "
+        help="Stage: the name of its configuration file without the ending, or its address at "
+        "`piezod web` of another machine, as https://labpc:8080/stages/NAME. Default: "
         "$PIEZOD_STAGE, or the only stage that runs.",
     ),
 ]

@@ -65,7 +65,7 @@ def _show_in_place(
 
     from piezod.cli.watch_view import WatchView, ranges_of
 
-    view, known = WatchView(client.socket.parent.name, ranges_of(client.config())), _Faults(client)
+    view, known = WatchView(client.place.stage, ranges_of(client.config())), _Faults(client)
     shown: RenderableType = ""
     try:
         # On a screen of its own: when the terminal changes its size, nothing of the old view stays.

@@ -1,5 +1,6 @@
-"""`piezod web`: the page of this machine's stages."""
+"""`piezod web`: the page of this machine's stages, and their API for other computers."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,14 +11,39 @@ def web(
         int, typer.Option(metavar="N", min=0, max=65535, help="TCP port; 0 for any free one.")
     ] = 8080,
     host: Annotated[
-        str, typer.Option(metavar="NAME", help="Name or address of this machine to listen on.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Name or address of this machine to listen on; 0.0.0.0 for all. Addresses that "
+            "other computers reach need a certificate.",
+        ),
     ] = "127.0.0.1",
+    certificate: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Certificate (PEM) for TLS; with its --key."),
+    ] = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Private key of the certificate (PEM, no passphrase)."),
+    ] = None,
+    tokens: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Folder of lasting tokens, `user` and `viewer`, which are made if missing. "
+            "Default: a token for this start.",
+        ),
+    ] = None,
 ) -> None:
-    """Serve a page with all stages of this machine until Ctrl-C.
+    """Serve a page with all stages of this machine, and their API, until Ctrl-C.
 
     Prints the address of the page, with a token that a browser needs. The page acts as the user
-    of this command.
+    of this command. Other computers reach the stages over TLS.
     """
-    from piezod.web.server import serve
+    from piezod.web.encryption import Certificate
+    from piezod.web.server import WebPlan, serve
 
-    serve(host, port, announce=typer.echo)
+    if (certificate is None) != (key is None):
+        raise typer.BadParameter("--certificate and --key need each other")
+    encryption = Certificate(certificate, key) if certificate and key else None
+    serve(WebPlan(host, port, encryption, tokens), announce=typer.echo)

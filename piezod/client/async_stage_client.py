@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Self, TypeVar
 from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
-from piezod.client.errors import ended, translated
+from piezod.client.errors import translated
 from piezod.client.methods import AsyncCaller
-from piezod.client.places import check_socket, find_socket
+from piezod.client.place import find_place
 from piezod.client.reader import reader
 from piezod.client.reports import StageReports
 from piezod.client.results import Document, StreamEnd
@@ -54,12 +54,18 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     those of `StageClient`.
 
     Args:
-        stage: Name of the stage; None for `PIEZOD_STAGE`, or the only stage that runs.
+        stage: Name of the stage, or its address at `piezod web` of another machine; None for
+            `PIEZOD_STAGE`, or the only stage that runs.
         socket: Path of the daemon's socket, in place of a name.
         name: Name of this client, as in `StageClient`.
 
+    Attributes:
+        place: Where the daemon is reached.
+        socket: Its socket; None on another machine.
+
     Raises:
         NotRunningError: If no daemon listens.
+        ClientError: If the token or the certificate of an address cannot be used.
         NotAllowedError: If this user may not connect.
         AmbiguousStageError: If several daemons listen and no stage is named.
     """
@@ -67,11 +73,12 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     def __init__(
         self, stage: str | None = None, *, socket: Path | None = None, name: str = ""
     ) -> None:
-        self.socket = check_socket(socket or find_socket(stage))
+        self.place = find_place(stage, socket)
+        self.socket = self.place.socket
         self.name = name
         import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._pool = httpcore.AsyncConnectionPool(**pool_options(self.socket))
+        self._pool = httpcore.AsyncConnectionPool(**pool_options(self.place))
         self._closed = False
 
     async def __aenter__(self) -> Self:
@@ -101,8 +108,8 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
 
     async def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
-        with translated(self.socket):
-            response = await self._http.request(**request_of(call, self.name))
+        with translated(self.place):
+            response = await self._http.request(**request_of(call, self.name, self.place))
         return read_answer(call, response)
 
     async def goto_and_wait(
@@ -157,14 +164,14 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
                 for line in lines.feed(block):
                     if interval := reader.feed(line):
                         yield interval
-        raise ended(self.socket)
+        raise self.place.ended()
 
     @asynccontextmanager
     async def session(self) -> AsyncGenerator[None, None]:
         """Return a context manager that binds the stage to this client.
 
         In the block this client has the lease. When the block or the process ends, in whatever way,
-        the daemon stops the stage and ends a recording that this process has started.
+        the daemon stops the stage and ends a recording that this client has started.
 
         Raises:
             RefusedError: If another client has the lease, or another process has a session.
@@ -182,8 +189,8 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             setpoints_um: Axis: position in µm; the iterable yields each setpoint at its time.
         """
         lines = (setpoint_line(each) async for each in setpoints_um)
-        with translated(self.socket):
-            request = http_request("POST", STREAM, self.name, lines=lines)
+        with translated(self.place):
+            request = http_request("POST", STREAM, self.name, lines=lines, place=self.place)
             response = await self._http.request(**request)
         return reader(StreamEnd)(read_document(response))
 
@@ -209,8 +216,8 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         self, method: str, path: str, body: Document | None = None
     ) -> AsyncIterator["httpcore.Response"]:
         """Send a request; give its answer, to be read piece by piece, unless it is an error."""
-        request = http_request(method, path, self.name, body=body)
-        with translated(self.socket):
+        request = http_request(method, path, self.name, body=body, place=self.place)
+        with translated(self.place):
             async with self._http.stream(**request) as response:
                 if is_error(response):
                     await response.aread()

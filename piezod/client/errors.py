@@ -3,11 +3,23 @@
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from typing import Final
 
-from piezod.errors import ClientError, NotAllowedError, NotRunningError, RefusedError
+from piezod.client.place import Place
+from piezod.errors import (
+    AmbiguousStageError,
+    ClientError,
+    NotAllowedError,
+    NotRunningError,
+    RefusedError,
+)
 
-OTHER_VERSION = "check that client and daemon have the same version"
+OTHER_VERSION: Final = "check that client and daemon have the same version"
+_OF_SERVER: Final[dict[str, type[ClientError]]] = {
+    "ambiguous": AmbiguousStageError,
+    "not_running": NotRunningError,
+}
+"""Errors of `piezod web`, which a daemon does not have, by their codes."""
 
 
 def error_of(status: int, body: bytes) -> ClientError:
@@ -22,6 +34,8 @@ def error_of(status: int, body: bytes) -> ClientError:
         code, what, remedy = (str(error.get(key) or "") for key in ("code", "what", "remedy"))
     except (ValueError, LookupError, TypeError, AttributeError):
         return ClientError(f"the daemon answered with HTTP status {status}", OTHER_VERSION)
+    if code in _OF_SERVER:
+        return _OF_SERVER[code](what, remedy, code)
     if status in (401, 403):
         return NotAllowedError(what, remedy, code)
     if status >= 500 and status not in (503, 504):
@@ -30,30 +44,27 @@ def error_of(status: int, body: bytes) -> ClientError:
 
 
 @contextmanager
-def translated(socket: Path) -> Iterator[None]:
+def translated(place: Place) -> Iterator[None]:
     """Raise errors of the connection to a daemon as errors of piezod.
 
     Args:
-        socket: Socket of the daemon, for the text.
+        place: Where the daemon is reached.
 
     Raises:
         NotRunningError: If the daemon has ended.
-        ClientError: If it does not answer in time.
+        ClientError: If it does not answer in time, or its certificate is not trusted.
     """
     import httpcore
 
     try:
         yield
     except httpcore.TimeoutException as error:
-        what = f"{socket}: the daemon does not answer in time"
+        what = f"{place}: the daemon does not answer in time"
         raise ClientError(what, "try again, and look at the log of the daemon") from error
+    except httpcore.ConnectError as error:
+        raise place.unreachable(error) from error
     except (httpcore.NetworkError, httpcore.ProtocolError) as error:
-        raise ended(socket) from error
-
-
-def ended(socket: Path) -> NotRunningError:
-    """Return the error of a daemon that has ended since the client connected."""
-    return NotRunningError(f"{socket}: the daemon has ended", "check that it still runs")
+        raise place.ended() from error
 
 
 def unexpected(document: object, why: str) -> ClientError:

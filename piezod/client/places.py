@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from piezod.errors import AmbiguousStageError, NotAllowedError, NotRunningError
+from piezod.errors import AmbiguousStageError, ClientError, NotAllowedError, NotRunningError
 
 SOCKET_NAME: Final = "api.sock"
 _SYSTEM: Final = Path("/run/piezod")
@@ -35,10 +35,14 @@ def find_socket(
     Raises:
         NotRunningError: If no daemon listens, or none of that name.
         AmbiguousStageError: If several daemons listen and no name is given.
+        ClientError: If the name is an address.
     """
     if stage is None and (path := environ.get("PIEZOD_SOCKET")):
         return Path(path)
     name = stage or environ.get("PIEZOD_STAGE")
+    if name is not None and is_address(name):
+        what = f"{name}: a stage of this machine is needed"
+        raise ClientError(what, "run this command on the machine of the stage")
     running = running_stages(environ, system)
     if name is None and len(running) == 1:
         return next(iter(running.values()))
@@ -51,6 +55,11 @@ def find_socket(
         others = f", running: {', '.join(running)}" if running else ""
         raise NotRunningError(f"no daemon is running for stage {name!r}{others}", _START_IT)
     return running[name]
+
+
+def is_address(stage: str) -> bool:
+    """Return whether a stage is named by its address on another machine."""
+    return stage.startswith(("http://", "https://"))
 
 
 def running_stages(

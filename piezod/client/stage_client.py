@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Self, TypeVar
 from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
-from piezod.client.errors import ended, translated
+from piezod.client.errors import translated
 from piezod.client.methods import SyncCaller
-from piezod.client.places import check_socket, find_socket
+from piezod.client.place import find_place
 from piezod.client.reader import reader
 from piezod.client.reports import StageReports
 from piezod.client.results import Document, StreamEnd
@@ -54,13 +54,19 @@ class StageClient(StageCommands, StageReports, SyncCaller):
     or a subclass, if it cannot reach the daemon or the daemon refuses.
 
     Args:
-        stage: Name of the stage; None for `PIEZOD_STAGE`, or the only stage that runs.
+        stage: Name of the stage, or its address at `piezod web` of another machine; None for
+            `PIEZOD_STAGE`, or the only stage that runs.
         socket: Path of the daemon's socket, in place of a name.
         name: Name of this client, up to 64 letters, digits and _.:@-. The lease belongs to user and
             name: clients of one user without a name, such as shell and scripts, share it.
 
+    Attributes:
+        place: Where the daemon is reached.
+        socket: Its socket; None on another machine.
+
     Raises:
         NotRunningError: If no daemon listens.
+        ClientError: If the token or the certificate of an address cannot be used.
         NotAllowedError: If this user may not connect.
         AmbiguousStageError: If several daemons listen and no stage is named.
     """
@@ -68,11 +74,12 @@ class StageClient(StageCommands, StageReports, SyncCaller):
     def __init__(
         self, stage: str | None = None, *, socket: Path | None = None, name: str = ""
     ) -> None:
-        self.socket = check_socket(socket or find_socket(stage))
+        self.place = find_place(stage, socket)
+        self.socket = self.place.socket
         self.name = name
         import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._pool = httpcore.ConnectionPool(**pool_options(self.socket))
+        self._pool = httpcore.ConnectionPool(**pool_options(self.place))
         self._closed = False
 
     def __enter__(self) -> Self:
@@ -102,8 +109,8 @@ class StageClient(StageCommands, StageReports, SyncCaller):
 
     def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
-        with translated(self.socket):
-            response = self._http.request(**request_of(call, self.name))
+        with translated(self.place):
+            response = self._http.request(**request_of(call, self.name, self.place))
         return read_answer(call, response)
 
     def goto_and_wait(
@@ -158,14 +165,14 @@ class StageClient(StageCommands, StageReports, SyncCaller):
                 for line in lines.feed(block):
                     if interval := reader.feed(line):
                         yield interval
-        raise ended(self.socket)
+        raise self.place.ended()
 
     @contextmanager
     def session(self) -> Generator[None, None, None]:
         """Return a context manager that binds the stage to this client.
 
         In the block this client has the lease. When the block or the process ends, in whatever way,
-        the daemon stops the stage and ends a recording that this process has started.
+        the daemon stops the stage and ends a recording that this client has started.
 
         Raises:
             RefusedError: If another client has the lease, or another process has a session.
@@ -183,8 +190,10 @@ class StageClient(StageCommands, StageReports, SyncCaller):
             setpoints_um: Axis: position in µm; the iterable yields each setpoint at its time.
         """
         lines = map(setpoint_line, setpoints_um)
-        with translated(self.socket):
-            response = self._http.request(**http_request("POST", STREAM, self.name, lines=lines))
+        with translated(self.place):
+            response = self._http.request(
+                **http_request("POST", STREAM, self.name, lines=lines, place=self.place)
+            )
         return reader(StreamEnd)(read_document(response))
 
     def fetch_recording(self, name: str, file: Path) -> int:
@@ -211,8 +220,8 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         self, method: str, path: str, body: Document | None = None
     ) -> Iterator["httpcore.Response"]:
         """Send a request; give its answer, to be read piece by piece, unless it is an error."""
-        request = http_request(method, path, self.name, body=body)
-        with translated(self.socket), self._http.stream(**request) as response:
+        request = http_request(method, path, self.name, body=body, place=self.place)
+        with translated(self.place), self._http.stream(**request) as response:
             if is_error(response):
                 response.read()
             check(response)

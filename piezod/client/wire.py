@@ -9,15 +9,17 @@ from urllib.parse import quote, urlencode
 
 from piezod.client.calls import ANSWER_WITHIN_S, Call
 from piezod.client.errors import error_of, unexpected
+from piezod.client.place import Place
 from piezod.client.results import Document
 from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import RefusedError
 
 if TYPE_CHECKING:
+    import ssl
+
     import httpcore
 
-_BASE_URL: Final = "http://piezod/v1/"
-"""On a unix socket the host name has no meaning."""
+_HERE: Final = Place()
 TIMEOUT_S: Final = (2.0, ANSWER_WITHIN_S, 10.0, 10.0)
 """To connect, read, write, and get a connection of the pool, in s."""
 _TELEMETRY: Final = ENDPOINTS["telemetry"].path
@@ -34,7 +36,8 @@ ResultT = TypeVar("ResultT")
 class PoolOptions(TypedDict):
     """Arguments of a pool of httpcore."""
 
-    uds: str
+    uds: str | None
+    ssl_context: "ssl.SSLContext | None"
     max_connections: int
     keepalive_expiry: float
 
@@ -49,9 +52,18 @@ class HttpRequest(TypedDict):
     extensions: dict[str, Any]
 
 
-def pool_options(socket: Path) -> PoolOptions:
-    """Return the options of the connections of a client; a task of asyncio may need several."""
-    return {"uds": str(socket), "max_connections": 100, "keepalive_expiry": 5.0}
+def pool_options(place: Place) -> PoolOptions:
+    """Return the options of the connections of a client; a task of asyncio may need several.
+
+    Raises:
+        ClientError: If the certificates to trust cannot be read.
+    """
+    return {
+        "uds": str(place.socket) if place.socket else None,
+        "ssl_context": place.trusted(),
+        "max_connections": 100,
+        "keepalive_expiry": 5.0,
+    }
 
 
 def http_request(
@@ -62,6 +74,7 @@ def http_request(
     body: Document | None = None,
     lines: object = None,
     timeout_s: tuple[float, float, float, float] = TIMEOUT_S,
+    place: Place = _HERE,
 ) -> HttpRequest:
     """Return a request to a daemon.
 
@@ -72,9 +85,13 @@ def http_request(
         body: Document to send; None for none.
         lines: Lines to send in place of a document, as an iterable of bytes.
         timeout_s: Time-outs, in the order of `TIMEOUT_S`.
+        place: Where the daemon is reached; which socket does not matter.
     """
     # As bytes: the daemon refuses characters that are not allowed, with the reason.
-    headers: list[tuple[bytes | str, bytes | str]] = [("X-Piezod-Client", client.encode())]
+    headers: list[tuple[bytes | str, bytes | str]] = [
+        ("X-Piezod-Client", client.encode()),
+        *place.headers,
+    ]
     content: object = lines
     if body is not None:
         content = json.dumps(body, ensure_ascii=False, allow_nan=False).encode()
@@ -83,18 +100,20 @@ def http_request(
     timeouts = zip(("connect", "read", "write", "pool"), timeout_s, strict=True)
     return {
         "method": method,
-        "url": _BASE_URL + path,
+        "url": f"{place.url}/v1/{path}",
         "headers": headers,
         "content": content,
         "extensions": {"timeout": dict(timeouts)},
     }
 
 
-def request_of(call: Call[Any], client: str) -> HttpRequest:
+def request_of(call: Call[Any], client: str, place: Place = _HERE) -> HttpRequest:
     """Return the request of a call."""
     connect_s, _, write_s, pool_s = TIMEOUT_S
     timeout_s = connect_s, call.answer_within_s, write_s, pool_s
-    request = http_request(call.method, call.path, client, body=call.body, timeout_s=timeout_s)
+    request = http_request(
+        call.method, call.path, client, body=call.body, timeout_s=timeout_s, place=place
+    )
     if call.plain_text:
         request["headers"].append(("Accept", "text/plain"))
     return request

@@ -151,7 +151,7 @@ _ROWS: Final = (
         "session",
         MOVE,
         "Take the lease until this connection closes.\n\nThen the daemon stops the stage and ends "
-        "a recording that this process has started.",
+        "a recording that this client has started.",
     ),
     Endpoint("release_lease", "DELETE", "lease", KEEP, "Release the lease for other clients."),
     _get("params", "Show the parameters in use.", Group.STORES, "params list"),

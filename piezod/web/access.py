@@ -1,23 +1,35 @@
-"""Who may use the page: the checks of every request and every WebSocket, before anything else."""
+"""Who may use the server: the checks of every request and every WebSocket, before anything else."""
 
 import secrets
-from collections.abc import Container
-from typing import Final
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import cookie_parser
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from piezod.config.endpoints import Role
 from piezod.config.origins import host_name, is_own_host, is_same_origin
+from piezod.config.private_files import kept_token
 
 METRICS: Final = "/metrics"
+API: Final = ("/v1/", "/stages/")
+"""Begin of the paths that lead to daemons; they take a token in the header, and no cookie."""
+_ROLE: Final = "piezod.role"
 _HOW: Final = (
     "refused: the token is missing, or is not that of this start. Open the address that "
     "`piezod web` has printed.\n"
 )
+_NO_TOKEN: Final = {
+    "code": "unauthorised",
+    "what": "the header `Authorization: Bearer TOKEN` is missing, or has another token",
+    "remedy": "send a token of this server; docs/remote.md tells where it is",
+}
 _SAFE: Final = ("GET", "HEAD")
+_SECURE: Final = ("https", "wss")
 _HEADERS: Final = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -29,53 +41,89 @@ _HEADERS: Final = {
 }
 
 
+class Tokens(NamedTuple):
+    """The tokens of one server.
+
+    Attributes:
+        user: For everything that the user of this server may do.
+        viewer: For what a viewer may do.
+    """
+
+    user: str
+    viewer: str
+
+
+def new_tokens() -> Tokens:
+    """Return tokens for one start."""
+    return Tokens(secrets.token_urlsafe(32), secrets.token_urlsafe(32))
+
+
+def kept_tokens(folder: Path) -> Tokens:
+    """Return the tokens of a folder; make those that are missing.
+
+    Raises:
+        PiezodError: If other users can read a token, or a file has none.
+        OSError: If a file can be neither read nor made.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return Tokens(*(kept_token(folder / name) for name in Tokens._fields))
+
+
 class Access:
-    """The secrets of one server: a token for people, and a cookie for their browsers.
+    """The secrets of one server: tokens for people and programs, and cookies for browsers.
 
     Args:
         cookie: Name of the cookie. Browsers send cookies to all ports of a host, hence a name for
             each.
         hosts: Further names in `Host` that are allowed.
+        tokens: The tokens; new ones if not given.
     """
 
-    def __init__(self, cookie: str, hosts: Container[str] = ()) -> None:
-        self.token = secrets.token_urlsafe(32)
+    def __init__(
+        self, cookie: str, hosts: Container[str] = (), tokens: Tokens | None = None
+    ) -> None:
+        self.tokens = tokens or new_tokens()
         self._cookie, self._hosts = cookie, hosts
-        self._secret = secrets.token_urlsafe(32)
+        self._cookies = {secrets.token_urlsafe(32): role for role in _ROLES}
+        self._tokens = dict(zip(self.tokens, _ROLES, strict=True))
 
     def refusal(self, scope: Scope) -> str:
         """Return why a request may come from a foreign page; empty if it does not."""
-        headers = Headers(scope=scope)
+        headers, secure = Headers(scope=scope), scope["scheme"] in _SECURE
         host, origin = headers.get("host", ""), headers.get("origin")
-        if not is_own_host(host) and host_name(host) not in self._hosts:
+        # With TLS no foreign name leads here: the certificate does not have it.
+        if not secure and not is_own_host(host) and host_name(host) not in self._hosts:
             return f"Host {host[:64]!r} is not this server: use localhost, or an address"
         if origin is None and scope["type"] == "websocket":
             return "a WebSocket needs an Origin"
-        if origin is not None and not is_same_origin(origin, host):
+        if origin is not None and not _is_own(origin, host, secure=secure):
             return f"Origin {origin[:64]!r} is not this server"
         return ""
 
-    def has_cookie(self, scope: Scope) -> bool:
-        """Return whether the browser has exchanged the token."""
+    def cookie_role(self, scope: Scope) -> Role | None:
+        """Return the role of the token that the browser has exchanged; None if it has not."""
         cookies = cookie_parser(Headers(scope=scope).get("cookie", ""))
-        return _equal(cookies.get(self._cookie, ""), self._secret)
+        return _found(cookies.get(self._cookie, ""), self._cookies)
 
-    def has_token(self, scope: Scope) -> bool:
-        """Return whether the query or the header `Authorization` has the token."""
+    def query_role(self, scope: Scope) -> Role | None:
+        """Return the role of the token in the query; None without one."""
+        return _found(_query_token(scope), self._tokens)
+
+    def header_role(self, scope: Scope) -> Role | None:
+        """Return the role of the token in the header `Authorization`; None without one."""
         kind, _, value = Headers(scope=scope).get("authorization", "").partition(" ")
-        return _equal(_query_token(scope), self.token) or (
-            kind.lower() == "bearer" and _equal(value.strip(), self.token)
-        )
+        return _found(value.strip(), self._tokens) if kind.lower() == "bearer" else None
 
-    def with_cookie(self) -> Response:
+    def with_cookie(self, role: Role, *, secure: bool) -> Response:
         """Return the answer that sets the cookie and takes the token out of the address bar."""
         answer = RedirectResponse("/", 303, {"cache-control": "no-store"})
-        answer.set_cookie(self._cookie, self._secret, httponly=True, samesite="strict")
+        value = next(each for each, its_role in self._cookies.items() if its_role == role)
+        answer.set_cookie(self._cookie, value, httponly=True, samesite="strict", secure=secure)
         return answer
 
 
 class Door:
-    """Lets requests of this server's own page in, and refuses all others.
+    """Lets requests with a secret in, and refuses all others.
 
     Args:
         app: The application behind it.
@@ -96,22 +144,39 @@ class Door:
 
         if answer is not None and scope["type"] == "websocket":
             await send({"type": "websocket.close"})  # before it is accepted: HTTP status 403
+        elif scope["path"].startswith(API):  # for programs: what browsers need would only be long
+            await (answer or self._app)(scope, receive, send)
         else:
             await (answer or self._app)(scope, receive, send_with_headers)
 
     def _answer(self, scope: Scope) -> Response | None:
-        """Return the answer to a request that goes no further."""
-        access = self._access
+        """Return the answer to a request that goes no further; note the role of others."""
+        access, path = self._access, scope["path"]
         if why := access.refusal(scope):
             return PlainTextResponse(f"refused: {why}\n", 403)
+        if scope["type"] == "http" and path.startswith(API):
+            scope[_ROLE] = access.header_role(scope)
+            challenge = {"www-authenticate": "Bearer"}
+            return JSONResponse({"error": _NO_TOKEN}, 401, challenge) if not scope[_ROLE] else None
         if scope["type"] == "http" and scope["method"] not in _SAFE:
             return PlainTextResponse("allowed: GET\n", 405, {"allow": ", ".join(_SAFE)})
-        known, has_token = access.has_cookie(scope), access.has_token(scope)
-        if scope["path"] == "/" and _query_token(scope) and (known or has_token):
-            return access.with_cookie()
-        if known or (has_token and scope["path"] == METRICS):
+        by_query, by_cookie = access.query_role(scope), access.cookie_role(scope)
+        if path == "/" and _query_token(scope) and (role := by_query or by_cookie):
+            return access.with_cookie(role, secure=scope["scheme"] in _SECURE)
+        scope[_ROLE] = by_cookie
+        if by_cookie or (path == METRICS and (by_query or access.header_role(scope))):
             return None
         return PlainTextResponse(_HOW, 401)
+
+
+def role_of(scope: Scope) -> Role:
+    """Return the largest role that an admitted request or WebSocket may use."""
+    role: Role = scope[_ROLE]
+    return role
+
+
+_ROLES: Final = (Role.ENGINEER, Role.VIEWER)
+"""Roles of the tokens, in their order. The daemon limits the first one to that of the user."""
 
 
 def _query_token(scope: Scope) -> str:
@@ -119,5 +184,11 @@ def _query_token(scope: Scope) -> str:
     return parse_qs(query.decode("latin-1")).get("token", [""])[0]
 
 
-def _equal(given: str, secret: str) -> bool:
-    return secrets.compare_digest(given.encode(), secret.encode())
+def _is_own(origin: str, host: str, *, secure: bool) -> bool:
+    # A page without TLS can be forged on its way; it may not use the server with TLS.
+    return is_same_origin(origin, host) and not (secure and origin.lower().startswith("http:"))
+
+
+def _found(given: str, known: Mapping[str, Role]) -> Role | None:
+    equal = [secrets.compare_digest(given.encode(), each.encode()) for each in known]
+    return next((role for role, same in zip(known.values(), equal, strict=True) if same), None)

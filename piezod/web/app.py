@@ -1,4 +1,4 @@
-"""The application: the files of the page, its WebSocket, and the metrics."""
+"""The application: the files of the page, its WebSocket, the API of the stages, the metrics."""
 
 from itertools import count
 from pathlib import Path
@@ -12,7 +12,8 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from piezod.web.access import METRICS, Access, Door
+from piezod.web.access import METRICS, Access, Door, role_of
+from piezod.web.api import Api
 from piezod.web.download import DownloadAnswer
 from piezod.web.metrics import PLAIN_TEXT, joined
 from piezod.web.stages import Stages
@@ -40,7 +41,8 @@ def create_app(stages: Stages, access: Access) -> Starlette:
         if stages.tabs >= MOST_TABS:
             await websocket.close(_TRY_LATER, f"{stages.tabs} tabs are open, close some")
             return
-        await Tab(f"{stages.client}:tab{next(numbers)}", websocket, stages).run()
+        name = f"{stages.client}:tab{next(numbers)}"
+        await Tab(name, websocket, stages, role_of(websocket.scope)).run()
 
     async def recording(request: Request) -> Response:
         return DownloadAnswer(stages, request.path_params["stage"], request.path_params["name"])
@@ -54,8 +56,11 @@ def create_app(stages: Stages, access: Access) -> Starlette:
             image or b"", 200 if image else 404, {"cache-control": "no-store"}, "image/png"
         )
 
+    api, methods = Api(stages).answer, ["GET", "POST", "DELETE"]
     return Starlette(
         routes=[
+            Route("/v1/{path:path}", api, methods=methods),
+            Route("/stages/{stage}/v1/{path:path}", api, methods=methods),
             Route("/", index),
             Route(METRICS, metrics),
             Route("/recordings/{stage}/{name}", recording),

@@ -8,7 +8,8 @@ from typing import Final
 
 import httpcore
 
-from piezod.client.errors import ended, translated
+from piezod.client.errors import translated
+from piezod.client.place import Place
 from piezod.client.places import check_socket
 from piezod.client.results import Document
 from piezod.client.telemetry import LineSplitter
@@ -96,6 +97,17 @@ class Connections:
                 await _check(response)
                 yield response
 
+    @asynccontextmanager
+    async def forwarded(self, request: HttpRequest) -> AsyncGenerator[httpcore.Response, None]:
+        """Yield the answer to any request, also an error, to be read block by block.
+
+        Raises:
+            PageError: If the daemon does not answer.
+        """
+        with self._explained():
+            async with self._calls.stream(**request) as response:
+                yield response
+
     async def status(self) -> Document:
         """Return the status, over a connection for emergency stops, which stays open by that.
 
@@ -143,7 +155,7 @@ class Connections:
                     for line in lines.feed(block):
                         if line.startswith(_DATA):
                             yield json.loads(line.removeprefix(_DATA))
-        raise of_connection(ended(self.socket))
+        raise of_connection(Place(self.socket).ended())
 
     async def _urgently(self, request: HttpRequest) -> Document:
         response = await self._sent(self._urgent, request)
@@ -161,7 +173,7 @@ class Connections:
     def _explained(self) -> Iterator[None]:
         """Raise errors of the connection with the reason: no daemon, no permission, no answer."""
         try:
-            with translated(self.socket):
+            with translated(Place(self.socket)):
                 try:
                     yield
                 except httpcore.ConnectError:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from piezod.client.errors import OTHER_VERSION
 from piezod.client.results import Document
+from piezod.config.endpoints import Role
 from piezod.errors import ClientError, NotAllowedError, NotRunningError
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ NO_ANSWER: Final = "no_answer"
 NOT_ALLOWED: Final = "not_allowed"
 GONE: Final = (NOT_RUNNING, NO_ANSWER, NOT_ALLOWED)
 """Codes of the errors of a connection; with all others the daemon itself answers."""
+AMBIGUOUS: Final = "ambiguous"
+FORBIDDEN: Final = "forbidden"
 NOT_FOUND: Final = "not_found"
 """Code of the error that there is no such stage, request or recording."""
 _CODES: Final[dict[type[ClientError], str]] = {
@@ -39,6 +42,17 @@ class PageError(Exception):
     ) -> None:
         super().__init__(code, what, remedy)
         self.document: Document = {**(details or {}), "code": code, "what": what, "remedy": remedy}
+
+
+def require(role: Role, least: Role) -> None:
+    """Check the role that a token gives.
+
+    Raises:
+        PageError: If a request needs a larger role.
+    """
+    if role < least:
+        what = f"this token is for looking only, the request needs the role {least.name.lower()}"
+        raise PageError(FORBIDDEN, what, "use the other token of `piezod web`")
 
 
 def document_of(response: "httpcore.Response") -> Document:

@@ -25,7 +25,7 @@ _NOT_HERE: Final = frozenset({"telemetry", "stream", "session", "metrics", "fetc
 _CALLABLE: Final = {
     (row.method, _PREFIX + row.path): row for row in TABLE.values() if row.name not in _NOT_HERE
 }
-_QUERY: Final = re.compile(r"[A-Za-z0-9_.,=&%-]{0,256}")
+QUERY: Final = re.compile(r"[A-Za-z0-9_.,=&%-]{0,256}")
 
 
 class ListStages(Message):
@@ -119,7 +119,7 @@ def row_of(call: CallStage) -> Endpoint:
     """
     path, _, query = call.path.partition("?")
     row = _CALLABLE.get((call.method, path))
-    if row is None or not _QUERY.fullmatch(query):
+    if row is None or not QUERY.fullmatch(query):
         what = f"{call.method[:8]} {call.path[:64]} is no request that a page may send"
         raise PageError(NOT_FOUND, what, "GET /v1/openapi lists all endpoints")
     return row

@@ -76,7 +76,7 @@ class RecordingWorker:
         path = Path(document.get("folder", "")) / f"{name}.h5"
         if os.access(path, os.R_OK):
             return path
-        stage = client.socket.parent.name
+        stage = client.place.stage
         kept = self._cache.path(stage, name)
         if kept.is_file():
             return kept

@@ -9,7 +9,7 @@ from typing import Final, Protocol
 from piezod.client.places import running_stages
 from piezod.client.results import Document
 from piezod.web.connections import Connections
-from piezod.web.errors import NOT_FOUND, PageError
+from piezod.web.errors import AMBIGUOUS, NOT_FOUND, NOT_RUNNING, PageError
 from piezod.web.job_commands import LookAtJob
 from piezod.web.jobs import Jobs
 from piezod.web.messages import ReadRecording
@@ -113,13 +113,18 @@ class Stages:
         return self.jobs.end(stage) if wanted.do == "end_job" else self.jobs.document(stage)
 
     @asynccontextmanager
-    async def visiting(self, name: str) -> AsyncGenerator[Connections, None]:
+    async def visiting(self, name: str | None) -> AsyncGenerator[Connections, None]:
         """Yield connections to a daemon for one use, which needs no open tab.
 
+        Args:
+            name: Name of the stage; None for the only one.
+
         Raises:
-            PageError: If no daemon of that name runs.
+            PageError: If no daemon of that name runs, or several and none is named.
         """
         sockets = await asyncio.to_thread(self._find)
+        if name is None:
+            name = _only(sockets)
         if name not in sockets:
             raise _unknown(name, sockets)
         async with aclosing(Connections(sockets[name], self.client)) as connections:
@@ -156,6 +161,15 @@ class Stages:
                 continue
             stage = self._stages[name] = WebStage(name, socket, self.client, self.publish)
             self.publish(encoded({"event": "stage", **stage.document()}))
+
+
+def _only(sockets: dict[str, Path]) -> str:
+    if not sockets:
+        raise PageError(NOT_RUNNING, "no daemon is running on this machine", "start it there")
+    if len(sockets) > 1:
+        what = f"several stages are running: {', '.join(sorted(sockets))}"
+        raise PageError(AMBIGUOUS, what, "name one in the address: /stages/NAME/v1/…")
+    return next(iter(sockets))
 
 
 def _unknown(name: str, known: Iterable[str]) -> PageError:

@@ -10,9 +10,10 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from piezod.client.results import Document
 from piezod.client.wire import http_request
+from piezod.config.endpoints import Role
 from piezod.config.requests import TABLE
 from piezod.web import messages
-from piezod.web.errors import PageError
+from piezod.web.errors import PageError, require
 from piezod.web.job_commands import Identify, Learn, LookAtJob
 from piezod.web.rows import Pacer, Row, encoded, telemetry_event
 from piezod.web.stage import WebStage
@@ -33,10 +34,12 @@ class Tab:
         name: Name for the lease, as other clients see it.
         socket: Its accepted WebSocket.
         stages: All stages.
+        role: The largest role that it may use.
     """
 
-    def __init__(self, name: str, socket: WebSocket, stages: Stages) -> None:
+    def __init__(self, name: str, socket: WebSocket, stages: Stages, role: Role) -> None:
         self.name, self._socket, self._stages = name, socket, stages
+        self._role = role
         self._waiting: deque[str | Row] = deque()
         self._waiting_size = 0
         self._wake, self._closed = asyncio.Event(), asyncio.Event()
@@ -126,6 +129,7 @@ class Tab:
                 case Identify() | Learn():
                     self._start(self._calls, message.id, self._start_job(message))
                 case LookAtJob():
+                    require(self._role, Role.VIEWER if message.do == "job" else Role.OPERATOR)
                     self._answer(message.id, self._stages.look_at_job(message))
                 case messages.ListStages():
                     self._answer(message.id, self._list())
@@ -158,6 +162,7 @@ class Tab:
 
     async def _call(self, call: messages.CallStage) -> Document:
         stage, row = self._stages.named(call.stage), messages.row_of(call)
+        require(self._role, row.access.role)
         request = messages.http_request_of(call, row, self.name)
         if row.access.lease:
             self._leased.add(call.stage)
@@ -165,6 +170,7 @@ class Tab:
 
     async def _start_job(self, wanted: Identify | Learn) -> Document:
         stage = self._stages.named(wanted.stage)
+        require(self._role, Role.ENGINEER)
         await self._release_lease(stage)  # the command needs it
         return self._stages.jobs.start(wanted, stage.connections.socket)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from piezod.client.places import check_socket, find_socket, running_stages
-from piezod.errors import AmbiguousStageError, NotAllowedError, NotRunningError
+from piezod.errors import AmbiguousStageError, ClientError, NotAllowedError, NotRunningError
 
 Listen = Callable[[Path], Path]
 
@@ -73,6 +73,15 @@ def test_socket_of_the_environment_is_taken_as_it_is(tmp_path: Path) -> None:
     assert find_socket(None, environ, tmp_path) == Path("/a/b.sock")
     with pytest.raises(NotRunningError, match="no daemon is running for stage 'x'"):
         find_socket("x", environ, tmp_path)
+
+
+def test_address_has_no_socket(tmp_path: Path) -> None:
+    """A command that needs the socket takes no stage of another computer."""
+    environ = {"PIEZOD_STAGE": "https://labpc:8443"}
+
+    for stage in (None, "https://labpc:8443/stages/bench"):
+        with pytest.raises(ClientError, match=r"labpc:8443.*: a stage of this machine is needed"):
+            find_socket(stage, environ, tmp_path)
 
 
 def test_nobody_listens(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from tests.daemon.waiting import eventually
 from tests.forked import Forked
 
 Streams: TypeAlias = tuple[int, int, int]
-READY: Final = {"run": "ready ", "emulate": "serving ", "web": "?token=", "gcs": "GCS 2"}
+READY: Final = {"run": "ready ", "emulate": "serving ", "web": "token", "gcs": "GCS 2"}
 """Commands that run until somebody ends them, and a text that they print when they are ready.
 
 The server leaves them running, as in a terminal of their own, and the shell goes on. A second
@@ -90,9 +90,10 @@ class CommandServer:
             self._slow_down(folder / arguments[-1])
         if verb in READY:
             return self._leave_running(arguments, folder)
+        environ = {**self._environ, **request["environ"]}
         if verb == ENDLESS:
-            return self._interrupt(arguments, folder, streams)
-        return Forked(arguments, streams, self._environ, folder).wait(LONGEST_S)
+            return self._interrupt(arguments, folder, streams, environ)
+        return Forked(arguments, streams, environ, folder).wait(LONGEST_S)
 
     def _slow_down(self, config: Path) -> None:
         text = config.read_text(encoding="utf-8")
@@ -122,10 +123,12 @@ class CommandServer:
                 process.terminate()
                 self._codes.append(process.wait(60.0))
 
-    def _interrupt(self, arguments: list[str], folder: Path, streams: Streams) -> int:
+    def _interrupt(
+        self, arguments: list[str], folder: Path, streams: Streams, environ: Mapping[str, str]
+    ) -> int:
         read_fd, write_fd = os.pipe()
         with os.fdopen(read_fd, "rb") as output:
-            process = Forked(arguments, (streams[0], write_fd, streams[2]), self._environ, folder)
+            process = Forked(arguments, (streams[0], write_fd, streams[2]), environ, folder)
             os.close(write_fd)
             os.write(streams[1], output.readline())
             process.interrupt()

@@ -10,12 +10,20 @@ import numpy as np
 from piezod.config import requests
 from piezod.config.modes import Mode
 from piezod.records.csv_file import write_csv
-from tests.docs.blocks import ROOT
+from tests.docs.blocks import ROOT, blocks
 from tests.experiment.conftest import SHORT
 from tests.recorded import RATE_HZ, new_stage, sine, write_recording
 
 SOCKET_FOLDER: Final = "{XDG_RUNTIME_DIR}/piezod/simulated"
 RUN: Final = "piezod run config/simulated.yaml"
+REMOTE: Final = {
+    "https://labpc:": "https://localhost:",
+    "DNS:labpc,IP:192.168.1.5": "DNS:localhost,IP:127.0.0.1",
+    "labpc.token": "tokens/user",
+}
+"""The other computer of the documentation is this one."""
+SERVE: Final = next(blocks(ROOT / "docs" / "remote.md")).text.replace("DNS:labpc", "DNS:localhost")
+"""Makes a certificate, and starts `piezod web` with it."""
 QUICK: Final = (
     "docs/how-to/read-a-recording.md",
     "docs/monitoring.md",
@@ -118,6 +126,11 @@ SETTINGS: Final[Mapping[str, Setting]] = {
             "record replay NAME": "record replay scan.h5",
         },
     ),
+    "docs/how-to/http.md": Setting(
+        before=f"{RUN}\n{SERVE}",
+        words={"/run/piezod/simulated": SOCKET_FOLDER, **REMOTE},
+    ),
+    "docs/remote.md": Setting(before=RUN, words=REMOTE),
     "docs/response.md": Setting(
         files=(soft_stage,),
         words={"piezod response --from NAME.h5": "piezod record get NAME --out m.h5 &&"}

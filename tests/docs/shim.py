@@ -11,6 +11,8 @@ import sys
 
 with socket.socket(socket.AF_UNIX) as connection:
     connection.connect(os.environ["PIEZOD_TEST_COMMANDS"])
-    request = json.dumps({"arguments": sys.argv[1:], "folder": os.getcwd()})  # noqa: PTH109 - pathlib takes too long
-    socket.send_fds(connection, [request.encode()], [0, 1, 2])
+    environ = {name: text for name, text in os.environ.items() if name.startswith("PIEZOD_")}
+    folder = os.getcwd()  # noqa: PTH109 - pathlib takes too long
+    request = {"arguments": sys.argv[1:], "folder": folder, "environ": environ}
+    socket.send_fds(connection, [json.dumps(request).encode()], [0, 1, 2])
     sys.exit(int(connection.recv(16) or 1))

@@ -27,8 +27,9 @@ def run_page(
 ) -> None:
     """Run the blocks of a page one after the other, as a reader copies them."""
     texts = [block.text for block in blocks(ROOT / page) if block.kind in kinds]
-    if any("curl " in text for text in texts) and which("curl") is None:
-        pytest.skip("the page uses curl, which this machine lacks")
+    for program in ("curl", "openssl"):
+        if any(f"{program} " in text for text in texts) and which(program) is None:
+            pytest.skip(f"the page uses {program}, which this machine lacks")
     setting = SETTINGS.get(page, Setting())
     with workspace(folder, setting.prepare, setting.words, slower, python) as place:
         place.shell(setting.before, f"before {page}")

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from piezod.client import StageClient
 from piezod.client.calls import Call
+from piezod.client.place import Place
 from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.daemon import load_daemon
 from piezod.config.model_file import load_model
@@ -41,7 +42,7 @@ class FakeStage(StageClient):
     """
 
     def __init__(self, document: Document | None = None) -> None:
-        self.socket, self.name = Path("/nowhere/fake/api.sock"), "test"
+        self.place, self.name = Place(Path("/nowhere/fake/api.sock")), "test"
         self.document = document or stage_document()
         self.model: Document | None = load_model(MODEL).model_dump(mode="json")
         self.state, self.mode_now, self.motion = "SAFE", "feedforward", 0

@@ -15,6 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from piezod.web.access import Access
 from piezod.web.app import create_app
+from piezod.web.encryption import Certificate
 from piezod.web.server import bind, make_server
 from piezod.web.stages import Stages
 from tests.daemon.daemons import NO_TLS
@@ -76,13 +77,21 @@ class Web(Browser):
 
     Args:
         find: Returns the sockets of the running daemons.
+        certificate: Its certificate; then it listens on all addresses. None for no TLS.
     """
 
-    def __init__(self, find: Callable[[], dict[str, Path]]) -> None:
-        self.endpoint = bind("127.0.0.1", 0)
+    def __init__(
+        self, find: Callable[[], dict[str, Path]], certificate: Certificate | None = None
+    ) -> None:
+        self.certificate = certificate
+        self.endpoint = bind(
+            "0.0.0.0" if certificate else "127.0.0.1",  # noqa: S104 - as other computers need it
+            0,
+            encrypted=certificate is not None,
+        )
         port = self.endpoint.getsockname()[1]
         self.access = Access(f"piezod-{port}")
-        super().__init__(port, self.access.token)
+        super().__init__(port, self.access.tokens.user)
         self._find = find
         self.stages: Stages | None = None
 
@@ -93,7 +102,7 @@ class Web(Browser):
 
         async def serve() -> None:
             self.stages = Stages(f"web:{self.port}", self._find)
-            self.server = make_server(create_app(self.stages, self.access))
+            self.server = make_server(create_app(self.stages, self.access), self.certificate)
             ready.set()
             await self.server.serve(sockets=[self.endpoint])
 

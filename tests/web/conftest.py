@@ -14,6 +14,7 @@ from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.fakes import FakeReader, Served
 from tests.daemon.waiting import eventually
 from tests.web.browser import Web
+from tests.web.remote import Remote, new_certificate
 
 
 class ClockReader(FakeReader):
@@ -63,3 +64,24 @@ def web(shared_web: Web, daemon: Served) -> Web:  # noqa: ARG001 - with a new st
     """Return the server of the page, after all tabs of the test before have ended."""
     eventually(lambda: shared_web.stages is None or not shared_web.stages.all())
     return shared_web
+
+
+@pytest.fixture(scope="session")
+def shared_secure_web(
+    shared_daemon: Served, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Web]:
+    """Return a server with TLS on all addresses that finds this daemon, as "bench"."""
+    certificate = new_certificate(tmp_path_factory.mktemp("tls"))
+    web = Web(lambda: {"bench": shared_daemon.socket}, certificate)
+    with web.running():
+        yield web
+
+
+@pytest.fixture
+def remote(
+    shared_secure_web: Web,
+    daemon: Served,  # noqa: ARG001 - with a new stage
+    tmp_path: Path,
+) -> Remote:
+    """Return a program on another computer."""
+    return Remote(shared_secure_web, tmp_path)

@@ -5,6 +5,7 @@ import re
 import pytest
 from websockets.exceptions import InvalidStatus
 
+from piezod.config.endpoints import Role
 from piezod.errors import PiezodError
 from piezod.web.access import Access
 from piezod.web.messages import LONGEST
@@ -22,12 +23,12 @@ def refused_socket(web: Web, **options: str | None) -> int:
 
 def test_the_token_becomes_a_cookie(web: Web) -> None:
     """The address with the token leads to one without; the cookie is out of reach of scripts."""
-    answer = web.request("GET", f"/?token={web.access.token}")
+    answer = web.request("GET", f"/?token={web.access.tokens.user}")
 
     assert (answer.status_code, answer.headers["location"]) == (303, "/")
     assert "httponly" in answer.headers["set-cookie"].lower()
     assert "samesite=strict" in answer.headers["set-cookie"].lower()
-    assert web.access.token not in answer.headers["set-cookie"]
+    assert web.access.tokens.user not in answer.headers["set-cookie"]
     assert web.request("GET", "/", Cookie=web.cookie()).status_code == 200
 
 
@@ -44,7 +45,8 @@ def test_without_the_token_nothing_is_served(web: Web, path: str, query: str) ->
 @pytest.mark.parametrize("value", ["", "wrong", "é"])
 def test_foreign_cookie_is_refused(web: Web, value: str) -> None:
     """A cookie of another server, or of an earlier start on the same port, is refused."""
-    earlier = Access(f"piezod-{web.port}").with_cookie().headers["set-cookie"].partition(";")[0]
+    answer = Access(f"piezod-{web.port}").with_cookie(Role.ENGINEER, secure=False)
+    earlier = answer.headers["set-cookie"].partition(";")[0]
     name = earlier.partition("=")[0]
 
     assert name == web.cookie().partition("=")[0]
@@ -79,7 +81,7 @@ def test_foreign_name_is_refused(web: Web, host: str) -> None:
     """A domain name that was made to lead to this machine is refused, with cookie and origin."""
     cookie = web.cookie()
 
-    assert web.request("GET", f"/?token={web.access.token}", Host=host).status_code == 403
+    assert web.request("GET", f"/?token={web.access.tokens.user}", Host=host).status_code == 403
     assert web.request("GET", "/", Cookie=cookie, Host=host).status_code == 403
     assert refused_socket(web, cookie=cookie, host=host, origin=f"http://{host}") == 403
 
@@ -96,8 +98,8 @@ def test_forwarded_port_is_served(web: Web, host: str) -> None:
 
 def test_metrics_take_the_token(web: Web) -> None:
     """The metrics of all stages are served to a program that has the token."""
-    by_header = web.request("GET", "/metrics", Authorization=f"Bearer {web.access.token}")
-    by_query = web.request("GET", f"/metrics?token={web.access.token}")
+    by_header = web.request("GET", "/metrics", Authorization=f"Bearer {web.access.tokens.user}")
+    by_query = web.request("GET", f"/metrics?token={web.access.tokens.user}")
 
     assert by_header.text == by_query.text == "lease 0\nopenmetrics 0\n"
     assert by_header.headers["content-type"].startswith("text/plain; version=0.0.4")

@@ -61,15 +61,16 @@ def test_daemon_killed_while_a_tab_holds_the_lease(
 
 
 def test_ctrl_c_ends_the_server_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The server ends with 0 while a tab is open; as a service it leaves its token in a file."""
+    """The server ends with 0 while a tab is open; as a service it prints no token: it is logged."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("RUNTIME_DIRECTORY", f"{tmp_path}:/elsewhere")
     with forked("web", "--port", "0") as process:
-        url = urlsplit(process.stdout.readline().strip())
-        browser = Browser(url.port or 0, parse_qs(url.query)["token"][0])
+        line, token = process.stdout.readline(), (tmp_path / "token").read_text()
+        browser = Browser(urlsplit(line.split()[0]).port or 0, token)
         with browser.tab() as tab:
             assert tab.ask(do="stages")["result"]["stages"] == []
-            assert (tmp_path / "token").read_text() == browser.token
+            assert f"with the token in {tmp_path}/token" in line
+            assert token not in line
             assert (tmp_path / "token").stat().st_mode & 0o137 == 0
             process.send_signal(signal.SIGINT)
             assert process.wait(20.0) == 0

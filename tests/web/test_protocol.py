@@ -9,6 +9,7 @@ import pytest
 from starlette.websockets import WebSocket
 from websockets.frames import Frame, Opcode
 
+from piezod.config.endpoints import Role
 from piezod.web import protocol
 from piezod.web.stages import Stages
 from piezod.web.tab import Tab
@@ -82,7 +83,7 @@ def test_text_for_a_closed_socket_ends_the_tab() -> None:
     """What comes after the end of a WebSocket is no internal error."""
 
     async def run() -> None:
-        tab = Tab("tab", cast("WebSocket", ClosedSocket()), Stages("web", dict))
+        tab = Tab("tab", cast("WebSocket", ClosedSocket()), Stages("web", dict), Role.VIEWER)
         tab.put("{}")
         await tab.run()
 

@@ -24,7 +24,7 @@ class SessionAnswer(Response):
     """An answer that lasts until the client disconnects, for any reason.
 
     The kernel closes the connection of a process that is killed. Then the stage is stopped, a
-    recording that this process has started is ended, and the lease is released, in this order.
+    recording that this client has started is ended, and the lease is released, in this order.
 
     Args:
         context: The request; its client has the lease until the end.
@@ -86,5 +86,5 @@ class SessionAnswer(Response):
         context = self._context
         running, _ = await context.stage.recordings()
         started_by = context.state.recorders.get(running["name"]) if running else None
-        if started_by == context.peer.pid:
+        if started_by == (context.peer.pid, context.peer.client):
             await context.stage.stop_recording(context.peer)

@@ -40,7 +40,8 @@ class ServiceState(NamedTuple):
         downloads: Users with a download in progress.
         urgent_notes: Limits the audit entries of urgent requests.
         streams: The setpoint streams in progress.
-        recorders: Process that started the newest recording, by the name of the recording.
+        recorders: Process and client that started the newest recording, by its name. The clients of
+            `piezod web` are one process.
     """
 
     stage: StageService
@@ -49,7 +50,7 @@ class ServiceState(NamedTuple):
     downloads: set[int]
     urgent_notes: UrgentNotes
     streams: OpenStreams
-    recorders: dict[str, int]
+    recorders: dict[str, tuple[int, str]]
 
 
 class RequestContext(NamedTuple):

@@ -105,7 +105,7 @@ async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswe
     )
     recorders = context.state.recorders
     recorders.clear()  # there is one recording at a time
-    recorders[started["name"]] = context.peer.pid
+    recorders[started["name"]] = context.peer.pid, context.peer.client
     return JsonAnswer(started)
 
 

@@ -125,7 +125,7 @@ def read_setup(client: StageClient) -> LiveSetup:
     except (ValidationError, KeyError, TypeError) as error:
         raise unexpected(document, str(error)) from error
     seed = int(document.get("seed", 1))
-    return LiveSetup(stage or client.socket.parent.name, rate_hz, seed, axes, document)
+    return LiveSetup(stage or client.place.stage, rate_hz, seed, axes, document)
 
 
 def _axis(document: Document, used: Document | None, period_s: float) -> LiveAxis:

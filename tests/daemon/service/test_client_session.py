@@ -46,12 +46,13 @@ def test_recording_of_the_client_is_ended(served: Served) -> None:
     eventually(lambda: served.stage.recordings_stopped == 1)
 
 
-def test_recording_of_another_process_continues(served: Served) -> None:
-    """A recording of another process is not ended."""
+@pytest.mark.parametrize("other", [(os.getpid() + 1, "test"), (os.getpid(), "web")])
+def test_recording_of_another_client_continues(served: Served, other: tuple[int, str]) -> None:
+    """A recording of another process, or of another client of `piezod web`, is not ended."""
     with served.client() as client:
         client.post("recordings/start", json={"label": "mine"}).raise_for_status()
         served.stage.running = RUNNING
-        served.app.state.service.recorders[RUNNING["name"]] = os.getpid() + 1
+        served.app.state.service.recorders[RUNNING["name"]] = other
         with client.stream("POST", "session", json={}):
             pass
         eventually(lambda: client.post("arm").status_code == 200)

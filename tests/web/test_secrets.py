@@ -1,0 +1,343 @@
+"""Tokens, keys and certificates: who may use the server from elsewhere, and what stays secret."""
+
+import os
+import re
+import signal
+import socket
+import ssl
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+import typer
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from piezod.cli.web import web as web_command
+from piezod.client.place import Place, find_place
+from piezod.config.endpoints import Role
+from piezod.config.private_files import kept_token, read_token
+from piezod.errors import ClientError, PiezodError
+from piezod.web.access import Access, kept_tokens
+from piezod.web.encryption import Certificate, check_certificate
+from piezod.web.server import WebPlan, bind, serve
+from tests.daemon.service.fakes import Served
+from tests.forked import Forked
+from tests.web.browser import Tab
+from tests.web.remote import Remote, new_certificate
+
+TOKEN = "t" * 43
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1"])  # noqa: S104 - refused
+def test_other_computers_need_encryption(host: str) -> None:
+    """Without a certificate the server listens on this machine only, and says what to do."""
+    with pytest.raises(PiezodError, match=r"without encryption: .*--certificate FILE --key FILE"):
+        serve(WebPlan(host, 0), announce=print)
+
+
+def test_certificate_and_key_need_each_other() -> None:
+    """One of the two options is a mistake."""
+    with pytest.raises(typer.BadParameter, match="need each other"):
+        web_command(certificate=Path("labpc.crt"))
+
+
+def test_key_that_others_can_read_is_refused(tmp_path: Path) -> None:
+    """The key of the certificate is for the user of the server and his group."""
+    made = new_certificate(tmp_path)
+    made.key.chmod(0o640)
+    check_certificate(made)
+
+    made.key.chmod(0o604)
+    with pytest.raises(PiezodError, match=r"labpc.key: other users .*mode 0604.*: chmod 600"):
+        serve(WebPlan("127.0.0.1", 0, made), announce=print)
+
+
+def test_key_with_a_passphrase_is_refused(tmp_path: Path) -> None:
+    """A server cannot ask for a passphrase, and says how to make a key without."""
+    made = new_certificate(tmp_path)
+    locked = tmp_path / "locked.key"
+    subprocess.run(
+        ["openssl", "pkey", "-in", made.key, "-aes128", "-passout", "pass:abcd", "-out", locked],  # noqa: S607
+        check=True,
+    )
+
+    with pytest.raises(PiezodError, match="passphrase; make a key without: openssl pkey"):
+        check_certificate(Certificate(made.file, locked))
+
+
+def test_key_of_another_certificate_is_refused(tmp_path: Path) -> None:
+    """A key that does not fit, and a file that is none, are refused in words."""
+    (tmp_path / "other").mkdir()
+    made, other = new_certificate(tmp_path), new_certificate(tmp_path / "other")
+
+    for wrong in (Certificate(made.file, other.key), Certificate(made.key, made.key)):
+        with pytest.raises(PiezodError, match="are no certificate and its key in PEM form"):
+            check_certificate(wrong)
+    with pytest.raises(FileNotFoundError):
+        check_certificate(Certificate(tmp_path / "none", made.key))
+
+
+@pytest.mark.parametrize("given", ["", "Bearer", "Bearer wrong", f"Bearer {TOKEN}", "Basic abc"])
+def test_without_the_token_nothing_is_forwarded(remote: Remote, daemon: Served, given: str) -> None:
+    """A request without a token, or with a wrong one, is refused with a document."""
+    header = {"Authorization": given} if given else {}
+    for method, path in (("POST", "/v1/arm"), ("GET", "/stages/bench/v1/status"), ("GET", "/v1/")):
+        answer = remote.request(method, path, **header)
+        assert (answer.status_code, answer.json()["error"]["code"]) == (401, "unauthorised")
+        assert answer.headers["www-authenticate"] == "Bearer"
+
+    assert daemon.called() == 0
+
+
+def test_cookie_and_query_do_not_move_a_stage(remote: Remote, daemon: Served) -> None:
+    """A page of another server can make a browser send cookies, but not the header."""
+    token = remote.web.access.tokens.user
+    cookie = remote.request("GET", f"/?token={token}").headers["set-cookie"]
+
+    assert "; Secure" in cookie
+    for path, header in (("/v1/arm", cookie.partition(";")[0]), (f"/v1/arm?token={token}", "")):
+        assert remote.request("POST", path, Cookie=header).status_code == 401
+    foreign = remote.request("POST", "/v1/arm", token, Origin="https://evil.example")
+    assert (foreign.status_code, daemon.called()) == (403, 0)
+
+
+def test_page_without_encryption_is_a_foreign_page(remote: Remote) -> None:
+    """A page that was forged on its way over plain HTTP may not use the server."""
+    cookie = remote.request("GET", f"/?token={remote.web.access.tokens.user}")
+    value = cookie.headers["set-cookie"].partition(";")[0]
+
+    own, forged = (f"{scheme}://{urlsplit(remote.url).netloc}" for scheme in ("https", "http"))
+    assert remote.request("GET", "/", Cookie=value, Origin=own).status_code == 200
+    assert remote.request("GET", "/", Cookie=value, Origin=forged).status_code == 403
+
+
+def test_name_of_the_certificate_is_served(remote: Remote) -> None:
+    """With TLS a domain name is allowed: no foreign site has a certificate for it."""
+    answer = remote.request(
+        "GET", "/v1/status", remote.web.access.tokens.user, Host="labpc.example.org"
+    )
+
+    assert answer.json()["state"] == "SAFE"
+
+
+def test_tab_of_a_viewer_moves_nothing(remote: Remote, daemon: Served, tmp_path: Path) -> None:
+    """The page that was opened with the token of a viewer shows stages, and stops them."""
+    web = remote.web
+    answer = remote.request("GET", f"/?token={web.access.tokens.viewer}")
+    cookie = answer.headers["set-cookie"].partition(";")[0]
+    assert web.certificate is not None
+    learn = {"command_um": {}, "do": "learn", "stage": "bench", "axis": "x"}
+    with connect(
+        f"wss://127.0.0.1:{web.port}/ws",
+        ssl=ssl.create_default_context(cafile=web.certificate.file),
+        origin=Origin(remote.url),
+        additional_headers={"Cookie": cookie},
+    ) as connection:
+        tab = Tab(connection)
+        assert tab.ask(do="stages")["ok"]
+        refused = [tab.call("/v1/arm"), tab.ask(**learn), tab.ask(do="end_job", stage="bench")]
+        assert tab.call("/v1/status", method="GET")["ok"]
+        assert tab.ask(do="estop", stage="bench")["ok"]
+
+    assert [each["error"]["code"] for each in refused] == ["forbidden"] * 3
+    assert daemon.called() == 1
+    assert not (tmp_path / "tables").exists()
+
+
+@pytest.mark.parametrize("source", ["127.0.0.1", "127.0.0.3"])
+def test_plain_text_is_not_answered(remote: Remote, daemon: Served, source: str) -> None:
+    """HTTP without TLS gets no answer, with the right token too, from whatever address."""
+    bearer = f"Authorization: Bearer {remote.web.access.tokens.user}"
+    request = f"POST /v1/arm HTTP/1.1\r\nHost: x\r\n{bearer}\r\n\r\n"
+    with closing(
+        socket.create_connection(("127.0.0.2", remote.web.port), 20.0, (source, 0))
+    ) as connection:
+        connection.sendall(request.encode())
+        answer = connection.recv(4096)
+
+    assert b"HTTP" not in answer  # an alert of TLS, or nothing
+    assert daemon.called() == 0
+
+
+def test_lost_computer_is_noticed() -> None:
+    """Connections are probed, so that a session without its computer ends within 10 s."""
+    accepted: list[socket.socket] = []
+    with bind("127.0.0.1", 0) as endpoint:
+        with closing(socket.create_connection(endpoint.getsockname())):
+            accepted.append(endpoint.accept()[0])
+        with accepted[0] as connection:
+            options = [
+                connection.getsockopt(level, option)
+                for level, option in (
+                    (socket.SOL_SOCKET, socket.SO_KEEPALIVE),
+                    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE),
+                    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL),
+                    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT),
+                )
+            ]
+
+    assert options[0]
+    assert options[1] + options[2] * options[3] <= 10
+
+
+def test_tokens_last_until_they_are_removed(tmp_path: Path) -> None:
+    """A folder keeps the tokens; a removed one is made anew, and the old one is worth nothing."""
+    folder = tmp_path / "tokens"
+    first = kept_tokens(folder)
+    assert kept_tokens(folder) == first
+    assert folder.stat().st_mode & 0o077 == 0
+    assert {file.name: file.stat().st_mode & 0o777 for file in folder.iterdir()} == {
+        "user": 0o600,
+        "viewer": 0o600,
+    }
+
+    (folder / "user").unlink()
+    second = kept_tokens(folder)
+    assert (second.viewer, second.user == first.user) == (first.viewer, False)
+    scope = {
+        "type": "http",
+        "headers": [(b"authorization", f"Bearer {first.user}".encode())],
+        "query_string": f"token={first.user}".encode(),
+    }
+    renewed = Access("piezod-8080", (), second)
+    assert (renewed.header_role(scope), renewed.query_role(scope)) == (None, None)
+
+
+def test_recorded_cookie_ends_with_the_server(tmp_path: Path) -> None:
+    """A cookie is of one start, also if the tokens last."""
+    tokens = kept_tokens(tmp_path / "tokens")
+    before, now = Access("piezod-8080", (), tokens), Access("piezod-8080", (), tokens)
+    answer = before.with_cookie(Role.VIEWER, secure=True)
+    recorded = answer.headers["set-cookie"].partition(";")[0].encode()
+    scope = {"type": "http", "headers": [(b"cookie", recorded)]}
+
+    assert (before.cookie_role(scope), now.cookie_role(scope)) == (Role.VIEWER, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "problem"),
+    [
+        (TOKEN, 0o644, "other users .* chmod 600"),
+        ("short", 0o600, "this is no token"),
+        ("", 0o600, "this is no token"),
+        ("a b" * 20, 0o600, "this is no token"),
+        ("µ" * 40, 0o600, "this is no token"),
+    ],
+)
+def test_bad_token_file_is_refused(tmp_path: Path, text: str, mode: int, problem: str) -> None:
+    """Server and client refuse a token that others can read, or guess, and do not print it."""
+    file = tmp_path / "user"
+    file.write_text(text, encoding="utf-8")
+    file.chmod(mode)
+    environ = {"PIEZOD_TOKEN_FILE": str(file)}
+
+    for read in (
+        lambda: read_token(file),
+        lambda: kept_token(file),
+        lambda: find_place("https://labpc:8080", None, environ),
+    ):
+        with pytest.raises(PiezodError, match=problem) as error:
+            read()
+        assert not text or text not in str(error.value)
+
+
+def test_secret_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A token that somebody else has put there is known to him."""
+    file = tmp_path / "user"
+    file.touch(0o600)
+    file.write_text(TOKEN)
+    if os.getuid() == 0:
+        os.chown(file, 4711, -1)
+    else:
+        monkeypatch.setattr("os.getuid", lambda: 4711)
+
+    with pytest.raises(PiezodError, match=r"another user \(number \d+\) has made"):
+        kept_tokens(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("address", "environ", "problem"),
+    [
+        (
+            "https://labpc:8080",
+            {},
+            "needs a token; name the file of the token in PIEZOD_TOKEN_FILE",
+        ),
+        ("https://labpc:8080", {"PIEZOD_TOKEN_FILE": "/no/such"}, "/no/such: No such file"),
+        ("https://labpc:8080", {"PIEZOD_TOKEN": "secret"}, "PIEZOD_TOKEN: this is no token"),
+        (f"https://labpc/?token={TOKEN}", {}, "a token, a user or a query is refused"),
+        (f"https://a:{TOKEN}@labpc", {}, "a token, a user or a query is refused"),
+        ("http://labpc:8080", {"PIEZOD_TOKEN": TOKEN}, "without TLS is refused; use https"),
+        ("https://", {"PIEZOD_TOKEN": TOKEN}, "has no host; an address is like https://labpc"),
+    ],
+)
+def test_unsafe_address_is_refused(address: str, environ: dict[str, str], problem: str) -> None:
+    """A token is in no argument and on no open network, and its text in no message."""
+    for given, more in ((address, {}), (None, {"PIEZOD_STAGE": address})):
+        with pytest.raises(ClientError, match=re.escape(problem)) as error:
+            find_place(given, None, {**environ, **more})
+        assert TOKEN not in str(error.value)
+
+
+def test_place_of_an_address() -> None:
+    """An address takes its token and certificate from the environment."""
+    environ = {"PIEZOD_TOKEN": TOKEN, "PIEZOD_CA": "/a/labpc.crt"}
+    place = find_place("https://labpc:8080/stages/bench/", None, environ)
+    local = find_place("http://localhost:8080", None, environ)
+
+    assert place == Place(None, "https://labpc:8080/stages/bench", TOKEN, Path("/a/labpc.crt"))
+    assert (place.stage, local.stage, str(local)) == ("bench", "localhost", "http://localhost:8080")
+    assert TOKEN not in repr(place)
+    with pytest.raises(ClientError, match=r"/a/labpc.crt: no certificate can be read"):
+        place.trusted()
+
+
+def test_no_secret_leaves_the_processes(
+    daemon: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tokens and key are in no output, no arguments, and no file that others can read."""
+    made, folder = new_certificate(tmp_path), tmp_path / "tokens"
+    runtime = tmp_path / "run" / "piezod" / "bench"
+    runtime.mkdir(parents=True)
+    (runtime / "api.sock").symlink_to(daemon.socket)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
+    monkeypatch.setenv("PIEZOD_CA", str(made.file))
+    options = ("--host", "0.0.0.0", "--port", "0", "--tokens", str(folder))  # noqa: S104 - with TLS
+    files = ("--certificate", str(made.file), "--key", str(made.key))
+    with subprocess.Popen(
+        [sys.executable, "-m", "piezod", "web", *options, *files],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as server:
+        assert server.stdout is not None
+        line = server.stdout.readline()
+        monkeypatch.setenv("PIEZOD_STAGE", f"https://127.0.0.1:{urlsplit(line.split()[0]).port}")
+        monkeypatch.setenv("PIEZOD_TOKEN_FILE", str(folder / "user"))
+        allowed = command(tmp_path / "allowed", "status")
+        monkeypatch.setenv("PIEZOD_TOKEN_FILE", "")
+        monkeypatch.setenv("PIEZOD_TOKEN", TOKEN)
+        refused = command(tmp_path / "refused", "arm")
+        seen = Path(f"/proc/{server.pid}/cmdline").read_text() + line
+        server.send_signal(signal.SIGINT)
+        seen += server.stdout.read()
+        assert server.wait(20.0) == 0
+
+    secrets = [(folder / name).read_text().strip() for name in ("user", "viewer")]
+    secrets += [TOKEN, made.key.read_text().splitlines()[1]]
+    readable = [file for file in tmp_path.rglob("*") if file.is_file() and file.stat().st_mode & 4]
+    seen += "".join(file.read_text() for file in readable)
+    assert (allowed, refused) == (0, 77)
+    assert f"with the token in {folder}/user" in line
+    assert "SAFE" in seen
+    assert [each for each in secrets if each in seen] == []
+
+
+def command(output: Path, verb: str) -> int:
+    """Run a verb of `piezod` with its output to a file; return the exit code."""
+    with output.open("wb") as out, Path(os.devnull).open("rb") as nothing:
+        return Forked((verb,), (nothing.fileno(), out.fileno(), out.fileno())).wait(60.0)
