@@ -205,9 +205,11 @@ class StageLink:
         found = {Fault.D8: self.parameters.rejected, Fault.P6: self.stage_recordings.disk_full}
         self.loop.report([fault for fault, is_there in found.items() if is_there])
 
-    async def start_recording(self, label: str | None, peer: Peer) -> Document:
-        """Start recording every cycle."""
-        document = await self.stage_recordings.start(self._running(), label)
+    async def start_recording(
+        self, label: str | None, peer: Peer, *, start_s: float | None = None
+    ) -> Document:
+        """Start recording every cycle, from an instant on."""
+        document = await self.stage_recordings.start(self._running(), label, start_s)
         _log.info("recording started", user=peer.user, name=document["name"])
         return document
 
