@@ -130,10 +130,6 @@ class StageAxis:
             lambda now_ns: program((now_ns - t_ns) / NS_PER_S), t_ns + s_to_ns(drive.duration_s)
         )
 
-    def ramp_s(self, drive_v: float) -> float:
-        """Return how long the safe ramp takes to a voltage, in s."""
-        return abs(drive_v - self.law.in_force_v) / self.config.safety.ramp_v_per_s
-
     def ramp_to(self, drive_v: float) -> None:
         """Go to a voltage, in V, at the rate of the safe ramp.
 

@@ -66,7 +66,8 @@ def play(stage: Stage, request: requests.Play, t_ns: int) -> Answer:
     begins_ns = start_ns(request.start_s)
     table = AxisTable(s_to_ns(request.interval_s), lead_in_v, period_v, request.cycles, begins_ns)
     why = stage.play().refusal(axes[0], axis, table)
-    why = why or start_refusal(request.start_s, t_ns, axis.ramp_s(table.first_v))
+    ramp_s = abs(table.first_v - axis.law.in_force_v) / axis.config.safety.ramp_v_per_s
+    why = why or start_refusal(request.start_s, t_ns, ramp_s)
     why = why or stage.go(Event.IDENTIFY, t_ns)
     if why:
         return Answer(False, why)
