@@ -14,14 +14,14 @@ def check(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Configuration of a stage, experiment, model or response, YAML.",
+            help="Configuration of a stage, experiment, model, response or groups, YAML.",
             readable=False,
             callback=existing_file,
         ),
     ],
     json: JsonOption = False,
 ) -> None:
-    """Validate the configuration of a stage, an experiment, a model or a response file.
+    """Validate the configuration of a stage, an experiment, a model, response or groups file.
 
     Prints the kind of the file, and the margins of each trim whose axis has a response. Otherwise
     prints every problem on stderr as `file:line:column: path: problem` and exits with 78. With

@@ -32,8 +32,8 @@ def status(
         console.print(_devices(devices))
     if found.processor is not None and found.processor.shared_with:
         console.print(
-            f"Processor {found.processor.number} had the loops of {found.processor.shared_with} "
-            "other stages when this one started: cycles may be late; docs/groups.md has the remedy."
+            f"Processor {found.processor.number} had {found.processor.shared_with + 1} loops when "
+            "this one started: cycles may be late; docs/groups.md has the remedy."
         )
     if missing := found.document.get("not_realtime"):
         console.print(

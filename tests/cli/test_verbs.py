@@ -170,7 +170,7 @@ def test_status_shows_a_shared_processor(piezod: Command, daemon: FakeDaemon) ->
     out = " ".join(piezod("status").out.split())
 
     assert "mode adaptive, processor 3" in out
-    assert "Processor 3 had the loops of 2 other stages when this one started" in out
+    assert "Processor 3 had 3 loops when this one started" in out
 
 
 @pytest.mark.usefixtures("daemon")

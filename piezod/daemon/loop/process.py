@@ -243,8 +243,8 @@ def _processor_events(processor: ClaimedProcessor | None, t_ns: int) -> list[Sta
     if processor is None or not processor.shared_with:
         return []
     text = (
-        f"processor {processor.cpu} has the loops of {processor.shared_with} other stages too: "
-        "cycles may be late; run fewer stages, or allow more processors"
+        f"processor {processor.cpu} has {processor.shared_with + 1} loops: cycles may be late; run "
+        "fewer stages, or allow more processors"
     )
     return [StageEvent(t_ns, "warning", "processor", text)]
 
