@@ -1,5 +1,6 @@
 """What the blocks of a page find before the first one: files, and a running stage."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from tests.recorded import RATE_HZ, new_stage, sine, write_recording
 
 SOCKET_FOLDER: Final = "{XDG_RUNTIME_DIR}/piezod/simulated"
 RUN: Final = "piezod run config/simulated.yaml"
+GROUPS: Final = ROOT / "docs" / "groups.md"
 QUICK: Final = (
     "docs/how-to/read-a-recording.md",
     "docs/monitoring.md",
@@ -33,11 +35,13 @@ class Setting:
         before: Commands that run before the first block, such as those of a second terminal.
         files: Functions that write files into a folder.
         words: Words of the page, and what stands for them.
+        together: Whether daemons run beside each other; otherwise a second one ends the first.
     """
 
     before: str = ""
     files: tuple[Callable[[Path], None], ...] = ()
     words: Mapping[str, str] = field(default_factory=dict)
+    together: bool = False
 
     def prepare(self, folder: Path) -> None:
         """Write the files."""
@@ -94,6 +98,14 @@ def wave(folder: Path) -> None:
     (folder / "wave.yaml").write_text(text, encoding="utf-8")
 
 
+def group(folder: Path) -> None:
+    """Write a group and its waveforms, as the page about groups shows them."""
+    groups, waves = re.findall(r"```yaml\n(.*?)```", GROUPS.read_text(encoding="utf-8"), re.DOTALL)
+    (folder / "piezod").mkdir()
+    (folder / "piezod" / "groups.yaml").write_text(groups, encoding="utf-8")
+    (folder / "waves.yaml").write_text(waves, encoding="utf-8")
+
+
 SETTINGS: Final[Mapping[str, Setting]] = {
     "README.md": Setting(
         files=(recording, experiment),
@@ -102,6 +114,7 @@ SETTINGS: Final[Mapping[str, Setting]] = {
     "docs/client.md": Setting(before=RUN, words={"/run/piezod/bench": SOCKET_FOLDER}),
     "docs/commissioning.md": Setting(files=(stage,)),
     "docs/experiments.md": Setting(files=(experiment,)),
+    "docs/groups.md": Setting(files=(group,), together=True),
     "docs/how-to/read-a-recording.md": Setting(files=(recording,)),
     "docs/identify.md": Setting(
         before=RUN, files=(recording,), words={"DATA": "record.csv", "OTHER": "record.csv"}
