@@ -13,9 +13,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import AsyncExitStack, ExitStack
 from pathlib import Path
-from typing import Final
+from typing import Final, TextIO
 from urllib.parse import urlsplit
 
 import httpcore
@@ -72,14 +73,16 @@ async def read(socket: ClientConnection, events: list[int]) -> None:
             events[0] += len(message["t_s"])
 
 
-async def opened_tabs(url: str, stack: AsyncExitStack) -> list[ClientConnection]:
-    """Open tabs that watch the stage; they are closed with the stack."""
+async def opened_tabs(
+    url: str, stack: AsyncExitStack, stages: Sequence[str] = (STAGE,) * TABS
+) -> list[ClientConnection]:
+    """Open a tab for each stage of a list, which watches it; they are closed with the stack."""
     address = urlsplit(url)
     async with httpcore.AsyncConnectionPool() as http:
         answer = await http.request("GET", url)
     cookie = dict(answer.headers)[b"set-cookie"].partition(b";")[0].decode()
     tabs = []
-    for _ in range(TABS):
+    for stage in stages:
         socket = await stack.enter_async_context(
             connect(
                 f"ws://{address.netloc}/ws",
@@ -88,7 +91,7 @@ async def opened_tabs(url: str, stack: AsyncExitStack) -> list[ClientConnection]
                 compression=None,
             )
         )
-        await socket.send(json.dumps({"id": 1, "do": "watch", "stage": STAGE}))
+        await socket.send(json.dumps({"id": 1, "do": "watch", "stage": stage}))
         tabs.append(socket)
     return tabs
 
@@ -124,23 +127,30 @@ def started(stack: ExitStack) -> tuple[dict[str, int], str]:
     """
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pz-")))
     os.environ.update(XDG_RUNTIME_DIR=str(folder), XDG_STATE_HOME=str(folder))
-    config = folder / f"{STAGE}.yaml"
+    page = folder / "page.txt"
+    pids = {"supervisor": start_stage(stack, folder, STAGE)}
+    with page.open("w") as out:
+        pids["page"] = _start(stack, ("web", "--port", "0"), out)
+    wait_until_up(dict(os.environ), page)
+    return pids, page.read_text(encoding="utf-8").strip()
+
+
+def start_stage(stack: ExitStack, folder: Path, name: str) -> int:
+    """Start a simulated stage at 1 kHz, which ends with the stack; return its supervisor."""
+    config = folder / f"{name}.yaml"
     text = (CONFIG / "simulated.yaml").read_text(encoding="utf-8")
     text = text.replace("rate_hz: 200", f"rate_hz: {RATE_HZ}")
     config.write_text(text.replace("models/", f"{CONFIG}/models/"), encoding="utf-8")
-    page = folder / "page.txt"
-    pids = {}
-    with page.open("w") as out:
-        commands = {"supervisor": ("run", str(config)), "page": ("web", "--port", "0")}
-        for name, arguments in commands.items():
-            process = subprocess.Popen(  # noqa: S603 - ours
-                (*PIEZOD, *arguments), stdout=out, stderr=subprocess.DEVNULL
-            )
-            stack.enter_context(process)
-            stack.callback(process.terminate)
-            pids[name] = process.pid
-    wait_until_up(dict(os.environ), page)
-    return pids, page.read_text(encoding="utf-8").strip()
+    return _start(stack, ("run", str(config)), subprocess.DEVNULL)
+
+
+def _start(stack: ExitStack, arguments: Sequence[str], out: TextIO | int) -> int:
+    process = subprocess.Popen(  # noqa: S603 - ours
+        (*PIEZOD, *arguments), stdout=out, stderr=subprocess.DEVNULL
+    )
+    stack.enter_context(process)
+    stack.callback(process.terminate)
+    return process.pid
 
 
 def main() -> None:

@@ -14,6 +14,7 @@
         ├── NotRunningError           no daemon runs, or not the requested one
         ├── AmbiguousStageError       several daemons run, and the request names none
         ├── NotAllowedError           the user lacks the permission
+        ├── GroupError                one of several daemons did not carry out the request
         └── RefusedError              the daemon refuses the request
             └── NotReachedError           a movement ended before its target, or takes too long
 
@@ -21,7 +22,7 @@ Exceptions are for configuration, opening and errors of the caller. Inside a con
 is a value, never an exception. `piezod.cli` alone maps exceptions to exit codes.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -130,6 +131,20 @@ class AmbiguousStageError(ClientError):
 
 class NotAllowedError(ClientError):
     """Raised if a daemon, or the permissions of its socket, refuse this user."""
+
+
+class GroupError(ClientError):
+    """Raised if a stage of a group did not carry out a request.
+
+    Args:
+        what: The problem, with the names of the stages, and what was taken back.
+        remedy: What would help.
+        failed: Error of each stage that did not carry it out, by name, at least one.
+    """
+
+    def __init__(self, what: str, remedy: str, failed: Mapping[str, ClientError]) -> None:
+        super().__init__(what, remedy, next(iter(failed.values())).code)
+        self.failed = failed
 
 
 class RefusedError(ClientError):

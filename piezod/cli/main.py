@@ -25,11 +25,13 @@ from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
 from piezod.cli.export import export
 from piezod.cli.gcs import gcs
+from piezod.cli.group import group_verbs
 from piezod.cli.grouped_help import GroupedHelp
 from piezod.cli.identify import identify
 from piezod.cli.init import init
 from piezod.cli.install_service import install_service
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
+from piezod.cli.list_stages import list_running
 from piezod.cli.play import play
 from piezod.cli.plot import plot
 from piezod.cli.probe import probe
@@ -58,9 +60,13 @@ OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Daemon of a stage": (init, run_daemon, safe, web, gcs, install_service),
 }
 """Commands that need no running daemon, by their heading in help."""
+SEVERAL: Final = "Several stages"
+"""Heading of the commands for all stages of this machine."""
 for heading, verbs in OWN_VERBS.items():
     for verb in verbs:
         app.command(rich_help_panel=heading)(verb)
+app.command("list", rich_help_panel=SEVERAL)(list_running)
+app.add_typer(group_verbs(), name="group", rich_help_panel=SEVERAL)
 add_client_verbs(app)
 
 

@@ -32,6 +32,11 @@ def status(
     console.print(_axes(found))
     if devices := found.document.get("devices"):
         console.print(_devices(devices))
+    if found.processor is not None and found.processor.shared_with:
+        console.print(
+            f"Processor {found.processor.number} had {found.processor.shared_with + 1} loops when "
+            "this one started: cycles may be late; docs/groups.md has the remedy."
+        )
     if missing := found.document.get("not_realtime"):
         console.print(
             f"Not real-time: {', '.join(missing)} not obtained; docs/stage.md has the reasons."
@@ -83,7 +88,9 @@ def _undetected(*, json: bool) -> None:
 def _summary(found: "Status") -> str:
     shadow = "in shadow: nothing is written" if found.shadow else ""
     skipped = f"{found.skipped_cycles} skipped cycles" if found.skipped_cycles else ""
-    text = ", ".join(filter(None, (found.state, shadow, f"mode {found.mode}", skipped)))
+    processor = f"processor {found.processor.number}" if found.processor else ""
+    parts = (found.state, shadow, f"mode {found.mode}", processor, skipped)
+    text = ", ".join(filter(None, parts))
     return f"{found.stage}: {text}" if found.stage else text
 
 

@@ -73,7 +73,9 @@ class StageCommands:
         return command("goto", position_um=position_um, axis=axis, speed_um_per_s=speed_um_per_s)
 
     @ClientMethod
-    def wave(self, command_um: Waveforms, duration_s: float) -> Call[Answer]:
+    def wave(
+        self, command_um: Waveforms, duration_s: float, *, start_s: float | None = None
+    ) -> Call[Answer]:
         """Follow a waveform, then hold its last position.
 
         The stage first moves from its present position to the start of the waveform.
@@ -81,8 +83,10 @@ class StageCommands:
         Args:
             command_um: Axis: position over time in µm, a waveform as in experiment files.
             duration_s: Duration of the waveform, in s.
+            start_s: Instant at which the waveform begins, at most 30 s ahead, in s as
+                `time.monotonic()` on the machine of the daemon; None for as soon as possible.
         """
-        return command("wave", command_um=command_um, duration_s=duration_s)
+        return command("wave", command_um=command_um, duration_s=duration_s, start_s=start_s)
 
     @ClientMethod
     def follow(self, *, axis: str | None = None) -> Call[Answer]:
@@ -142,6 +146,7 @@ class StageCommands:
         cycles: int,
         lead_in_v: Sequence[float] = (),
         axis: str | None = None,
+        start_s: float | None = None,
     ) -> Call[Answer]:
         """Let the device play a table of voltages by its own clock; `played` returns the record.
 
@@ -153,6 +158,8 @@ class StageCommands:
             cycles: Number of periods.
             lead_in_v: Voltages before the first period, in V; at most 16,000.
             axis: Name of the axis; None for the only axis.
+            start_s: Instant at which the device is started, as in `wave`; the device must have the
+                table by then.
         """
         return command(
             "play",
@@ -161,6 +168,7 @@ class StageCommands:
             interval_s=interval_s,
             cycles=cycles,
             axis=axis,
+            start_s=start_s,
         )
 
     @ClientMethod

@@ -13,6 +13,7 @@ from piezod.errors import AmbiguousStageError, ClientError, NotAllowedError, Not
 
 SOCKET_NAME: Final = "api.sock"
 _SYSTEM: Final = Path("/run/piezod")
+_GROUPS: Final = Path("/etc/piezod/groups.yaml")
 _START_IT: Final = "start it with `piezod run CONFIG`"
 
 
@@ -92,6 +93,20 @@ def _is_ours(folder: Path) -> bool:
     return (
         found.st_uid == os.getuid() and not folder.is_symlink() and not found.st_mode & stat.S_IWOTH
     )
+
+
+def groups_file(environ: Mapping[str, str] = os.environ, system: Path = _GROUPS) -> Path:
+    """Return the file of the groups: that of `PIEZOD_GROUPS`, of this user, or of the machine.
+
+    Args:
+        environ: Environment variables.
+        system: The file of the machine.
+    """
+    if path := environ.get("PIEZOD_GROUPS"):
+        return Path(path)
+    home = environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    own = Path(home) / "piezod" / _GROUPS.name
+    return own if own.exists() else system
 
 
 def check_socket(path: Path) -> Path:

@@ -105,13 +105,19 @@ class StageReports:
         return Call(ENDPOINTS["restore_params"], reader(Saved), {"sequence": sequence})
 
     @ClientMethod
-    def start_recording(self, label: str | None = None) -> Call[Recording]:
+    def start_recording(
+        self, label: str | None = None, *, start_s: float | None = None
+    ) -> Call[Recording]:
         """Start recording every cycle.
 
         Args:
             label: Becomes part of the name, which the daemon makes.
+            start_s: Instant of the first cycle that is recorded, and of time 0 in the file, as in
+                `wave`; None for the next cycle.
         """
-        body = {"label": label} if label else {}
+        body: Document = {"label": label} if label else {}
+        if start_s is not None:
+            body["start_s"] = start_s
         return Call(ENDPOINTS["start_recording"], reader(Recording), body)
 
     @ClientMethod

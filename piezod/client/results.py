@@ -98,6 +98,19 @@ class AxisStatus:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Processor:
+    """The processor of a loop.
+
+    Attributes:
+        number: Its number.
+        shared_with: Number of loops of other stages that had it when this one started.
+    """
+
+    number: int
+    shared_with: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Status(Result, StatusTable):
     """A stage in its newest cycle.
 
@@ -110,6 +123,8 @@ class Status(Result, StatusTable):
         axes: Axes by name.
         stage: Name of the stage.
         title: Title of the stage, for people.
+        rate_hz: Configured cycles per second; None if the daemon does not report it.
+        processor: Processor of the loop; None if the loop has none of its own choice.
     """
 
     state: str
@@ -120,6 +135,8 @@ class Status(Result, StatusTable):
     shadow: bool = False
     stage: str = ""
     title: str = ""
+    rate_hz: float | None = None
+    processor: Processor | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

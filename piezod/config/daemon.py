@@ -114,7 +114,9 @@ class LoopConfig(ConfigModel):
         default=60, description="Priority under SCHED_FIFO."
     )
     cpu: Annotated[int, Quantity(0, 4095)] | None = Field(
-        default=None, description="Processor of the loop; default: the last one allowed."
+        default=None,
+        description="Processor of the loop; default: the last allowed one without the loop of "
+        "another stage, or with the fewest.",
     )
     strict_rt: bool = Field(
         default=False, description="Whether arming is refused if any of these was not obtained."

@@ -3,7 +3,7 @@
 import re
 from typing import Annotated, Final, TypeAlias
 
-from pydantic import AfterValidator, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints
 
 from piezod.config.fields import Quantity, broken_rule
 from piezod.config.messages import show
@@ -25,6 +25,14 @@ OneLine: TypeAlias = Annotated[str, AfterValidator(_one_line)]
 Name: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
 
 RateHz: TypeAlias = Annotated[float, Quantity(10, 20_000, "Hz")]
+# All processes of a machine share this clock.
+StartS: TypeAlias = Annotated[
+    Annotated[float, Quantity(0, 1e9, "s")] | None,
+    Field(
+        description="Instant at which it begins, at most 30 s ahead, in s of CLOCK_MONOTONIC, as "
+        "`t_s` of telemetry; default: as soon as possible."
+    ),
+]
 FrequencyHz: TypeAlias = Annotated[float, Quantity(1e-4, 10_000, "Hz")]
 DurationS: TypeAlias = Annotated[float, Quantity(1e-3, 86_400, "s")]
 TimeS: TypeAlias = Annotated[float, Quantity(0, 86_400, "s")]

@@ -29,7 +29,7 @@ from piezod.config.endpoints import (
 from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
-from piezod.config.quantities import DriveV, DurationS, Name, PositionUm
+from piezod.config.quantities import DriveV, DurationS, Name, PositionUm, StartS
 
 # Files and clients write a mode as text; strict validation would require the enumeration's member.
 ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
@@ -95,6 +95,7 @@ class Wave(ConfigModel):
     kind: Literal["wave"] = "wave"
     command_um: Waveforms = Field(description="Axis: position over time, µm.")
     duration_s: DurationS
+    start_s: StartS = None
 
 
 class Stream(ConfigModel):
@@ -206,6 +207,7 @@ class Play(ConfigModel):
         description="Time between two of them, s."
     )
     cycles: Annotated[int, Quantity(1, 100_000)] = Field(description="Number of periods.")
+    start_s: StartS = None
 
 
 class AdoptModel(ConfigModel):

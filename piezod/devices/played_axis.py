@@ -25,12 +25,14 @@ class AxisTable(NamedTuple):
         lead_in_v: (m,) voltages that are played once, before the period, in V.
         period_v: (n,) voltages of one period, in V.
         cycles: Number of periods.
+        start_ns: Instant at which the play begins, in ns; 0 for as soon as possible.
     """
 
     interval_ns: int
     lead_in_v: FloatArray
     period_v: FloatArray
     cycles: int
+    start_ns: int = 0
 
     @property
     def first_v(self) -> float:

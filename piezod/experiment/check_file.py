@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from piezod.config.axes import AxisConfig
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.groups import GroupsFile, load_groups
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.response_file import ResponseFile, load_response
@@ -35,6 +36,7 @@ class FileKind(StrEnum):
     STAGE = "stage"
     MODEL = "model"
     RESPONSE = "response"
+    GROUPS = "groups"
 
 
 class Checked(NamedTuple):
@@ -76,13 +78,16 @@ class _Description(NamedTuple):
 
 def _kind(path: Path) -> FileKind:
     keys = load_yaml(path).data.keys()
+    if keys == GroupsFile.model_fields.keys():
+        return FileKind.GROUPS
     experiment_keys = len(keys & ExperimentConfig.model_fields.keys())
     model_keys = len(keys & (ModelFile.model_fields.keys() | _RESPONSE_KEYS))
     if experiment_keys == model_keys:
         what = (
             "not a stage, experiment, model or response; allowed are stages, with keys such as "
             "`devices` and `axes`, experiments, which have `cases`, too, models, with keys such as "
-            "`format`, `method`, `fit`, and responses, with keys such as `delay_s`, `resonances`"
+            "`format`, `method`, `fit`, responses, with keys such as `delay_s`, `resonances`, and "
+            "groups of stages, with the key `groups`"
         )
         raise ConfigError(Problem(str(path), 0, 0, "", what))
     if model_keys > experiment_keys:
@@ -142,11 +147,18 @@ def _describe_response(path: Path) -> _Description:
     return _Description(f"a response: {modes}, delay {delay_ms:.3g} ms, by {file.method}")
 
 
+def _describe_groups(path: Path) -> _Description:
+    groups = load_groups(path)
+    stages = _count(len({stage for each in groups.values() for stage in each}), "stage")
+    return _Description(f"groups of stages: {_count(len(groups), 'group')} of {stages}")
+
+
 _DESCRIBE: Final = {
     FileKind.EXPERIMENT: _describe_experiment,
     FileKind.STAGE: _describe_stage,
     FileKind.MODEL: _describe_model,
     FileKind.RESPONSE: _describe_response,
+    FileKind.GROUPS: _describe_groups,
 }
 
 

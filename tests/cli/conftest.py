@@ -12,6 +12,7 @@ import typer
 
 from piezod.cli import main
 from tests.client.fake_daemon import STATUS, FakeDaemon
+from tests.client.group_of_fakes import daemons  # noqa: F401 - a fixture
 from tests.experiment.conftest import SHORT
 
 

@@ -3,6 +3,10 @@
 import json
 from pathlib import Path
 
+import pytest
+
+from piezod.cli import processor_warnings
+from piezod.cli.shipped import shipped
 from piezod.config.model_file import dump_model
 from piezod.devices import registry
 from tests.cli.conftest import Command
@@ -142,3 +146,40 @@ def test_surface(piezod: Command, folder: Path) -> None:
         "surface_coefficients: a file of version 1 has 0 surface_coefficients (got 24)"
         in broken.err
     )
+
+
+@pytest.mark.parametrize(
+    ("loop", "free", "warning"),
+    [
+        ("", [], "! each of the processors 0, 1 has the loop of another stage already"),
+        ("", [1], ""),
+        ("", None, ""),
+        ("loop: {cpu: 1}\n", [], "! processor 1 (loop.cpu) has the loop of another stage already"),
+        (
+            "loop: {cpu: 7}\n",
+            [7],
+            "! loop.cpu is 7, and this user may use the processors 0, 1 only",
+        ),
+    ],
+)
+def test_processor_that_would_be_shared(
+    piezod: Command,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    loop: str,
+    free: list[int] | None,
+    warning: str,
+) -> None:
+    """A stage that would share its processor, or cannot have it, is valid with a warning."""
+    monkeypatch.setattr(processor_warnings, "running_stages", dict)
+    monkeypatch.setattr(processor_warnings, "free_processors", lambda _candidates: free)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _process: {0, 1})
+    config = shipped("config") / "simulated.yaml"
+    text = config.read_text(encoding="utf-8").replace("model: ", f"model: {config.parent}/")
+    (folder / "stage.yaml").write_text(text + loop, encoding="utf-8")
+
+    code, out, err = piezod("check", "stage.yaml")
+
+    assert (code, err) == (0, "")
+    assert out.partition("\n")[2].startswith(warning)
+    assert ("!" in out) == bool(warning)

@@ -3,7 +3,7 @@
 import pytest
 
 from piezod.cli.client_verbs import OWN_FUNCTIONS, client_verbs
-from piezod.cli.main import OWN_VERBS
+from piezod.cli.main import OWN_VERBS, SEVERAL
 from piezod.config.endpoints import Endpoint, Group
 from piezod.config.requests import TABLE
 from tests.cli.conftest import Command
@@ -29,7 +29,8 @@ def test_help_lists_verbs_under_headings(piezod: Command) -> None:
     found = headings(out.partition("Exit codes")[0])
     del found["Options"]
 
-    assert list(found) == [*OWN_VERBS, *Group]
+    assert list(found) == [*OWN_VERBS, SEVERAL, *Group]
+    assert found[SEVERAL] == ["list", "group"]
     assert found["Experiments and models"] == [
         "demo",
         "experiment",

@@ -9,6 +9,11 @@ from piezod.cli.main import OWN_VERBS
 from tests.cli.conftest import Command
 from tests.man_page import PAGE, page
 
+GROUP_VERBS = (
+    "status", "arm", "wave", "play", "hold", "resume", "disarm", "stop", "estop",
+    "record", "record start", "record stop",
+)  # fmt: skip
+SEVERAL = {"list", "group", *(f"group {verb}" for verb in GROUP_VERBS)}
 MACROS = (r"\"", "TH", "SH", "SS", "PP", "TP", "B", "nh", "ad")
 
 
@@ -25,7 +30,7 @@ def test_every_verb_has_a_section() -> None:
     asked = {verb.words for verb in client_verbs()}
     families = {words.partition(" ")[0] for words in asked if " " in words}
     of_files = {f"record {word}" for word in ("show", "plot", "export", "replay", "repair")}
-    assert sections == own | asked | families | of_files
+    assert sections == own | asked | families | of_files | SEVERAL
 
 
 def test_texts_are_no_requests() -> None:

@@ -165,6 +165,16 @@ def test_status_has_each_device(piezod: Command, daemon: FakeDaemon) -> None:
         assert shown in out
 
 
+def test_status_shows_a_shared_processor(piezod: Command, daemon: FakeDaemon) -> None:
+    """The processor is in the first line; a shared one has a line with the remedy."""
+    daemon.answers["GET status"] = {**STATUS, "processor": {"number": 3, "shared_with": 2}}
+
+    out = " ".join(piezod("status").out.split())
+
+    assert "mode adaptive, processor 3" in out
+    assert "Processor 3 had 3 loops when this one started" in out
+
+
 @pytest.mark.usefixtures("daemon")
 def test_status_as_json(piezod: Command) -> None:
     """Status as JSON is the document of the daemon."""

@@ -7,6 +7,7 @@ import pytest
 
 from piezod.client import StageClient
 from tests.client.fake_daemon import FakeDaemon
+from tests.client.group_of_fakes import daemons  # noqa: F401 - a fixture
 
 
 @pytest.fixture

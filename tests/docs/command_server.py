@@ -35,11 +35,20 @@ class CommandServer:
         folder: A folder with a short path, for the socket.
         environ: The environment of the commands.
         slower: Texts in the configuration of a daemon, and what replaces them.
+        together: Whether daemons run beside each other.
     """
 
-    def __init__(self, folder: Path, environ: Mapping[str, str], slower: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        environ: Mapping[str, str],
+        slower: Mapping[str, str],
+        *,
+        together: bool = False,
+    ) -> None:
         self.path = folder / "commands"
         self._environ, self._slower, self._logs = environ, slower, folder
+        self._together = together
         self._left: list[tuple[str, Forked]] = []
         self._codes: list[int] = []
         self._listener = socket.socket(socket.AF_UNIX)
@@ -102,7 +111,7 @@ class CommandServer:
         config.write_text(text, encoding="utf-8")
 
     def _leave_running(self, arguments: list[str], folder: Path) -> int:
-        self._end("run" if arguments[0] == "run" else "")
+        self._end("run" if arguments[0] == "run" and not self._together else "")
         log = self._logs / f"{len(self._left)}.log"
         with log.open("wb") as out, Path(os.devnull).open("rb") as nothing:
             outputs = (nothing.fileno(), out.fileno(), out.fileno())
@@ -139,10 +148,10 @@ class CommandServer:
 
 @contextmanager
 def serving(
-    folder: Path, environ: Mapping[str, str], slower: Mapping[str, str]
+    folder: Path, environ: Mapping[str, str], slower: Mapping[str, str], *, together: bool = False
 ) -> Iterator[CommandServer]:
-    """Serve commands while the block runs."""
-    server = CommandServer(folder, environ, slower)
+    """Serve commands while the block runs; arguments as in `CommandServer`."""
+    server = CommandServer(folder, environ, slower, together=together)
     try:
         yield server
     finally:

@@ -1,5 +1,6 @@
 """What the blocks of a page find before the first one: files, and a running stage."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,7 @@ REMOTE: Final = {
 """The other computer of the documentation is this one."""
 SERVE: Final = next(blocks(ROOT / "docs" / "remote.md")).text.replace("DNS:labpc", "DNS:localhost")
 """Makes a certificate, and starts `piezod web` with it."""
+GROUPS: Final = ROOT / "docs" / "groups.md"
 QUICK: Final = (
     "docs/how-to/read-a-recording.md",
     "docs/monitoring.md",
@@ -41,11 +43,13 @@ class Setting:
         before: Commands that run before the first block, such as those of a second terminal.
         files: Functions that write files into a folder.
         words: Words of the page, and what stands for them.
+        together: Whether daemons run beside each other; otherwise a second one ends the first.
     """
 
     before: str = ""
     files: tuple[Callable[[Path], None], ...] = ()
     words: Mapping[str, str] = field(default_factory=dict)
+    together: bool = False
 
     def prepare(self, folder: Path) -> None:
         """Write the files."""
@@ -102,6 +106,14 @@ def wave(folder: Path) -> None:
     (folder / "wave.yaml").write_text(text, encoding="utf-8")
 
 
+def group(folder: Path) -> None:
+    """Write a group and its waveforms, as the page about groups shows them."""
+    groups, waves = re.findall(r"```yaml\n(.*?)```", GROUPS.read_text(encoding="utf-8"), re.DOTALL)
+    (folder / "piezod").mkdir()
+    (folder / "piezod" / "groups.yaml").write_text(groups, encoding="utf-8")
+    (folder / "waves.yaml").write_text(waves, encoding="utf-8")
+
+
 SETTINGS: Final[Mapping[str, Setting]] = {
     "README.md": Setting(
         files=(recording, experiment),
@@ -110,6 +122,7 @@ SETTINGS: Final[Mapping[str, Setting]] = {
     "docs/client.md": Setting(before=RUN, words={"/run/piezod/bench": SOCKET_FOLDER}),
     "docs/commissioning.md": Setting(files=(stage,)),
     "docs/experiments.md": Setting(files=(experiment,)),
+    "docs/groups.md": Setting(files=(group,), together=True),
     "docs/how-to/read-a-recording.md": Setting(files=(recording,)),
     "docs/identify.md": Setting(
         before=RUN, files=(recording,), words={"DATA": "record.csv", "OTHER": "record.csv"}

@@ -31,7 +31,9 @@ def run_page(
         if any(f"{program} " in text for text in texts) and which(program) is None:
             pytest.skip(f"the page uses {program}, which this machine lacks")
     setting = SETTINGS.get(page, Setting())
-    with workspace(folder, setting.prepare, setting.words, slower, python) as place:
+    with workspace(
+        folder, setting.prepare, setting.words, slower, python, together=setting.together
+    ) as place:
         place.shell(setting.before, f"before {page}")
         for block in blocks(ROOT / page):
             if block.kind in kinds:

@@ -108,6 +108,8 @@ def workspace(
     words: Mapping[str, str],
     slower: Mapping[str, str],
     python: str = "",
+    *,
+    together: bool = False,
 ) -> Iterator[Workspace]:
     """Make a folder for a page, and end afterwards what its blocks have started.
 
@@ -117,6 +119,7 @@ def workspace(
         words: Words of the page and what stands for them here.
         slower: Changes to the configurations of daemons, see `CommandServer`.
         python: The interpreter for blocks of Python; "" for this process.
+        together: Whether daemons run beside each other.
     """
     for each in COPIED:
         shutil.copytree(ROOT / each, folder / each)
@@ -138,11 +141,12 @@ def workspace(
         "PATH": f"{bin}:{os.environ['PATH']}",
         "XDG_RUNTIME_DIR": str(short),
         "XDG_STATE_HOME": str(short),
+        "XDG_CONFIG_HOME": str(folder),
         "PIEZOD_TEST_COMMANDS": str(short / "commands"),
         "MPLBACKEND": "Agg",
     }
     try:
-        with serving(short, environ, slower) as server:
+        with serving(short, environ, slower, together=together) as server:
             yield Workspace(folder, server, environ, words, apart=bool(python))
     finally:
         shutil.rmtree(short)

@@ -40,6 +40,13 @@ def test_axis_without_a_sensor_is_named() -> None:
     assert checked.contents == "a stage: 1 axis at 200 Hz; x without a sensor"
 
 
+def test_groups_are_described(tmp_path: Path) -> None:
+    """The summary counts each stage once."""
+    found = check(tmp_path, "groups: {raster: [a, b], all: [a, b, c]}\n")
+
+    assert found == (FileKind.GROUPS, "groups of stages: 2 groups of 3 stages", [])
+
+
 @pytest.mark.parametrize(
     ("text", "kind", "problem"),
     [
@@ -49,6 +56,8 @@ def test_axis_without_a_sensor_is_named() -> None:
         ("delay_s: 0\n", FileKind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
         ("resonances: []\n", FileKind.RESPONSE,
          "file.yaml:1:1: created_at: required key is missing"),
+        ("groups: {raster: []}\n", FileKind.GROUPS,
+         "file.yaml:1:18: groups.raster: a group has at least one stage"),
         ("a: 1\na: 2\n", None, "file.yaml:2:1: duplicate key 'a', first in line 1"),
         ("- 1\n", None, "file.yaml:1:1: the top level must be a mapping, lines of `key: value`"),
     ],

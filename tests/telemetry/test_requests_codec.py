@@ -27,7 +27,7 @@ EVERY_KIND = [
     requests.Disarm(),
     *(requests.SelectMode(mode=mode, axis="x") for mode in Mode),
     requests.Goto(axis="x", position_um=12.5, speed_um_per_s=3.0),
-    wave(SINE),
+    wave(SINE).model_copy(update={"start_s": 12.5}),
     requests.Stream(axes=("x", "y")),
     requests.Follow(axis="x"),
     requests.Hold(),
@@ -38,7 +38,7 @@ EVERY_KIND = [
     requests.Condition(),
     requests.Zero(axis="x"),
     requests.Identify(drive_v={"x": Setpoint(kind="setpoint", level=3.0)}, duration_s=1.0),
-    requests.Play(axis="x", drive_v=(1.0, 2.5), interval_s=5e-5, cycles=3),
+    requests.Play(axis="x", drive_v=(1.0, 2.5), interval_s=5e-5, cycles=3, start_s=12.5),
     requests.AdoptModel(axis="x", model=load_model(MODEL), zero_um=0.3),
     requests.Shutdown(),
 ]

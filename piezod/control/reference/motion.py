@@ -193,36 +193,45 @@ def rejoin(motion: Motion, elapsed_s: float, start_um: float, limits: MotionLimi
     return Motion(reference_um, max(motion.duration_s - elapsed_s, fade_s), motion.target_um)
 
 
+def lead_in(
+    waveform: Waveform, start_um: float, start_um_per_s: float, limits: MotionLimits
+) -> Motion:
+    """Return the motion to the start of a waveform.
+
+    Args:
+        waveform: Position over time, in µm.
+        start_um: Position of the reference, in µm.
+        start_um_per_s: Speed of the reference, in µm/s.
+        limits: Limits of the motion.
+    """
+    first_um = waveform.value(0.0)
+    # A reference that moves needs a lead-in even at the right position, to take over its speed.
+    if abs(first_um - start_um) > _SAME_UM or start_um_per_s:
+        return smooth_motion(start_um, start_um_per_s, first_um, limits)
+    return rest_at(first_um)
+
+
 def waveform_motion(
-    waveform: Waveform,
-    duration_s: float,
-    start_um: float,
-    start_um_per_s: float,
-    limits: MotionLimits,
+    waveform: Waveform, duration_s: float, before: Motion, begins_s: float = 0.0
 ) -> Motion:
     """Return the motion to the start of a waveform, the waveform, and then its last value.
 
     Args:
         waveform: Position over time, in µm.
         duration_s: Duration of the waveform, in s.
-        start_um: Position of the reference, in µm.
-        start_um_per_s: Speed of the reference, in µm/s.
-        limits: Limits of the motion to the start of the waveform.
+        before: The motion to its start, from `lead_in`.
+        begins_s: Earliest time at which the waveform begins, in s since the start of the motion.
     """
     value, end_um = waveform.value, waveform.value(duration_s)
-    first_um = value(0.0)
-    lead_in = rest_at(first_um)
-    # A reference that moves needs a lead-in even at the right position, to take over its speed.
-    if abs(first_um - start_um) > _SAME_UM or start_um_per_s:
-        lead_in = smooth_motion(start_um, start_um_per_s, first_um, limits)
+    begins_s = max(begins_s, before.duration_s)
 
     def reference_um(t_s: float) -> float:
-        since_s = t_s - lead_in.duration_s
+        since_s = t_s - begins_s
         if since_s < 0.0:
-            return lead_in.reference_um(t_s)
+            return before.reference_um(t_s)
         return value(since_s) if since_s < duration_s else end_um
 
-    return Motion(reference_um, lead_in.duration_s + duration_s, end_um)
+    return Motion(reference_um, begins_s + duration_s, end_um)
 
 
 class StreamedReference:

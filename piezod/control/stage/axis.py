@@ -13,8 +13,8 @@ from piezod.config.modes import Mode
 from piezod.control.law.axis import AxisOutput, CompensatedAxis
 from piezod.control.reference.motion import (
     Motion,
-    MotionLimits,
     StreamedReference,
+    lead_in,
     rejoin,
     rest_at,
     smooth_motion,
@@ -23,14 +23,11 @@ from piezod.control.reference.motion import (
 from piezod.control.reference.programs import VoltageProgram
 from piezod.control.reference.waveforms import Waveform
 from piezod.control.signals import OnTarget
+from piezod.control.stage.motion_limits import motion_limits
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S, s_to_ns
 
-SHORTEST_MOTION_PERIODS = 3.0
-"""Shortest duration of a movement, in periods of the first mode."""
-SHORTEST_MOTION_CYCLES = 10
-"""Shortest duration of a movement, in cycles."""
 ROUNDING_V = 1e-6
 """Two voltages are equal within this, in V."""
 
@@ -60,7 +57,10 @@ class StageAxis:
     ) -> None:
         self.name, self.config, self.law = name, config, law
         self._period_s = period_ns / NS_PER_S
-        self.motion_limits = _motion_limits(config, law, self._period_s)
+        # Without a configured range, positions may go as far as the model holds.
+        model_um = law.zeroed_range_um
+        range_um = config.command_range_um or (model_um.low, model_um.high)
+        self.motion_limits = motion_limits(config, range_um, self._period_s)
         self._voltage: Callable[[int], float] = lambda _t_ns: self.law.in_force_v
         self._forced = True
         self._ends_ns, self._ramps_to_v = 0, nan
@@ -188,13 +188,23 @@ class StageAxis:
         start_um, start_um_per_s = self._reference_at(t_ns)
         return self._move(smooth_motion(start_um, start_um_per_s, position_um, limits), t_ns)
 
-    def follow(self, waveform: Waveform, duration_s: float, t_ns: int) -> int:
-        """Follow a waveform; return the number of the movement."""
-        start_um, start_um_per_s = self._reference_at(t_ns)
-        return self._move(
-            waveform_motion(waveform, duration_s, start_um, start_um_per_s, self.motion_limits),
-            t_ns,
-        )
+    def lead_in(self, waveform: Waveform, t_ns: int) -> Motion:
+        """Return the movement to the start of a waveform."""
+        return lead_in(waveform, *self._reference_at(t_ns), self.motion_limits)
+
+    def follow(self, waveform: Waveform, duration_s: float, t_ns: int, start_ns: int = 0) -> int:
+        """Follow a waveform; return the number of the movement.
+
+        Args:
+            waveform: Position over time, in µm.
+            duration_s: Its duration, in s.
+            t_ns: Instant of the cycle, in ns.
+            start_ns: Instant at which the waveform begins, in ns; as soon as the axis is at its
+                start if that is later.
+        """
+        begins_s = (start_ns - t_ns) / NS_PER_S
+        before = self.lead_in(waveform, t_ns)
+        return self._move(waveform_motion(waveform, duration_s, before, begins_s), t_ns)
 
     def follow_stream(self, t_ns: int) -> int:
         """Follow the setpoints of a stream; return the number of the movement."""
@@ -288,13 +298,3 @@ class StageAxis:
             on_target=self._is_on_target,
             motion=self.motion,
         )
-
-
-def _motion_limits(config: StageAxisConfig, law: CompensatedAxis, period_s: float) -> MotionLimits:
-    model_um = law.zeroed_range_um
-    # Without a configured range, positions may go as far as the model holds.
-    low_um, high_um = config.command_range_um or (model_um.low, model_um.high)
-    shortest_s = SHORTEST_MOTION_CYCLES * period_s
-    if config.first_mode is not None:
-        shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / config.first_mode.frequency_hz)
-    return MotionLimits(config.speed_um_per_s, shortest_s, low_um, high_um)

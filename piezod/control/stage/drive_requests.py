@@ -9,6 +9,7 @@ from piezod.config.frequencies import too_fast
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import build_waveform
 from piezod.control.stage.answer import Answer
+from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.control.stage.named import axes_named, axis_names, without_sensor
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event
@@ -62,8 +63,12 @@ def play(stage: Stage, request: requests.Play, t_ns: int) -> Answer:
         return Answer(False, why)
     axis = stage.axes[axes[0]]
     lead_in_v, period_v = np.array(request.lead_in_v), np.array(request.drive_v)
-    table = AxisTable(s_to_ns(request.interval_s), lead_in_v, period_v, request.cycles)
-    why = stage.play().refusal(axes[0], axis, table) or stage.go(Event.IDENTIFY, t_ns)
+    begins_ns = start_ns(request.start_s)
+    table = AxisTable(s_to_ns(request.interval_s), lead_in_v, period_v, request.cycles, begins_ns)
+    why = stage.play().refusal(axes[0], axis, table)
+    ramp_s = abs(table.first_v - axis.law.in_force_v) / axis.config.safety.ramp_v_per_s
+    why = why or start_refusal(request.start_s, t_ns, ramp_s)
+    why = why or stage.go(Event.IDENTIFY, t_ns)
     if why:
         return Answer(False, why)
     steps = (table.first_v, table, axis.config.limits.rest_v)

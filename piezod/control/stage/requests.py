@@ -9,6 +9,7 @@ from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.answer import Answer
+from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.control.stage.drive_requests import condition, condition_axes, identify, play
 from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
 from piezod.control.stage.stage import Stage
@@ -143,15 +144,16 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         if why:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
-        limits = stage.axes[axes[0]].motion_limits
-        if why := too_fast(config, NS_PER_S / stage.period_ns) or limits.refusal(
-            waveform.low, waveform.high
-        ):
+        axis = stage.axes[axes[0]]
+        why = too_fast(config, NS_PER_S / stage.period_ns)
+        why = why or axis.motion_limits.refusal(waveform.low, waveform.high)
+        lead_in_s = axis.lead_in(waveform, t_ns).duration_s
+        if why := why or start_refusal(request.start_s, t_ns, lead_in_s):
             return Answer(False, why)
     if why := _start_running(stage, t_ns):
         return Answer(False, why)
     motions = [
-        stage.axes[i].follow(waveform, request.duration_s, t_ns)
+        stage.axes[i].follow(waveform, request.duration_s, t_ns, start_ns(request.start_s))
         for i, waveform in waveforms.items()
     ]
     return Answer(True, motion=motions[0])

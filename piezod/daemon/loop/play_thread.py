@@ -127,6 +127,8 @@ class _PlayThread(threading.Thread):
         taken = self._axis.load(self._job.table, self._now_ns())
         if not self.aborted.is_set():
             self._axis.player.arm()
+            self._wait_for_start(taken)
+        if not self.aborted.is_set():
             self._axis.player.start(self._now_ns())
             self._wait(taken)
         if self.aborted.is_set():
@@ -134,6 +136,20 @@ class _PlayThread(threading.Thread):
             return PlayOutcome(self._axis.abort(self._now_ns()))
         self._store(taken, self._axis.recording(), "")
         return PlayOutcome(self._end_v(taken))
+
+    def _wait_for_start(self, taken: AxisTable) -> None:
+        """Wait for the instant at which the play is to begin, or until it is aborted.
+
+        Raises:
+            PlayError: If the instant has passed.
+        """
+        late_ns = self._now_ns() - taken.start_ns
+        if taken.start_ns and late_ns > 0:
+            late_s = late_ns / NS_PER_S
+            raise PlayError(f"the device was ready {late_s:.3g} s after the start: start later")
+        while (left_ns := taken.start_ns - self._now_ns()) > 0:
+            if self.aborted.wait(min(left_ns / NS_PER_S, POLL_S)):
+                return
 
     def _wait(self, taken: AxisTable) -> None:
         """Wait until the play has ended, or is to be aborted.

@@ -41,6 +41,7 @@ from piezod.daemon.loop.placement import (
     start_threads,
 )
 from piezod.daemon.loop.play_thread import play_threads
+from piezod.daemon.loop.processor import ClaimedProcessor
 from piezod.daemon.loop.rate import (
     kept_period_ns,
     measure_busy_ns,
@@ -116,13 +117,14 @@ def main(
     # Last: everything is imported, compiled, opened and used once.
     steps = realtime.set_up()
     raise_thread_priorities(placements)
-    shared.set_report(_report(steps, placements))
+    shared.set_report(_report(steps, placements, realtime.processor))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
     _take_over(controller, shared, channels, known)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), counters)
     loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
+    loop.publisher.events(_processor_events(realtime.processor, clock.now_ns()))
     _run(loop, realtime, clock)
     # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
     channels.close()
@@ -138,10 +140,13 @@ def _use_wrappers(
     return counters
 
 
-def _report(steps: list[RealtimeStep], placements: Sequence[Placement]) -> dict[str, Any]:
+def _report(
+    steps: list[RealtimeStep], placements: Sequence[Placement], processor: ClaimedProcessor | None
+) -> dict[str, Any]:
     return {
         "steps": [step._asdict() for step in steps],
         "devices": [one.document() for one in placements],
+        "processor": processor and processor.document(),
     }
 
 
@@ -233,6 +238,17 @@ def _rate_event(config: DaemonConfig, t_ns: int, busy_ns: int, period_ns: int) -
         return StageEvent(t_ns, "info", "rate", text)
     observed = f"the stage is only observed, at {NS_PER_S / period_ns:.0f} Hz: choose a lower rate"
     return StageEvent(t_ns, "warning", "rate", f"{text}; {observed}")
+
+
+def _processor_events(processor: ClaimedProcessor | None, t_ns: int) -> list[StageEvent]:
+    """Return the warning about a processor that other loops have too, if there are any."""
+    if processor is None or not processor.shared_with:
+        return []
+    text = (
+        f"processor {processor.cpu} has {processor.shared_with + 1} loops: cycles may be late; run "
+        "fewer stages, or allow more processors"
+    )
+    return [StageEvent(t_ns, "warning", "processor", text)]
 
 
 def _kept_rate(config: DaemonConfig, rate_hz: float) -> str:

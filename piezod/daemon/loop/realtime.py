@@ -10,11 +10,13 @@ import os
 import struct
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.config.daemon import LoopConfig
 from piezod.daemon.loop.memory import lock_memory
+from piezod.daemon.loop.processor import ClaimedProcessor, claim_processor
 from piezod.telemetry.layout import PAGE
 from piezod.telemetry.shared_map import SharedMap
 
@@ -57,9 +59,12 @@ class Realtime:
         self._config, self._shared, self._wanted_threads = config, shared, threads
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._latency_file: int | None = None
+        self.processor: ClaimedProcessor | None = None
+        """The processor of the loop; None before `set_up`, or if the system refused it."""
 
     def set_up(self) -> list[RealtimeStep]:
         """Make all requests; return their results."""
+        chosen = claim_processor(self._config.cpu, os.sched_getaffinity(0))
         steps: tuple[tuple[str, str, Callable[[], str]], ...] = (
             ("threads", str(self._wanted_threads), self._count_threads),
             ("heap", "kept", self._keep_heap),
@@ -68,7 +73,7 @@ class Realtime:
             ("cpu latency", "0 us", self._request_latency),
             ("timer slack", "1 ns", self._cut_timer_slack),
             ("garbage collection", "off", _stop_collecting),
-            ("processor", self._cpu_wanted, self._pin),
+            ("processor", str(chosen.cpu), partial(self._pin, chosen)),
             ("scheduling", f"SCHED_FIFO {self._config.priority}", self._raise_priority),
         )
         return list(_carried_out(steps))
@@ -119,15 +124,15 @@ class Realtime:
             raise OSError(ctypes.get_errno(), "prctl refused")
         return "1 ns"
 
-    @property
-    def _cpu_wanted(self) -> str:
-        cpu = self._config.cpu
-        return str(max(os.sched_getaffinity(0)) if cpu is None else cpu)
-
-    def _pin(self) -> str:
-        wanted = self._cpu_wanted
-        os.sched_setaffinity(0, {int(wanted)})
-        return wanted
+    def _pin(self, chosen: ClaimedProcessor) -> str:
+        try:
+            os.sched_setaffinity(0, {chosen.cpu})
+        except OSError:
+            if chosen.mark is not None:
+                chosen.mark.close()
+            raise
+        self.processor = chosen
+        return str(chosen.cpu)
 
     def _raise_priority(self) -> str:
         # Last: a long task at this priority would starve other processes. Children are ordinary.

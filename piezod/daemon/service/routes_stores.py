@@ -8,6 +8,7 @@ from fastapi import Request as HttpRequest
 from pydantic import Field, StringConstraints
 
 from piezod.config.fields import ConfigModel, Quantity
+from piezod.config.quantities import StartS
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
@@ -36,9 +37,10 @@ class Restore(ConfigModel):
 
 
 class StartRecording(ConfigModel):
-    """The label of a recording; its name always begins with the time."""
+    """The label of a recording, whose name always begins with the time, and its start."""
 
     label: Label | None = Field(default=None, description="Becomes part of the name.")
+    start_s: StartS = None
 
 
 class KeepRecording(ConfigModel):
@@ -101,7 +103,7 @@ async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswe
     """Start recording every cycle."""
     started = await context.perform(
         f"recordings start {body.label or ''}".rstrip(),
-        lambda: context.stage.start_recording(body.label, context.peer),
+        lambda: context.stage.start_recording(body.label, context.peer, start_s=body.start_s),
     )
     recorders = context.state.recorders
     recorders.clear()  # there is one recording at a time

@@ -236,10 +236,13 @@ class StageService(Protocol):
         """
         ...
 
-    async def start_recording(self, label: str | None, peer: Peer) -> Document:
-        """Start recording every cycle; returns at least `{"name"}`.
+    async def start_recording(
+        self, label: str | None, peer: Peer, *, start_s: float | None = None
+    ) -> Document:
+        """Start recording every cycle from an instant on; returns at least `{"name"}`.
 
         Raises:
+            BadValueError: If the instant cannot be kept.
             NotNowError: If a recording is in progress, or the disk has no room.
         """
         ...

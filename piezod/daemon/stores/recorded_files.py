@@ -97,12 +97,17 @@ class RecordedFiles:
         return part_name(self._name, self.files)
 
     def copy(self, limit: int) -> int:
-        """Copy what is new, at most `limit` records; return their number.
+        """Take what is new, at most `limit` records; return their number.
+
+        Records before the start of the recording are dropped.
 
         Raises:
             OSError: If the disk refuses it.
         """
         records, lost = self._reader.read(limit)
+        taken = len(records)
+        if not self.records:  # the recording may begin later than its reader
+            records = records[records["t_ns"] >= self._header.start_ns]
         if len(records):
             begin_ns, end_ns = int(records["t_ns"][0]), int(records["t_ns"][-1])
             if self._is_full(begin_ns):
@@ -116,7 +121,7 @@ class RecordedFiles:
         self._copy_events()
         self._writer.append(records, lost)
         self.records, self.lost = self.records + len(records), self.lost + lost
-        return len(records)
+        return taken
 
     def close(self) -> None:
         """Write what is left and close the file; a second call does nothing.

@@ -48,7 +48,9 @@ def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Do
         "mode": modes.pop() if len(modes) == 1 else "mixed",
         "shadow": record is not None and record["shadow"],
         "faults": faults_of(shared, record),
+        "rate_hz": config.rate_hz,
         "skipped_cycles": shared.words[Word.SKIPPED_CYCLES],
+        "processor": obtained["processor"],
         "not_realtime": [step["name"] for step in obtained["steps"] if not step["ok"]],
         "devices": obtained["devices"],
         "axes": axes,
@@ -129,6 +131,6 @@ def realtime(config: DaemonConfig, shared: SharedMap) -> Document:
 
 
 def _obtained(shared: SharedMap) -> Document:
-    """Return the real-time steps and the devices that the loop has reported."""
-    report: Document = shared.report() or {"steps": [], "devices": []}
-    return report
+    """Return the real-time steps, the devices and the processor that the loop has reported."""
+    report: Document = shared.report() or {}
+    return {"steps": [], "devices": [], "processor": None, **report}

@@ -4,13 +4,14 @@ import asyncio
 import json
 import time
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import lru_cache, partial
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import ModelFile, dump_model
+from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
@@ -101,15 +102,24 @@ class StageRecordings:
         before, self._lost_before = self._lost_before, (status.name, status.lost)
         return status.lost > (before[1] if before[0] == status.name else 0)
 
-    async def start(self, loop: LoopConnection, label: str | None) -> Document:
+    async def start(
+        self, loop: LoopConnection, label: str | None, start_s: float | None = None
+    ) -> Document:
         """Start recording every cycle.
 
+        Args:
+            loop: The loop.
+            label: Part of the name.
+            start_s: Instant of the first record and of time 0; None for now.
+
         Raises:
-            BadValueError: If the label cannot be part of a name.
+            BadValueError: If the label cannot be part of a name, or the instant cannot be kept.
             NotNowError: If a recording is running already, or the disk is too full.
         """
+        if why := start_refusal(start_s, time.monotonic_ns(), 0.0):
+            raise BadValueError(why)
         async with self._one_at_a_time:
-            header = self._header(loop, label or self._name)
+            header = self._header(loop, label or self._name, start_ns(start_s))
             limits = _limits(loop.config.recordings)
             try:
                 name = await asyncio.to_thread(self._recorder.start, header, label or "", limits)
@@ -192,7 +202,9 @@ class StageRecordings:
         async with self._one_at_a_time:
             await asyncio.to_thread(self._recorder.stop)
 
-    def _header(self, loop: LoopConnection, title: str) -> TelemetryHeader:
+    def _header(self, loop: LoopConnection, title: str, begins_ns: int = 0) -> TelemetryHeader:
+        now_ns = time.monotonic_ns()
+        ahead = timedelta(microseconds=max(begins_ns - now_ns, 0) / 1000)
         # Recordings store members of enumerations as numbers; the header has their names.
         places = enumerations().items()
         models = {f"model_{axis}": text for axis, text in _texts(loop.models).items()}
@@ -200,8 +212,8 @@ class StageRecordings:
             title=title,
             axes=loop.axes,
             rate_hz=loop.config.rate_hz,
-            started_at=datetime.now(UTC).isoformat(timespec="milliseconds"),
-            start_ns=time.monotonic_ns(),
+            started_at=(datetime.now(UTC) + ahead).isoformat(timespec="milliseconds"),
+            start_ns=begins_ns or now_ns,
             names={field: [str(each.value) for each in members] for field, members in places},
             notes={"configuration": json.dumps(accepted_config.document(loop.config)), **models},
             descriptions=descriptions(),

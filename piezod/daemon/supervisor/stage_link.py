@@ -219,9 +219,11 @@ class StageLink:
         """Look whether the configuration file has changed, for the next report of faults."""
         self._changed = await asyncio.to_thread(self._config_changed)
 
-    async def start_recording(self, label: str | None, peer: Peer) -> Document:
-        """Start recording every cycle."""
-        document = await self.stage_recordings.start(self._running(), label)
+    async def start_recording(
+        self, label: str | None, peer: Peer, *, start_s: float | None = None
+    ) -> Document:
+        """Start recording every cycle, from an instant on."""
+        document = await self.stage_recordings.start(self._running(), label, start_s)
         _log.info("recording started", user=peer.user, name=document["name"])
         return document
 

@@ -13,9 +13,9 @@ from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import from_model_file
-from piezod.control.reference.motion import Motion, MotionLimits, waveform_motion
+from piezod.control.reference.motion import Motion, lead_in, waveform_motion
 from piezod.control.reference.waveforms import Waveform
-from piezod.control.stage.axis import SHORTEST_MOTION_CYCLES, SHORTEST_MOTION_PERIODS
+from piezod.control.stage.motion_limits import motion_limits
 from piezod.errors import DataError
 
 AT_REST_V = 1e-3
@@ -53,11 +53,9 @@ class LiveAxis:
             duration_s: Duration of the waveform, in s.
             start_um: Command before, constant, in µm.
         """
-        shortest_s, mode = SHORTEST_MOTION_CYCLES * self.period_s, self.config.first_mode
-        if mode is not None:
-            shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / mode.frequency_hz)
-        motion_limits = MotionLimits(self.config.speed_um_per_s, shortest_s, *self.range_um)
-        return waveform_motion(waveform, duration_s, start_um, 0.0, motion_limits)
+        limits = motion_limits(self.config, self.range_um, self.period_s)
+        before = lead_in(waveform, start_um, 0.0, limits)
+        return waveform_motion(waveform, duration_s, before)
 
 
 @dataclass(frozen=True)

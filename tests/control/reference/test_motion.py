@@ -9,6 +9,7 @@ from piezod.config.waveforms import Sine
 from piezod.control.reference.motion import (
     MotionLimits,
     StreamedReference,
+    lead_in,
     rest_at,
     smooth_motion,
     waveform_motion,
@@ -59,7 +60,7 @@ def test_short_motion_takes_the_shortest_duration() -> None:
 def test_waveform_has_a_lead_in_and_holds_its_end() -> None:
     """The reference moves to the start of the waveform, follows it, and keeps its last value."""
     sine = build_waveform(Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0), 1.25)
-    motion = waveform_motion(sine, 1.25, 5.0, 0.0, LIMITS)
+    motion = waveform_motion(sine, 1.25, lead_in(sine, 5.0, 0.0, LIMITS))
     lead_in_s = motion.duration_s - 1.25
 
     assert motion.reference_um(0.0) == 5.0
@@ -72,7 +73,7 @@ def test_waveform_that_starts_at_the_reference_has_no_lead_in() -> None:
     """A waveform that starts at the position of the reference starts at once."""
     sine = build_waveform(Sine(kind="sine", low=5.0, high=20.0, frequency_hz=1.0), 2.0)
 
-    assert waveform_motion(sine, 2.0, 5.0, 0.0, LIMITS).duration_s == 2.0
+    assert waveform_motion(sine, 2.0, lead_in(sine, 5.0, 0.0, LIMITS)).duration_s == 2.0
 
 
 def test_rest_is_a_movement_without_duration() -> None:

@@ -58,13 +58,14 @@ class PlayingStage(RigStage):
 
     Args:
         reads_back: Whether the amplifier reports its voltage.
+        start_s: Instant at which the play begins, in s; None for as soon as possible.
     """
 
-    def __init__(self, *, reads_back: bool = True) -> None:
+    def __init__(self, *, reads_back: bool = True, start_s: float | None = None) -> None:
         self.runner = PlayedByHand()
         super().__init__(reads_back=reads_back, plays=self.runner)
         self.cycle()
-        self.do(rq.Arm(confirm_output=not reads_back), PLAY)
+        self.do(rq.Arm(confirm_output=not reads_back), PLAY.model_copy(update={"start_s": start_s}))
         for _ in range(5000):
             if self.runner.tables:
                 break

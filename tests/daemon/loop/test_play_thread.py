@@ -88,7 +88,7 @@ class FakePlayer:
 class Played:
     """One play with a fake player, whose channels are calibrated 10 V per V and 3 µm per unit."""
 
-    def __init__(self, folder: Path, player: FakePlayer) -> None:
+    def __init__(self, folder: Path, player: FakePlayer, table: AxisTable = TABLE) -> None:
         pair = ChannelPair(
             "dev",
             "dev",
@@ -106,7 +106,7 @@ class Played:
             self.clock,
             self.file,
         )
-        self.threads.begin(0, TABLE)
+        self.threads.begin(0, table)
 
     def outcome(self) -> PlayOutcome:
         """Wait for the end."""
@@ -150,6 +150,38 @@ def test_abort_ends_a_play(tmp_path: Path) -> None:
     assert played.outcome().drive_v == pytest.approx(25.0)
     assert player.state is PlayState.IDLE
     assert played.document()["failed"] == "it was aborted"
+
+
+def test_play_begins_at_its_instant(tmp_path: Path) -> None:
+    """The device is ready before, and started when the instant has come."""
+    player = FakePlayer()
+    played = Played(tmp_path, player, TABLE._replace(start_ns=3600 * 10**9))
+    eventually(lambda: player.state is PlayState.ARMED)
+    played.clock.sleep_until_ns(3600 * 10**9)
+
+    eventually(lambda: player.state is PlayState.PLAYING)
+    player.state = PlayState.ENDED
+    assert played.outcome().failed == ""
+
+
+def test_abort_before_the_instant_starts_nothing(tmp_path: Path) -> None:
+    """A play that waits for its instant is aborted like one that runs."""
+    player = FakePlayer()
+    played = Played(tmp_path, player, TABLE._replace(start_ns=3600 * 10**9))
+    eventually(lambda: player.state is PlayState.ARMED)
+    played.threads.abort()
+
+    assert played.outcome().drive_v == pytest.approx(25.0)
+    assert played.document()["failed"] == "it was aborted"
+
+
+def test_play_whose_instant_has_passed_fails(tmp_path: Path) -> None:
+    """A device that took too long to take its table is not started."""
+    player = FakePlayer()
+    played = Played(tmp_path, player, TABLE._replace(start_ns=1))
+
+    assert "after the start: start later" in played.outcome().failed
+    assert player.state is PlayState.IDLE
 
 
 def test_voltage_after_an_end_without_source_is_unknown(tmp_path: Path) -> None:

@@ -133,7 +133,14 @@ class FakeStage:
             raise UnknownNameError("no parameters of number 99")
         return {"sequence": sequence or 3}
 
-    async def start_recording(self, label: str | None, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+    async def start_recording(
+        self,
+        label: str | None,
+        peer: Peer,  # noqa: ARG002 - a protocol
+        *,
+        start_s: float | None = None,
+    ) -> Document:
+        self.recording_starts_s = start_s
         return {"name": f"20261121T120000Z-{label}"}
 
     async def stop_recording(self, peer: Peer) -> Document:  # noqa: ARG002 - a protocol

@@ -20,7 +20,7 @@ from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from tests.daemon.fake_ring import FakeRing
 from tests.daemon.waiting import eventually
-from tests.records.telemetry import header
+from tests.records.telemetry import START_NS, header
 
 
 class Disk:
@@ -78,6 +78,17 @@ def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
     assert recorded.lost == 0
     assert recorded.header == replace(header(), weights={"x": 2})
     np.testing.assert_array_equal(recorded.cycles["seq"], np.arange(300, 8090))
+
+
+def test_recording_begins_at_its_instant(recorder: Recorder, ring: FakeRing) -> None:
+    """Cycles before the instant are not recorded, nor counted as lost."""
+    recorder.start(replace(header(), start_ns=START_NS + 800_000_000))
+    ring.run(2000)
+    recorder.stop()
+    recorded = read(recorder)
+
+    assert recorded.lost == 0
+    np.testing.assert_array_equal(recorded.cycles["seq"], np.arange(800, 2300))
 
 
 def test_weights_are_recorded_when_they_change(recorder: Recorder, ring: FakeRing) -> None:

@@ -97,6 +97,17 @@ def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
     assert bench.link.realtime()["devices"] == [{"name": "rig"}] == bench.link.status()["devices"]
 
 
+def test_status_names_the_processor(bench: Bench) -> None:
+    """It is unknown until the loop has reported it."""
+    before = bench.link.status()["processor"]
+    processor = {"number": 3, "shared_with": 1}
+    bench.loop.shared.set_report({"steps": [], "devices": [], "processor": processor})
+
+    assert before is None
+    assert bench.link.status()["processor"] == processor
+    assert bench.link.status()["rate_hz"] == bench.loop.config.rate_hz
+
+
 def test_request_reaches_the_loop_and_its_answer_comes_back(bench: Bench) -> None:
     """The answer is that of the loop."""
     answer = bench.do(lambda link: link.request(Goto(position_um=4.0), PEER))

@@ -1,0 +1,132 @@
+"""Whether stages disturb each other: `python benchmarks/several_stages.py`.
+
+Spans with one simulated stage alternate with spans with four of them, each at 1 kHz, following a
+sine adaptively, recorded, and watched in a tab of `piezod web`. Prints the late and the skipped
+cycles of each stage in each span, and the sums at the end.
+"""
+
+import argparse
+import asyncio
+import os
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import AsyncExitStack, ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from benchmarks.bench_page import RATE_HZ, STAGE, UP_WITHIN_S, opened_tabs, start_stage, started
+from benchmarks.page_and_recording import SINE, counts, drain, missing_cycles
+from piezod.client import StageClient, running_stages
+from piezod.client.calls import Call
+from piezod.client.reader import reader
+from piezod.client.results import Recording
+from piezod.config.endpoints import ENDPOINTS
+
+OTHERS: Final = ("second", "third", "fourth")
+LONG_S: Final = 3600.0
+START_RECORDING: Final = Call(ENDPOINTS["start_recording"], reader(Recording), {})
+
+
+class Span(NamedTuple):
+    """What was measured of one stage in one span."""
+
+    late: int
+    skipped: int
+    missing: int
+
+
+def wait_for(stages: Sequence[str]) -> None:
+    """Wait until stages have left BOOT."""
+    end_s = time.monotonic() + UP_WITHIN_S
+    for name in stages:
+        while not _is_up(name):
+            if time.monotonic() > end_s:
+                raise TimeoutError(f"stage {name} did not come up")
+            time.sleep(0.2)
+
+
+def _is_up(name: str) -> bool:
+    if name not in running_stages():
+        return False
+    with StageClient(name) as stage:
+        return stage.status().state != "BOOT"
+
+
+async def watched(url: str, stages: Sequence[str], duration_s: float) -> None:
+    """Hold a tab open for each stage."""
+    async with AsyncExitStack() as stack:
+        for socket in await opened_tabs(url, stack, stages):
+            stack.callback(asyncio.create_task(drain(socket)).cancel)
+        await asyncio.sleep(duration_s)
+
+
+def span_of(stages: Sequence[str], url: str, span_s: float, folder: Path) -> Mapping[str, Span]:
+    """Let stages move for a span; return what was measured of each, and print it."""
+    with ExitStack() as stack:
+        clients = {name: stack.enter_context(StageClient(name)) for name in stages}
+        for client in clients.values():
+            client.arm()
+            client.mode("adaptive")
+            client.wave({"x": SINE}, LONG_S)
+            # The first recording imports HDF5, which takes long beside many loops.
+            client.call(replace(START_RECORDING, answer_within_s=UP_WITHIN_S))
+        before = {name: counts(client) for name, client in clients.items()}
+        asyncio.run(watched(url, stages, span_s))
+        after = {name: counts(client) for name, client in clients.items()}
+        found = {}
+        for name, client in clients.items():
+            status = client.status()
+            recording = client.stop_recording()
+            file = folder / f"{name}-{recording.name}.h5"
+            client.fetch_recording(recording.name, file)
+            skipped, late = (b - a for a, b in zip(before[name], after[name], strict=True))
+            found[name] = span = Span(late, skipped, missing_cycles(file))
+            processor = status.processor.number if status.processor else "?"
+            print(
+                f"{len(stages)} stages  {name:7} processor {processor}  late {late}, skipped "
+                f"{skipped} of {span_s * RATE_HZ:.0f}, missing {span.missing}; {status.state}",
+                flush=True,
+            )
+            client.release_lease()
+    return found
+
+
+def measure(url: str, span_s: float, rounds: int) -> None:
+    """Alternate spans with one stage and with four; print all, and the sums."""
+    alone: list[Span] = []
+    together: dict[str, list[Span]] = {name: [] for name in (STAGE, *OTHERS)}
+    folder = Path(os.environ["XDG_RUNTIME_DIR"])
+    wait_for([STAGE])
+    with tempfile.TemporaryDirectory() as recordings:
+        for _ in range(rounds):
+            alone.append(span_of([STAGE], url, span_s, Path(recordings))[STAGE])
+            with ExitStack() as others:
+                for name in OTHERS:
+                    start_stage(others, folder, name)
+                wait_for(OTHERS)
+                for name, span in span_of(list(together), url, span_s, Path(recordings)).items():
+                    together[name].append(span)
+    for title, spans in (("alone", alone), *together.items()):
+        periods = span_s * RATE_HZ * len(spans)
+        late, skipped = sum(each.late for each in spans), sum(each.skipped for each in spans)
+        print(
+            f"sum  {title:7} late {late} ({late / periods:.2%}), skipped {skipped} "
+            f"({skipped / periods:.2%}), missing {sum(each.missing for each in spans)}"
+        )
+
+
+def main() -> None:
+    """Start a stage and the server of the page, and measure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--span-s", type=float, default=20.0)
+    parser.add_argument("--rounds", type=int, default=3)
+    options = parser.parse_args()
+    with ExitStack() as stack:
+        _, url = started(stack)
+        measure(url, options.span_s, options.rounds)
+
+
+if __name__ == "__main__":
+    main()
