@@ -7,6 +7,7 @@ BROWSER := build/browser/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 DEMO := build/demo
+HOURS := 24
 STARTED := $(shell date +%s)
 # More workers than the fewest cores: many tests wait for a device or a daemon most of the time.
 WORKERS := --numprocesses 4 --dist worksteal
@@ -16,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress peers browser screenshots fuzz check lint bench \
+.PHONY: help demo docs docs-test test coverage stress chaos soak peers browser screenshots fuzz check lint bench \
 	bench-peers figures lock clean
 
 help: ## show this list
@@ -35,6 +36,12 @@ coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice a
 
 stress: $(STAMP) ## run the tests that take longer
 	PIEZOD_EXAMPLES=long $(BIN)/python -m pytest -m "stress or hypothesis" --timeout 1800
+
+chaos: $(STAMP) ## kill, stop, starve and flood the processes of a stage (some minutes)
+	$(BIN)/python -m pytest -rs -m chaos tests/chaos
+
+soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)
+	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) --out build/soak
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers
