@@ -7,6 +7,7 @@ BROWSER := build/browser/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 DEMO := build/demo
+HOURS := 24
 STARTED := $(shell date +%s)
 # More workers than the fewest cores: many tests wait for a device or a daemon most of the time.
 WORKERS := --numprocesses 4 --dist worksteal
@@ -16,8 +17,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress faults peers browser screenshots fuzz check lint bench \
-	bench-peers figures lock clean
+.PHONY: help demo docs docs-test test coverage stress faults chaos soak peers browser screenshots fuzz \
+	check lint bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
@@ -38,6 +39,11 @@ stress: $(STAMP) ## run the tests that take longer
 
 faults: $(STAMP) ## run the proofs of all faults, and compare their times with the promises
 	$(BIN)/python -m tests.faults $(WORKERS)
+chaos: $(STAMP) ## kill, stop, starve and flood the processes of a stage (some minutes)
+	$(BIN)/python -m pytest -rs -m chaos tests/chaos
+
+soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)
+	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) --out build/soak
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers

@@ -119,7 +119,7 @@ def main(
     raise_thread_priorities(placements)
     shared.set_report(_report(steps, placements, realtime.processor))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
-    _take_over(controller, shared, channels, known)
+    take_over(controller, shared, channels, known)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), counters)
@@ -200,7 +200,7 @@ def _check_arming(
         )
 
 
-def _take_over(
+def take_over(
     controller: StageController,
     shared: SharedMap,
     channels: Channels,

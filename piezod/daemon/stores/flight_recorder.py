@@ -29,8 +29,8 @@ MAX_EVENTS: Final = 1000
 class FlightRecorder:
     """Collects events, and writes them with the cycles around the first fault.
 
-    `take_event` costs next to nothing. The other methods may block on the disk: call them in a
-    worker thread.
+    `take_event` and `is_due` cost next to nothing. The other methods may block on the disk: call
+    them in a worker thread.
 
     Args:
         last: Returns the newest records, at most a given number, oldest first.
@@ -71,29 +71,23 @@ class FlightRecorder:
             ):
                 self._fault = event
 
-    def write_due(self, header: TelemetryHeader, now_ns: int) -> Path | None:
-        """Write the file if one is due.
+    def is_due(self, now_ns: int) -> bool:
+        """Return whether a file is due; costs next to nothing."""
+        with self._lock:
+            return self._fault is not None and now_ns >= self._fault.t_ns + AFTER_NS
+
+    def write_now(self, header: TelemetryHeader, now_ns: int) -> Path | None:
+        """Write the file of a fault, if there was one, due or not.
 
         Args:
             header: Header of the stage; title, notes and instants are filled in.
             now_ns: Now, on the clock of the records.
 
         Returns:
-            The file that was written; None if none is due.
+            The file that was written; None without a fault.
 
         Raises:
             OSError: If it cannot be written; there is no second attempt.
-        """
-        with self._lock:
-            fault = self._fault
-            if fault is None or now_ns < fault.t_ns + AFTER_NS:
-                return None
-        return self.write_now(header, now_ns)
-
-    def write_now(self, header: TelemetryHeader, now_ns: int) -> Path | None:
-        """Write the file of a fault at once, because the loop has ended.
-
-        Arguments, return value and errors are those of `write_due`.
         """
         with self._lock:
             fault, events = self._fault, self._events

@@ -41,7 +41,9 @@ class Stage:
 
     def write_due(self) -> Path | None:
         """Write the file if it is due."""
-        return self.flights.write_due(header(notes={"configuration": "a: 1"}), self.t_ns)
+        if not self.flights.is_due(self.t_ns):
+            return None
+        return self.flights.write_now(header(notes={"configuration": "a: 1"}), self.t_ns)
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from piezod.daemon.loop import accept
 from piezod.daemon.service.stage_service import NotNowError
 from piezod.daemon.stores import recorder
 from piezod.daemon.stores.recorder import RecorderStatus
+from piezod.daemon.supervisor import recordings
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.record import StageEvent
@@ -41,6 +42,18 @@ def log() -> io.StringIO:
 def bench(tmp_path: Path, rig_file: Path) -> Bench:
     """Return a stage."""
     return Bench(tmp_path, accept.load(rig_file))
+
+
+def test_housekeeping_without_a_fault_makes_no_header(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A header costs a millisecond; it is made only if a flight record is due."""
+    made: list[object] = []
+    monkeypatch.setattr(recordings, "TelemetryHeader", lambda **fields: made.append(fields))
+
+    asyncio.run(bench.link.stage_recordings.write_flight(bench.loop))
+
+    assert made == []
 
 
 def test_events_of_the_loop_are_logged(bench: Bench, log: io.StringIO) -> None:

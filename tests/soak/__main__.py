@@ -1,0 +1,76 @@
+"""A soak: `python -m tests.soak --hours 24`, as `make soak HOURS=24` runs it.
+
+Writes soak.csv, soak.png and the log of the daemons. Exits with 1 if a limit was broken, a state or
+fault had no cause, the stage did not recover, or memory, descriptors or errors grew too much.
+"""
+
+import argparse
+import csv
+import gc
+import secrets
+import sys
+from pathlib import Path
+
+from piezod.records.figures.style import save_png
+from tests.soak.figure import soak_figure
+from tests.soak.observer import Row
+from tests.soak.soak import ERROR_RMS_PCT, RATE_HZ, Result, soak
+
+
+def main() -> int:
+    """Run, write, and return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
+    parser.add_argument("--hours", type=float, default=24.0, help="simulated time")
+    parser.add_argument("--rate", type=float, default=RATE_HZ, help="rate of the loop, in Hz")
+    parser.add_argument("--seed", type=int, default=None, help="seed; drawn if not given")
+    parser.add_argument("--out", type=Path, default=Path("build/soak"), help="folder to write")
+    chosen = parser.parse_args()
+    seed = secrets.randbelow(10**6) if chosen.seed is None else chosen.seed
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    print(f"seed {seed}: {chosen.hours:g} h at {chosen.rate:g} Hz", flush=True)
+
+    def progress(elapsed_s: float, rows: list[Row]) -> None:
+        print(f"{elapsed_s / 3600:6.2f} h", flush=True)
+        write_csv(chosen.out / "soak.csv", rows)  # so that an end by force leaves something
+
+    gc.collect()
+    gc.freeze()  # what has been imported stays
+    result = soak(3600 * chosen.hours, seed, chosen.out / "log", chosen.rate, progress)
+    if result.rows:
+        title = f"{chosen.hours:g} simulated hours of a daemon at {chosen.rate:g} Hz, seed {seed}"
+        save_png(chosen.out / "soak.png", soak_figure(result.rows, title, ERROR_RMS_PCT))
+    print(summary(result))
+    for violation in result.violations:
+        print(f"VIOLATION {violation}")
+    return 1 if result.violations else 0
+
+
+def write_csv(path: Path, rows: list[Row]) -> None:
+    """Write one line for each simulated minute."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(Row._fields)
+        writer.writerows([f"{value:.7g}" for value in row] for row in rows)
+
+
+def summary(result: Result) -> str:
+    """Return what was done, in some lines."""
+    observer, commands = result.observer, result.commands
+    wall_s, cpu_s = result.took_s
+    shares = {state: count / observer.cycles for state, count in observer.states.most_common()}
+    return "\n".join(
+        (
+            f"cycles {observer.cycles}, writes {result.writes}, daemons {observer.daemons}; "
+            f"took {wall_s:.0f} s, {cpu_s:.0f} s of a processor, "
+            f"{1e6 * cpu_s / observer.cycles:.0f} µs a cycle",
+            "states " + ", ".join(f"{state} {share:.2%}" for state, share in shares.items()),
+            "faults " + ", ".join(f"{each} {n}" for each, n in observer.seen.most_common()),
+            "done " + ", ".join(f"{name} {n}" for name, n in sorted(commands.done.items())),
+            "refused " + ", ".join(f"{name} {n}" for name, n in sorted(commands.refused.items())),
+            f"steps stayed {result.closest_v:.3g} V or more from the largest allowed one",
+        )
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,58 @@
+"""The chart of a soak."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from piezod.records.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILLION,
+    house_style,
+    legend_above,
+    new_figure,
+)
+from tests.soak.observer import Row
+
+
+@house_style()
+def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
+    """Draw what each simulated minute has shown.
+
+    Args:
+        rows: One for each minute.
+        title: Headline.
+        bounds_pct: Largest allowed error of a minute, in % of the range.
+    """
+    figure = new_figure(10.0, 10.5, title, "")
+    panels: Sequence[Axes] = figure.subplots(5, 1, sharex=True)
+    hours = [row.hour for row in rows]
+
+    def draw(axes: Axes, value: Callable[[Row], float], colour: str, label: str) -> None:
+        axes.plot(hours, [value(row) for row in rows], color=colour, linewidth=1.0, label=label)
+
+    error, weights, memory, files, faults = panels
+    draw(error, lambda row: row.error_max_pct, GREY, "largest of a minute")
+    draw(error, lambda row: row.error_rms_pct, PURPLE, "rms of a minute")
+    error.axhline(bounds_pct, color=VERMILLION, linewidth=0.8, label="bound of the rms")
+    error.set(title="Error in mode adaptive, undisturbed", ylabel="% of range", ylim=(0, None))
+    draw(weights, lambda row: row.weights_pct, GREEN, "")
+    weights.set(title="Change of the learned weights since the start", ylabel="% (rms)")
+    draw(memory, lambda row: row.rss_mb, BLUE, "")
+    memory.set(title="Resident memory of the process", ylabel="MB")
+    draw(files, lambda row: row.descriptors, BLUE, "descriptors")
+    draw(files, lambda row: row.threads, ORANGE, "threads")
+    draw(files, lambda row: row.files, GREY, "files of the stage")
+    files.set(title="Descriptors, threads, files", ylim=(0, None))
+    draw(faults, lambda row: row.faults, VERMILLION, "faults")
+    draw(faults, lambda row: row.daemons, BLUE, "starts of the daemon")
+    faults.set(title="Since the start", ylim=(0, None), xlabel="simulated time (h)")
+    for axes in (error, files, faults):
+        legend_above(axes)
+    weights.set_ylim(0, 1.1 * float(np.nanmax([row.weights_pct for row in rows])) or 1.0)
+    return figure

@@ -1,0 +1,208 @@
+"""Watches a stage for a day: limits, states, faults, errors, memory and files."""
+
+import os
+import sys
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from math import isfinite, nan, sqrt
+from pathlib import Path
+from typing import NamedTuple
+
+from piezod.config.faults import Fault
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.faults.table import FAULTS, Reaction, ids
+from piezod.telemetry.record import CycleRecord
+from piezod.units import NS_PER_S
+
+MOST_VIOLATIONS = 100
+ROW_NS = 60 * NS_PER_S
+AFTER_S = 30.0
+"""Time after a disturbance in which its faults may still appear and errors do not count, in s."""
+MOVES_FROM = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD})
+"""States from which a stage may begin to move."""
+STOPS = frozenset({State.HOLD, State.RAMP, State.BLIND, State.FAULT, State.ESTOP, State.STOPPING})
+"""States that need a request or a fault."""
+
+
+def _mask(least: Reaction) -> int:
+    return sum(1 << i for i, rule in enumerate(FAULTS) if rule.reaction >= least)
+
+
+STOPPING, DEGRADING = _mask(Reaction.HOLD), _mask(Reaction.DEGRADE)
+
+
+class Row(NamedTuple):
+    """One simulated minute.
+
+    Attributes:
+        hour: Its end, in simulated hours.
+        rss_mb: Resident memory of the process.
+        descriptors: Open file descriptors.
+        threads: Threads of the process.
+        files: Files of the stage.
+        files_mb: Their size.
+        blocks: Allocated blocks of the interpreter.
+        weights_pct: Root mean square of the change of the weights since the identification, in % of
+            their root mean square.
+        error_rms_pct: Error in mode adaptive while nothing is disturbed, root mean square, in % of
+            the range; NaN if there was no such cycle.
+        error_max_pct: Largest such error, in %.
+        run_share: Share of the cycles in RUN.
+        faults: Faults that appeared since the start.
+        daemons: Daemons since the start.
+    """
+
+    hour: float
+    rss_mb: float
+    descriptors: int
+    threads: int
+    files: int
+    files_mb: float
+    blocks: int
+    weights_pct: float
+    error_rms_pct: float
+    error_max_pct: float
+    run_share: float
+    faults: int
+    daemons: int
+
+
+class Observer:
+    """Takes the record of each cycle.
+
+    Args:
+        range_um: Range of the commands, in µm.
+        folder: Folder with the files of the stage.
+    """
+
+    def __init__(self, range_um: float, folder: Path) -> None:
+        self._range_um, self._folder = range_um, folder
+        self.rows: list[Row] = []
+        self.violations: list[str] = []
+        self.states: Counter[State] = Counter()
+        """Cycles in each state."""
+        self.seen: Counter[Fault] = Counter()
+        """How often each fault appeared."""
+        self.cycles = self.daemons = 0
+        self.weights_pct = nan
+        self._first: list[float] = []
+        self._state: State | None = None
+        self._present = 0
+        self._calm_ns = 0
+        self._asked: dict[State | Fault, int] = {}
+        self._now_ns = self._row_ns = self._began_ns = 0
+        self._sum = self._largest = 0.0
+        self._counted = self._row_cycles = self._row_runs = 0
+
+    def new_daemon(self) -> None:
+        """Expect a daemon that starts."""
+        self.daemons += 1
+        self._state, self._present = None, 0
+
+    def asked(self, *expected: State | Fault, within_s: float = 5.0) -> None:
+        """Expect states and faults because of a request."""
+        for each in expected:
+            self._asked[each] = self._now_ns + int(within_s * NS_PER_S)
+
+    def disturbed(self, until_ns: int) -> None:
+        """Expect faults until some time after this instant."""
+        self._calm_ns = max(self._calm_ns, until_ns + int(AFTER_S * NS_PER_S))
+
+    def learned(self, weights: Sequence[float]) -> None:
+        """Compare weights with the first ones."""
+        if not self._first:
+            self._first = list(weights)
+        size = sum(each * each for each in self._first)
+        change = sum((a - b) ** 2 for a, b in zip(weights, self._first, strict=True))
+        self.weights_pct = 100.0 * sqrt(change / size)
+
+    def take(self, record: CycleRecord) -> None:
+        """Judge a cycle."""
+        self._now_ns = now_ns = record.t_ns
+        state = record.state
+        self.cycles += 1
+        self._row_cycles += 1
+        self.states[state] += 1
+        if state is not self._state:
+            self._judge_state(record)
+            self._state = state
+        if record.present != self._present:
+            self._judge_faults(record)
+            self._present = record.present
+        if state is State.RUN:
+            self._row_runs += 1
+            axis = record.axes[0]
+            if now_ns > self._calm_ns and axis.mode is Mode.ADAPTIVE:
+                self._count_error(axis.command_um - axis.position_um)
+        if now_ns >= self._row_ns:
+            self._end_row(now_ns)
+
+    def _expects(self, what: State | Fault) -> bool:
+        return self._asked.get(what, -1) >= self._now_ns
+
+    def _judge_state(self, record: CycleRecord) -> None:
+        state, before = record.state, self._state
+        faults = record.present | record.latched
+        if state in {State.RUN, State.IDENT}:
+            explained = before in MOVES_FROM
+        elif state in STOPS:
+            explained = self._expects(state) or bool(faults & STOPPING)
+        else:
+            explained = True
+        if not explained:
+            text = ", ".join(ids(faults)) or "none"
+            self._violate(f"{before} became {state} without a reason; faults: {text}")
+
+    def _judge_faults(self, record: CycleRecord) -> None:
+        for fault in ids(record.present & ~self._present):
+            self.seen[fault] += 1
+        if self._now_ns > self._calm_ns:
+            for fault in ids(record.present & ~self._present & DEGRADING):
+                if not self._expects(fault):
+                    self._violate(f"{fault} in {record.state} without a cause")
+
+    def _violate(self, text: str) -> None:
+        if len(self.violations) < MOST_VIOLATIONS:
+            self.violations.append(f"at {self._now_ns / NS_PER_S:.2f} s: {text}")
+
+    def _count_error(self, error_um: float) -> None:
+        if isfinite(error_um):
+            self._sum += error_um * error_um
+            self._largest = max(self._largest, abs(error_um))
+            self._counted += 1
+
+    def _end_row(self, now_ns: int) -> None:
+        if self._row_ns:
+            self.rows.append(self._row(now_ns))
+        else:
+            self._began_ns = now_ns
+        self._row_ns = now_ns + ROW_NS
+        self._sum = self._largest = 0.0
+        self._counted = self._row_cycles = self._row_runs = 0
+
+    def _row(self, now_ns: int) -> Row:
+        percent = 100.0 / self._range_um
+        sizes = [each.stat().st_size for each in self._folder.rglob("*") if each.is_file()]
+        rms_um = sqrt(self._sum / self._counted) if self._counted else nan
+        return Row(
+            hour=(now_ns - self._began_ns) / NS_PER_S / 3600,
+            rss_mb=_resident_mb(),
+            descriptors=len(list(Path("/proc/self/fd").iterdir())),
+            threads=threading.active_count(),
+            files=len(sizes),
+            files_mb=sum(sizes) / 1e6,
+            blocks=sys.getallocatedblocks(),
+            weights_pct=self.weights_pct,
+            error_rms_pct=rms_um * percent,
+            error_max_pct=self._largest * percent if self._counted else nan,
+            run_share=self._row_runs / self._row_cycles,
+            faults=self.seen.total(),
+            daemons=self.daemons,
+        )
+
+
+def _resident_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -1,0 +1,131 @@
+"""Runs a soak, and judges it."""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import perf_counter, process_time
+from typing import Final, NamedTuple
+
+from piezod.errors import ClientError
+from tests.daemon.daemons import configuration
+from tests.soak.commands import Commands
+from tests.soak.machine import Machine
+from tests.soak.observer import Observer, Row
+
+RATE_HZ: Final = 20.0
+RANGE_UM: Final = 26.0
+GROWN_MB: Final = 8.0
+GROWS: Final = {"rss_mb": GROWN_MB, "descriptors": 2, "threads": 2}
+"""Allowed growth from the second fifth of the time to the last."""
+FEW_MINUTES: Final = 60
+ERROR_RMS_PCT: Final = 1.0
+"""Largest allowed error of a minute, root mean square, in % of the range."""
+
+
+class Result(NamedTuple):
+    """What a soak has shown.
+
+    Attributes:
+        seed: Its seed.
+        rows: One for each simulated minute.
+        observer: The observer.
+        commands: The commands.
+        writes: Number of writes.
+        closest_v: Smallest distance of a step from the largest allowed one, in V.
+        violations: What must not happen; empty if all is well.
+        took_s: How long it took, in s of the clock on the wall, and of the processor.
+    """
+
+    seed: int
+    rows: list[Row]
+    observer: Observer
+    commands: Commands
+    writes: int
+    closest_v: float
+    violations: list[str]
+    took_s: tuple[float, float]
+
+
+def _changes(rate_hz: float) -> dict[str, str]:
+    """Return changes of the shipped configuration: what a loop at a low rate can do."""
+    return {
+        "rate_hz": f"{rate_hz:g}",
+        "speed_um_per_s": "5",
+        "limits": "{drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 400, rest_v: 0}",
+        "trim": f"{{base: feedforward, gain_per_s: {rate_hz / 10:g}, authority_pct: 5}}",
+    }
+
+
+def soak(
+    duration_s: float,
+    seed: int,
+    log: Path,
+    rate_hz: float = RATE_HZ,
+    progress: Callable[[float, list[Row]], None] = lambda *_: None,
+) -> Result:
+    """Run a stage for a simulated time.
+
+    Args:
+        duration_s: The time, in s.
+        seed: Seed of commands, faults and noise.
+        log: File for the log of the daemons.
+        rate_hz: Rate of the loop, in Hz.
+        progress: Takes the simulated time in s, and the minutes so far, at the end of each daemon.
+    """
+    began_s, began_cpu_s = perf_counter(), process_time()
+    # In memory where possible: a daemon syncs its files, and virtual time does not wait for a disk.
+    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - a folder in it
+    with tempfile.TemporaryDirectory(prefix="pz-", dir=memory) as name, log.open("w") as stream:
+        folder = Path(name)
+        source = configuration(folder, **_changes(rate_hz))
+        observer = Observer(RANGE_UM, folder)
+        machine = Machine(source, folder, seed, observer.take)
+        commands = Commands(machine, observer, seed, duration_s)
+        found: list[str] = []
+        with machine.installed(stream):
+            while not commands.over and not found:
+                found += _run(machine, commands)
+                progress(machine.clock.elapsed_s, observer.rows)
+    violations = found + observer.violations + machine.rig.violations + grown(observer.rows)
+    took_s = perf_counter() - began_s, process_time() - began_cpu_s
+    rig = machine.rig
+    return Result(
+        seed, observer.rows, observer, commands, rig.writes, rig.closest_v, violations, took_s
+    )
+
+
+def _run(machine: Machine, commands: Commands) -> list[str]:
+    """Run one daemon; return what went wrong."""
+    try:
+        in_order = machine.run_daemon(commands)
+    except (ClientError, RuntimeError) as error:
+        return [f"at {machine.clock.t_ns / 1e9:.2f} s: {error}"]
+    if in_order is commands.killed:
+        what = "ended in order" if in_order else "was lost"
+        return [f"at {machine.clock.t_ns / 1e9:.2f} s: the daemon {what} unexpectedly"]
+    return []
+
+
+def grown(rows: list[Row]) -> list[str]:
+    """Return the bounds that memory, descriptors, threads or errors exceed.
+
+    Args:
+        rows: One for each minute; from less than an hour, growth cannot be judged, because the
+            first fault and the first recording load libraries.
+    """
+    found = []
+    if worst := [row for row in rows if row.error_rms_pct > ERROR_RMS_PCT]:
+        found.append(
+            f"in {len(worst)} of {len(rows)} minutes the error is above {ERROR_RMS_PCT:g} %, "
+            f"first at hour {worst[0].hour:.2f}"
+        )
+    if len(rows) < FEW_MINUTES:
+        return found
+    part = len(rows) // 5
+    early, late = rows[part : 2 * part], rows[-part:]
+    for field, most in GROWS.items():
+        before, after = (median(getattr(row, field) for row in of) for of in (early, late))
+        if after - before > most:
+            found.append(f"{field} grew from {before:g} to {after:g}, allowed: {most:g} more")
+    return found
