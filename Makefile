@@ -59,8 +59,8 @@ browser: $(STAMP) $(BROWSER) ## use the page in a browser, as people do (needs c
 screenshots: $(STAMP) $(BROWSER) ## make the pictures of the page anew (needs chromium)
 	build/browser/bin/python -m tests.browser.screenshots
 
-fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
-	$(BIN)/python -m tests.drivers.bus.fuzz
+fuzz: $(STAMP) $(FUZZ) ## feed what a fuzzer makes up to every reader and driver (20 s each)
+	build/fuzz/bin/python -m tests.fuzz $(TARGETS)
 
 # The tests come last, so that their verdict is the last line.
 check: lint audit $(STAMP) ## run everything that continuous integration runs

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from functools import cache
 from itertools import product
+from pathlib import Path
 
 import pytest
 
@@ -273,6 +274,13 @@ def test_every_state_except_stopping_can_reach_safe(state: State) -> None:
 
     assert State.SAFE in reached
     assert State.STOPPING in reached
+
+
+def test_refusals_are_those_of_the_list() -> None:
+    """Each says what is refused, in which state, and what would help, word by word."""
+    listed = Path(__file__).with_name("refusals.txt").read_text(encoding="utf-8").splitlines()
+
+    assert {outcome.refusal for _, _, outcome in outcomes() if outcome.refusal} == {*listed}
 
 
 def test_refusal_names_the_remedy() -> None:
