@@ -17,7 +17,7 @@ from tests.drivers.bus.profiles import PROFILES
 from tests.fuzz.readers import READERS
 
 SECONDS: Final = 20
-INSTRUMENTED: Final = ("piezod.config", "piezod.records", "piezod_drivers")
+INSTRUMENTED: Final = ("piezod.config", "piezod.daemon", "piezod.records", "piezod_drivers")
 
 Feed = Callable[[bytes], None]
 
