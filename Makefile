@@ -6,6 +6,10 @@ PEERS := build/peers/.installed
 BROWSER := build/browser/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
+MUTANTS := build/mutants/.installed
+SCHEMATHESIS := build/schemathesis/.installed
+FUZZ := build/fuzz/.installed
+AUDIT := build/audit/.installed
 DEMO := build/demo
 HOURS := 24
 STARTED := $(shell date +%s)
@@ -17,11 +21,11 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress faults chaos soak peers browser screenshots fuzz \
-	check lint bench bench-peers figures lock clean
+.PHONY: help demo docs docs-test test coverage stress faults mutants chaos soak peers browser \
+	screenshots fuzz check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
 
 demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a report
 	@ready=$$(date +%s); \
@@ -39,11 +43,15 @@ stress: $(STAMP) ## run the tests that take longer
 
 faults: $(STAMP) ## run the proofs of all faults, and compare their times with the promises
 	$(BIN)/python -m tests.faults $(WORKERS)
+
 chaos: $(STAMP) ## kill, stop, starve and flood the processes of a stage (some minutes)
 	$(BIN)/python -m pytest -rs -m chaos tests/chaos
 
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)
 	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) --out build/soak
+
+mutants: $(STAMP) $(MUTANTS) ## change what stops a stage, place by place; each change must fail a test
+	build/mutants/bin/python -m tests.mutants $(MODULES)
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers
@@ -61,11 +69,11 @@ browser: $(STAMP) $(BROWSER) ## use the page in a browser, as people do (needs c
 screenshots: $(STAMP) $(BROWSER) ## make the pictures of the page anew (needs chromium)
 	build/browser/bin/python -m tests.browser.screenshots
 
-fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
-	$(BIN)/python -m tests.drivers.bus.fuzz
+fuzz: $(STAMP) $(FUZZ) ## feed what a fuzzer makes up to every reader and driver (20 s each)
+	build/fuzz/bin/python -m tests.fuzz $(TARGETS)
 
 # The tests come last, so that their verdict is the last line.
-check: lint $(STAMP) ## run everything that continuous integration runs
+check: lint audit $(STAMP) ## run everything that continuous integration runs
 	.ci/check-package
 	$(MAKE) --no-print-directory test
 
@@ -74,6 +82,13 @@ lint: $(STAMP) ## check style, types and import directions
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+audit: $(STAMP) $(AUDIT) ## look for known vulnerabilities and other licences in all dependencies
+	$(BIN)/python -m tests.supply.audit
+
+wheel: $(STAMP) $(AUDIT) ## build sdist, wheel and the parts list of the wheel in dist/
+	$(BIN)/python -m build --no-isolation .
+	$(BIN)/python -m tests.supply.sbom dist
 
 bench: $(STAMP) ## measure what a sample, a start and a recording cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
@@ -87,6 +102,11 @@ figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 lock: ## pin the newest versions of all dependencies (needs uv)
 	uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
 		--extra dev --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
+	@for tool in .ci/tools/*.in; do \
+		uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
+			--constraint requirements.lock --custom-compile-command "make lock" \
+			--output-file "$${tool%.in}.txt" "$$tool" || exit; \
+	done
 
 clean: ## remove .venv, builds and caches
 	rm -rf .venv build dist .coverage .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
@@ -108,6 +128,10 @@ $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
 
 $(BROWSER): tests/browser/requirements.txt .ci/setup-browser | $(STAMP)
 	@.ci/setup-browser
+	@touch $@
+
+$(MUTANTS) $(SCHEMATHESIS) $(FUZZ) $(AUDIT): build/%/.installed: .ci/tools/%.txt .ci/setup-tool | $(STAMP)
+	@.ci/setup-tool $*
 	@touch $@
 
 $(BENCH_PEERS): benchmarks/peers/requirements.txt .ci/setup-bench-peers

@@ -30,6 +30,7 @@ from piezod.errors import DataError
 from piezod.records.atomic import replacing
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import new_group
+from piezod.records.opened import damage_is_an_error
 from piezod.records.recording import (
     COLUMN_NAMES,
     FIT_COLUMN_NAMES,
@@ -98,7 +99,7 @@ def read_hdf5(path: Path) -> ExperimentResult:
         DataError: If the file has another layout.
         OSError: If the file cannot be opened, or is not HDF5.
     """
-    with h5py.File(path, "r") as file:
+    with h5py.File(path, "r") as file, damage_is_an_error(path):
         try:
             return _read_entry(file[_ENTRY])
         except KeyError as error:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from piezod.errors import DataError
 from piezod.records.nexus import CHUNK_CACHE_BYTES
+from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.recording import Recording
 from piezod.records.telemetry_columns import ENTRY, FORMS
 from piezod.records.telemetry_events import AdoptedModel, read_events, read_models
@@ -179,8 +180,7 @@ def read_portions(
 
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.Group]:
-    cache = CHUNK_CACHE_BYTES
-    with h5py.File(path, "r", swmr=True, libver="v110", rdcc_nbytes=cache) as file:
+    with open_recording(path, rdcc_nbytes=CHUNK_CACHE_BYTES) as file, damage_is_an_error(path):
         try:
             entry = file[ENTRY]
             _ = [entry[name] for name in ("cycles", "gaps")]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import CHUNK_CACHE_BYTES
+from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.telemetry_columns import ENTRY
 
 _TIME: Final = "cycles/t_s"
@@ -87,8 +88,7 @@ class RecordingView:
     """
 
     def __init__(self, path: Path) -> None:
-        cache = CHUNK_CACHE_BYTES
-        self._file = h5py.File(path, "r", swmr=True, libver="v110", rdcc_nbytes=cache)
+        self._file = open_recording(path, rdcc_nbytes=CHUNK_CACHE_BYTES)
         if f"{ENTRY}/{_TIME}" not in self._file:
             self._file.close()
             raise DataError(f"{path}: this is not the recording of a stage")
@@ -118,7 +118,7 @@ class RecordingView:
         """
         if points < 1:
             raise ValueError(f"points must be 1 or more (got {points})")
-        with self._lock:
+        with self._lock, damage_is_an_error(self._path):
             values, time = self._column(column), self._column(_TIME)
             values.refresh()
             time.refresh()

@@ -1,5 +1,7 @@
 """What a viewer of a recording shows beside its columns: what is inside, marks, and the loop."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 
 from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
+from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.telemetry_columns import ENTRY
 from piezod.records.telemetry_events import read_events
 from piezod.records.telemetry_marks import LATE_PART
@@ -221,12 +224,12 @@ def loop(
     return Loop(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _opened(path: Path) -> h5py.File:
-    file = h5py.File(path, "r", swmr=True, libver="v110")
-    if f"{ENTRY}/cycles/t_s" not in file:
-        file.close()
-        raise DataError(f"{path}: this is not the recording of a stage")
-    return file
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    with open_recording(path) as file, damage_is_an_error(path):
+        if f"{ENTRY}/cycles/t_s" not in file:
+            raise DataError(f"{path}: this is not the recording of a stage")
+        yield file
 
 
 def _axis_group(entry: h5py.Group, axis: str) -> h5py.Group:

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any, cast
 
 from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.faults import Fault
 from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.assembly import make_stage
 from piezod.control.controller import StageController
+from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.playing import PlayRunner
 from piezod.control.watch.loop import CycleTiming, LoopWatch
@@ -103,22 +105,43 @@ class RigStage:
         self.channels = RecordingChannels(devices, axes)
         self.channels.open()
         self.channels.activate(0)
-        able = self.channels.capabilities()._replace(
-            opens_relaxed=memory_known,
-            holds=holds,
-            read_back=reads_back,
-            tells_restart=tells_restart,
+        self._able, self._plays = (
+            self.channels.capabilities()._replace(
+                opens_relaxed=memory_known,
+                holds=holds,
+                read_back=reads_back,
+                tells_restart=tells_restart,
+            ),
+            plays,
         )
         self.output_lost_ns: list[int] = []
         """Instants at which the voltage in force could no longer be derived from the last write."""
+        self.events: list[StageEvent] = []
+        self.records: list[CycleRecord] = []
+        self._assemble()
+
+    def _assemble(self) -> None:
+        """Make stage and controller."""
         self.stage = make_stage(
-            self.config, self.channels, able, lambda: self.output_lost_ns.append(self.t_ns), plays
+            self.config,
+            self.channels,
+            self._able,
+            lambda: self.output_lost_ns.append(self.t_ns),
+            self._plays,
         )
         self.controller = StageController(
             self.stage, LoopWatch(self.period_ns, strict=self.config.loop.strict_rt)
         )
-        self.events: list[StageEvent] = []
-        self.records: list[CycleRecord] = []
+
+    def kill_loop(self) -> None:
+        """Let a new loop take over from one that was killed, as the loop process does."""
+        latched, stopped = self.stage.register.latched, bool(self.stage.register.stopping)
+        self._able = self._able._replace(opens_relaxed=False)
+        self.channels.activate(self.t_ns)
+        self._assemble()
+        self.controller.restore_faults(latched, stopped=stopped)
+        self.controller.report(Detection(Fault.P2))
+        self.controller.ramp_first()
 
     @property
     def x(self) -> AxisRecord:

@@ -80,6 +80,16 @@ def test_window_ends_at_the_nearer_of_range_and_reach(edge: float) -> None:
     assert window.high_v == pytest.approx(min(previous_v + REACH_V, 150.0), abs=1e-12)
 
 
+@pytest.mark.parametrize(("high_v", "allowed_v"), [(150.0, 0.8), (90.0, 0.5), (20.0, 0.5)])
+def test_read_back_may_differ_by_half_a_volt_or_half_a_percent(
+    high_v: float, allowed_v: float
+) -> None:
+    """The larger of both counts; the percent is one of the whole range."""
+    limits = Limits(-10.0, high_v, 20_000.0)
+
+    assert limits.read_back_tolerance_v == pytest.approx(allowed_v)
+
+
 def test_window_without_time_is_one_voltage() -> None:
     """In no time the voltage cannot change."""
     assert LIMITS.window(42.0, 0.0) == (42.0, 42.0)

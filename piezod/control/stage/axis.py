@@ -264,7 +264,7 @@ class StageAxis:
             self.crash = error
             return AxisOutput(self.law.in_force_v, nan, nan, self.law.in_force_v, t_ns)
         if self._forced:  # a forced voltage has no command
-            output = AxisOutput(output.drive_v, nan, nan, output.in_force_v, t_ns)
+            output = AxisOutput(output.drive_v, nan, nan, output.in_force_v, output.t_ns)
         self.command_um = output.command_um
         self._update_on_target(t_ns, sample)
         return output

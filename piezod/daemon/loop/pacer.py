@@ -41,7 +41,7 @@ class Pacer:
         deadline_ns = self._deadline_ns + self._period_ns
         now_ns = self._now_ns()
         # Skip whole periods only: deadlines stay multiples of the period.
-        skipped = max(now_ns - deadline_ns, 0) // self._period_ns
+        skipped = max((now_ns - deadline_ns) // self._period_ns, 0)
         deadline_ns += skipped * self._period_ns
         # Sleep alone would be late by its wake-up time; spin alone would never yield the processor.
         if now_ns < deadline_ns - self._spin_ns:

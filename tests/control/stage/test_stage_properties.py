@@ -1,124 +1,167 @@
-"""Tests of properties of a stage for any requests in any order."""
+"""Properties of a stage for any requests, faults, stalls and restarts, in any order."""
 
-from itertools import pairwise
 from math import inf, nan
+from typing import Final
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
 
 from piezod.config import requests as rq
-from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
-from piezod.config.states import State
 from piezod.config.waveforms import Sine, Triangle
-from piezod.control.stage.stage import DRIVEN
 from piezod.control.watch.loop import CycleTiming
-from tests.control.rig_stage import ON_TIME, RigStage, shipped_config
+from piezod.daemon.service.stage_service import Peer
+from piezod.devices.status import DeviceFlag
+from piezod.testing.injections import InjectionKind as Kind
+from tests.control.rig_stage import ON_TIME
+from tests.control.stage.commanded_stage import PEOPLE, CommandedStage
 
-REQUESTS: list[rq.Request] = [
+REQUESTS: Final[list[rq.Request]] = [
+    rq.Arm(),
     rq.Arm(),
     rq.Arm(shadow=True),
     rq.Disarm(),
     *(rq.SelectMode(mode=mode) for mode in Mode),
     rq.Goto(position_um=0.0),
+    rq.Goto(position_um=12.0),
     rq.Goto(position_um=25.0, speed_um_per_s=1e6),
     rq.Goto(position_um=-1.0),
-    rq.Wave(command_um={"x": Sine(kind="sine", low=0, high=25, frequency_hz=50)}, duration_s=1),
+    rq.Wave(command_um={"x": Sine(kind="sine", low=0, high=25, frequency_hz=9)}, duration_s=1),
     rq.Stream(axes=("x",)),
     rq.Hold(),
     rq.Resume(),
     rq.Stop(),
     rq.Estop(),
     rq.Reset(),
+    rq.Reset(engineer=True),
     rq.Condition(),
     rq.Zero(),
     rq.Identify(
-        drive_v={"x": Triangle(kind="triangle", low=50, high=150, frequency_hz=5)}, duration_s=0.5
+        drive_v={"x": Triangle(kind="triangle", low=50, high=150, frequency_hz=5)}, duration_s=0.2
     ),
-    rq.Shutdown(),
 ]
-LATE = CycleTiming(900_000, 3, 2_000_000, 0, 0)
-GONE = CycleTiming(0, 500, 10_000, 0, 0)
+HOUR_NS = 3600 * 10**9
+TIMINGS: Final = [
+    ON_TIME,
+    CycleTiming(4_500_000, 3, 8_000_000, 0, 0),
+    CycleTiming(0, 60, 10_000, 0, 0),
+    CycleTiming(0, 500, 10_000, 0, 0),
+    CycleTiming(0, 0, 10_000, 0, HOUR_NS),  # the machine slept, and its monotonic clock, too
+    CycleTiming(0, 0, 10_000, -HOUR_NS, 0),  # somebody set the clock
+]
+SIZES: Final = (nan, inf, -inf, 1e9, -1.0, 0.5, 30.0)
+SETPOINTS_UM: Final = st.floats(0.0, 30.0) | st.sampled_from([nan, inf, -1.0])
 
-steps = st.tuples(
-    st.sampled_from(REQUESTS),
-    st.integers(1, 300),
-    st.sampled_from([ON_TIME] * 6 + [LATE, GONE]),
-    st.floats(0.0, 30.0) | st.sampled_from([nan, inf, -1.0]),
-)
-UP = {State.RUN, State.IDENT}
-UP_FROM = {State.READY, State.HOLD, *UP}
 
+class AnyHistory(RuleBasedStateMachine):
+    """What may happen to a stage; `CommandedStage` checks each step."""
 
-def run_through(
-    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
-) -> RigStage:
-    """Send the requests one after the other, with cycles and setpoints in between."""
-    stage = RigStage(config)
-    stage.cycle()
-    for request, cycles, timing, setpoint_um in sent:
-        stage.controller.execute(request, stage.t_ns)
-        stage.cycle(timing)
+    def __init__(self) -> None:
+        super().__init__()
+        self.stage, self.killed = CommandedStage(), False
+        self.stage.cycle()
+
+    @rule(person=st.sampled_from(PEOPLE), request=st.sampled_from(REQUESTS))
+    def command(self, person: Peer, request: rq.Request) -> None:
+        """Somebody sends a request."""
+        self.stage.command(person, request)
+        self.stage.cycle()
+
+    @initialize(mode=st.sampled_from([None, *Mode]), position_um=st.floats(0.0, 25.0))
+    def start(self, mode: Mode | None, position_um: float) -> None:
+        """Somebody moves the stage, in four cases of five."""
+        if mode is not None:
+            for request in (rq.Arm(), rq.SelectMode(mode=mode), rq.Goto(position_um=position_um)):
+                self.command(PEOPLE[0], request)
+
+    @rule(cycles=st.integers(1, 60), setpoint_um=SETPOINTS_UM)
+    def go_on(self, cycles: int, setpoint_um: float) -> None:
+        """Time passes, with setpoints in each cycle."""
         for _ in range(cycles):
-            stage.controller.stream_um(0, setpoint_um, stage.t_ns)
-            stage.cycle()
-    return stage
+            self.stage.controller.stream_um(0, setpoint_um, self.stage.t_ns)
+            self.stage.cycle()
+
+    @rule(timing=st.sampled_from(TIMINGS), cycles=st.integers(1, 5))
+    def stall(self, timing: CycleTiming, cycles: int) -> None:
+        """The loop is late, or a clock jumps."""
+        for _ in range(cycles):
+            self.stage.cycle(timing)
+
+    @rule(
+        kind=st.sampled_from(Kind),
+        cycles=st.sampled_from([1, 4, 30, 300]),
+        value=st.sampled_from(SIZES),
+        flag=st.sampled_from(DeviceFlag),
+    )
+    def fail(self, kind: Kind, cycles: int, value: float, flag: DeviceFlag) -> None:
+        """The device fails for a while."""
+        size = abs(value) * 1e6 if kind is Kind.LATE and abs(value) < inf else value
+        if kind in {Kind.LATE, Kind.READ_BACK_OFFSET} and not abs(size) < inf:
+            size = 0.0
+        self.stage.fail(kind, cycles, value=size, flag=flag)
+        for _ in range(min(cycles, 20)):
+            self.stage.cycle()
+
+    @rule(drive_v=st.floats(), early_ns=st.sampled_from([0, 0, 1]), cycles=st.integers(1, 20))
+    def miscalculate(self, drive_v: float, early_ns: int, cycles: int) -> None:
+        """The control law asks for any voltage, or for one that belongs to another instant."""
+        self.stage.run_broken_law(drive_v, early_ns, cycles)
+
+    @precondition(lambda self: not self.killed)
+    @rule()
+    def restart(self) -> None:
+        """The loop process is killed, and another one takes over."""
+        self.killed = True
+        self.stage.restart()
+
+    @precondition(lambda self: not self.killed)
+    @rule()
+    def shut_down(self) -> None:
+        """The daemon ends; the next one starts."""
+        self.stage.command(PEOPLE[1], rq.Shutdown())
+        self.stage.device.schedule.clear()
+        self.stage.until("STOPPING", 30.0)
+        self.restart()
+
+    def teardown(self) -> None:
+        """Whatever has happened, a person gets the stage back to SAFE."""
+        self.stage.recover()
 
 
-@pytest.fixture(scope="module")
-def config() -> DaemonConfig:
-    """Return the configuration of the repository."""
-    return shipped_config()
+def check(steps: int) -> None:
+    """Run the machine, with the number of examples of the profile."""
+    few = settings(stateful_step_count=steps, suppress_health_check=[HealthCheck.too_slow])
+    run_state_machine_as_test(AnyHistory, settings=few)
 
 
-@settings(max_examples=15, deadline=None)
-@given(sent=st.lists(steps, min_size=3, max_size=20))
-def test_requests_in_any_order_never_break_a_limit(
-    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
-) -> None:
-    """The amplifier gets voltages in range and within the slew rate, in every cycle."""
-    stage = run_through(config, sent)
-    limits, writes = config.axes["x"].limits, stage.channels.writes
-
-    assert all(limits.drive_min_v <= drive_v <= limits.drive_max_v for _, (drive_v,) in writes)
-    for (before_ns, (before_v,)), (t_ns, (drive_v,)) in pairwise(writes):
-        if t_ns - before_ns <= 2 * stage.period_ns:
-            assert abs(drive_v - before_v) <= limits.slew_v_per_s * 1e-3 + 1e-9
+def test_no_history_breaks_a_limit() -> None:
+    """Voltages are finite, in range, of their cycle, near the one before, and asked for."""
+    check(15)
 
 
-@settings(max_examples=15, deadline=None)
-@given(sent=st.lists(steps, min_size=3, max_size=20))
-def test_motion_starts_from_ready_only(
-    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
-) -> None:
-    """RUN and IDENT follow READY, each other or HOLD; a takeover starts at the read-back."""
-    stage = run_through(config, sent)
-    written = {t_ns for t_ns, _ in stage.channels.writes}
-
-    for before, record in pairwise(stage.records):
-        assert record.state not in UP or before.state in UP_FROM
-        if record.state in {State.BOOT, State.SAFE, State.FAULT, State.BLIND}:
-            assert record.t_ns not in written
-        takes_over = before.state not in DRIVEN and record.state in DRIVEN and not record.shadow
-        axis = record.axes[0]
-        assert not takes_over or axis.drive_v == pytest.approx(axis.read_back_v, abs=0.5)
-    for record in stage.records:
-        assert not (record.shadow and record.t_ns in written)
-
-
-@settings(max_examples=15, deadline=None)
-@given(sent=st.lists(steps, min_size=1, max_size=12))
-def test_shutdown_ends_at_the_safe_voltage_from_everywhere(
-    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
-) -> None:
-    """It ends within the time of the ramp and some margin."""
-    stage = run_through(config, sent)
-    stage.controller.execute(rq.Shutdown(), stage.t_ns)
-    for _ in range(8000):
-        if stage.controller.finished:
-            break
+@pytest.mark.parametrize("request_", [rq.Hold(), rq.Stop()])
+def test_voltage_of_another_cycle_moves_nothing(request_: rq.Request) -> None:
+    """Whether the stage follows a command or drives voltages itself: they keep their instant."""
+    stage = CommandedStage()
+    stage.cycle()
+    for request in (rq.Arm(), rq.Goto(position_um=12.0), request_):
+        assert stage.command(PEOPLE[0], request)
         stage.cycle()
+    before_v = stage.x.drive_v
+    stage.run_broken_law(before_v + 1.0, 1, 1)
 
-    assert stage.controller.finished
-    assert stage.channels.read_back(stage.t_ns)[0] == pytest.approx(0.0, abs=0.5)
+    assert stage.x.drive_v == before_v
+
+
+@pytest.mark.stress
+def test_no_long_history_breaks_a_limit() -> None:
+    """So it is after many events, too."""
+    check(60)

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 from functools import cache
-from itertools import product
+from itertools import combinations, product
+from pathlib import Path
 
 import pytest
 
@@ -76,12 +77,20 @@ def all_facts() -> Iterator[Facts]:
             yield GOOD._replace(no_entry=no_entry, **dict(zip(INFLUENCE, values, strict=True)))
 
 
+def rarely_bad_facts() -> Iterator[Facts]:
+    """Yield the combinations with up to three facts that are not good."""
+    for count in range(4):
+        for names in combinations(Facts._fields, count):
+            changed = {name: not getattr(GOOD, name) for name in names if name != "no_entry"}
+            yield GOOD._replace(no_entry="the disk is full" * ("no_entry" in names), **changed)
+
+
 @cache
 def outcomes() -> frozenset[tuple[State, Event, Transition]]:
-    """Return the results of each state and event, over all combinations of facts."""
+    """Return the results of each state and event."""
     return frozenset(
         (state, event, step(state, event, facts))
-        for facts in all_facts()
+        for facts in rarely_bad_facts()
         for state in State
         for event in Event
     )
@@ -111,8 +120,16 @@ def test_states_follow_the_table_if_all_facts_are_good(
 
 
 def test_every_combination_has_a_result_and_a_refusal_keeps_the_state() -> None:
-    """The function is total; a refusal names the state."""
-    for state, _, (after, refusal) in outcomes():
+    """The function is total; a refusal names the state. No combination has a result of its own."""
+    everything = {
+        (state, event, step(state, event, facts))
+        for facts in all_facts()
+        for state in State
+        for event in Event
+    }
+
+    assert everything == outcomes()
+    for state, _, (after, refusal) in everything:
         assert after in State
         if refusal:
             assert after is state
@@ -273,6 +290,13 @@ def test_every_state_except_stopping_can_reach_safe(state: State) -> None:
 
     assert State.SAFE in reached
     assert State.STOPPING in reached
+
+
+def test_refusals_are_those_of_the_list() -> None:
+    """Each says what is refused, in which state, and what would help, word by word."""
+    listed = Path(__file__).with_name("refusals.txt").read_text(encoding="utf-8").splitlines()
+
+    assert {outcome.refusal for _, _, outcome in outcomes() if outcome.refusal} == {*listed}
 
 
 def test_refusal_names_the_remedy() -> None:

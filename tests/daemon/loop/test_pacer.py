@@ -38,6 +38,30 @@ def test_sleep_ends_before_the_deadline_and_spinning_at_it() -> None:
     assert [pacer.wait().late_ns <= READING_NS for _ in range(10)] == [True] * 10
 
 
+def test_cycle_begins_at_its_deadline() -> None:
+    """The first reading of the clock at the deadline ends the wait."""
+    assert Pacer(FakeClock(), PERIOD_NS, SPIN_NS).wait() == (PERIOD_NS + READING_NS, 0, 0)
+
+
+@pytest.mark.parametrize(("left_ns", "sleeps"), [(SPIN_NS, 0), (SPIN_NS + READING_NS, 1)])
+def test_processor_is_given_away_only_before_the_spin(left_ns: int, sleeps: int) -> None:
+    """Even a sleep of no duration lets others run, for longer than the rest of the period."""
+
+    class CountingClock(FakeClock):
+        slept = 0
+
+        def sleep_until_ns(self, t_ns: int) -> None:
+            self.slept += 1
+            super().sleep_until_ns(t_ns)
+
+    clock = CountingClock()
+    pacer = Pacer(clock, PERIOD_NS, SPIN_NS)
+    clock.spend_ns(PERIOD_NS - left_ns - READING_NS)  # and the reading at the start of the wait
+    pacer.wait()
+
+    assert clock.slept == sleeps
+
+
 def test_cycle_that_is_late_runs_at_once() -> None:
     """A delay of less than a period skips nothing, and the next cycle is on time again."""
     clock = FakeClock()

@@ -1,0 +1,175 @@
+"""A stage in virtual time that clients command through the service, with all that must always hold.
+
+Requests take the way of the daemon behind the HTTP parser: the lease, the handler in the loop, the
+answer. Each cycle and each request is checked at once, so that a failure shows where it began.
+"""
+
+from collections.abc import Callable, Coroutine
+from functools import cache
+from math import isfinite
+from typing import Any, Final, cast
+
+from piezod.config import requests as rq
+from piezod.config.daemon import DaemonConfig
+from piezod.config.endpoints import Role
+from piezod.config.states import State
+from piezod.control.law.axis import AxisOutput
+from piezod.control.stage.answer import Answer
+from piezod.control.stage.stage import DRIVEN
+from piezod.control.stage.states import HoldCause
+from piezod.control.watch.loop import CycleTiming
+from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.open_streams import OpenStreams
+from piezod.daemon.service.refusals import LeaseHeldError
+from piezod.daemon.service.request_context import RequestContext, ServiceState
+from piezod.daemon.service.roles import Roles
+from piezod.daemon.service.stage_service import Document, Peer, StageError, StageService
+from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.devices.interface import Sample
+from piezod.telemetry.record import CycleRecord
+from piezod.units import NS_PER_S
+from tests.control.rig_stage import ON_TIME, FaultyStage, quick_config
+
+ARMED: Final = frozenset({State.READY, State.RUN, State.IDENT})
+PEOPLE: Final = tuple(Peer(uid, uid, f"user{uid}", "", Role.ENGINEER) for uid in (1, 2))
+WAY_DOWN: Final[dict[State, rq.Request]] = {
+    **dict.fromkeys((*ARMED, State.HOLD), rq.Stop()),
+    State.FAULT: rq.Reset(engineer=True),
+}
+WITHIN_S: Final = 12.0
+"""A ramp, the second that a fault must be gone, and the time after which a HOLD or a ramp fails."""
+
+
+@cache
+def brisk_config() -> DaemonConfig:
+    """Return the configuration of the repository, with its rate, and with short programs."""
+    return quick_config().model_copy(update={"rate_hz": 200.0})
+
+
+class CommandedStage(FaultyStage):
+    """A stage of one axis with two people, a lease and an amplifier that may fail."""
+
+    def __init__(self) -> None:
+        super().__init__(brisk_config())
+        limits = self.config.axes["x"].limits
+        self._range_v = limits.drive_min_v, limits.drive_max_v
+        self._step_v = limits.slew_v_per_s / self.config.rate_hz * (1.0 + 1e-12)
+        self.moves_freshly = True
+        """Whether voltages are planned for their cycle; others must not move anything."""
+        now_s: Callable[[], float] = lambda: self.t_ns / NS_PER_S  # noqa: E731 - a clock
+        self.lease = Lease(now_s)
+        self._service = ServiceState(
+            cast("StageService", _Service(self)),
+            cast("Roles", None),  # who may send what is checked before the context is made
+            self.lease,
+            set(),
+            UrgentNotes(now_s),
+            OpenStreams(),
+            {},
+        )
+
+    def command(self, person: Peer, request: rq.Request) -> bool:
+        """Send a request of a person; check its effect; return whether it was accepted."""
+        before, row = self.controller.state, rq.TABLE[request.kind]
+        holder = self.lease.document
+        mine = holder is None or holder["holder"]["uid"] == person.uid
+        try:
+            _finished(RequestContext(self._service, person, row.access).ask(request))
+        except StageError as error:
+            assert isinstance(error, LeaseHeldError) == (row.access.lease and not mine)
+            assert self.controller.state is before, f"{request.kind} was refused"
+            return False
+        after = self.controller.state
+        assert mine or not row.access.lease
+        assert after in {before} | DRIVEN - ARMED or row.access.lease or after is State.STOPPING
+        assert after not in ARMED or after is before or self._mine_now(person)
+        return True
+
+    def cycle(self, timing: CycleTiming = ON_TIME) -> CycleRecord:
+        """Run one cycle, and check it."""
+        first, before = len(self.channels.writes), self.controller.state
+        goes_on = self.stage.hold_cause() is HoldCause.LATENESS and before is State.HOLD
+        record = super().cycle(timing)
+        after = State(record.state)
+        if after in ARMED and after is not before:
+            by_itself = before is State.IDENT and after is State.READY
+            assert by_itself or (goes_on and not self.stage.register.needs_person), (before, after)
+        writes = self.channels.writes[first:]
+        assert [t_ns for t_ns, _ in writes] == [self.t_ns] * len(writes), "a write is of its cycle"
+        assert len(writes) <= int(after in DRIVEN and not record.shadow)
+        for _, (drive_v,) in writes:
+            self._check_voltage(drive_v, first)
+        return record
+
+    def run_broken_law(self, drive_v: float, early_ns: int, cycles: int) -> None:
+        """Run cycles in which the control law asks for this voltage, planned too early."""
+        law = self.stage.axes[0].law
+        update = law.update
+
+        def broken(t_ns: int, sample: Sample) -> AxisOutput:
+            return update(t_ns, sample)._replace(drive_v=drive_v, t_ns=t_ns - early_ns)
+
+        law.update = broken  # type: ignore[method-assign] # the mistake under test
+        self.moves_freshly = not early_ns
+        for _ in range(cycles):
+            self.cycle()
+        law.update, self.moves_freshly = update, True  # type: ignore[method-assign] # as it was
+
+    def restart(self) -> None:
+        """Let a new loop take over from one that was killed, 50 ms later."""
+        self.t_ns += NS_PER_S // 20
+        self.kill_loop()
+        self.cycle()
+        assert self.controller.state not in ARMED
+
+    def recover(self) -> None:
+        """Reach SAFE as a person does, when nothing fails any more; in STOPPING the loop ends."""
+        self.device.schedule.clear()
+        end_ns = self.t_ns + WITHIN_S * NS_PER_S
+        while self.controller.state not in {State.SAFE, State.STOPPING}:
+            assert self.t_ns < end_ns, f"still in {self.state} with {self.stage.register.no_entry}"
+            if request := WAY_DOWN.get(self.controller.state):
+                self.controller.execute(request, self.t_ns)
+            for _ in range(20):
+                self.cycle()
+
+    def _check_voltage(self, drive_v: float, first: int) -> None:
+        """Check a voltage against the range, and against the one of the cycle before."""
+        low_v, high_v = self._range_v
+        assert isfinite(drive_v)
+        assert low_v <= drive_v <= high_v
+        before_ns, (before_v,) = self.channels.writes[first - 1] if first else (-1, (drive_v,))
+        if len(self.records) > 1 and before_ns == self.records[-2].t_ns:
+            assert abs(drive_v - before_v) <= (self._step_v if self.moves_freshly else 0.0)
+
+    def _mine_now(self, person: Peer) -> bool:
+        holder = self.lease.document
+        return holder is not None and holder["holder"]["uid"] == person.uid
+
+
+class _Service:
+    """The part of a stage service that requests to the loop need."""
+
+    def __init__(self, stage: CommandedStage) -> None:
+        self._stage, self.axes = stage, tuple(stage.config.axes)
+
+    async def request(self, request: rq.Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
+        return self._stage.controller.execute(request, self._stage.t_ns)
+
+    def status(self) -> Document:
+        return {"state": self._stage.state}
+
+    def faults(self) -> list[Document]:
+        return []
+
+    def audit(self, entry: object) -> None:
+        """Keep nothing."""
+
+
+def _finished(work: Coroutine[Any, Any, Answer]) -> Answer:
+    """Run a coroutine that waits for nothing."""
+    try:
+        work.send(None)
+    except StopIteration as end:
+        return cast("Answer", end.value)
+    raise AssertionError("a request to a stage in virtual time waits")

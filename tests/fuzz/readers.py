@@ -1,0 +1,170 @@
+"""The readers of files and bodies that people send, each with a good example and its refusals.
+
+Modules are imported when a reader is made, so that a fuzzer can instrument them first.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+ROOT: Final = Path(__file__).parents[2]
+
+
+class Reader(NamedTuple):
+    """A reader.
+
+    Attributes:
+        read: Reads a file.
+        good: Bytes that it accepts.
+        refusals: The exceptions that it documents.
+        kept: Bytes at the beginning that are always those of `good`.
+    """
+
+    read: Callable[[Path], object]
+    good: bytes
+    refusals: tuple[type[Exception], ...]
+    kept: int = 0
+
+    def survives(self, content: bytes, path: Path) -> bool:
+        """Return whether these bytes are accepted; any exception but a documented one passes on."""
+        path.write_bytes(self.good[: self.kept] + content[self.kept :])
+        try:
+            self.read(path)
+        except self.refusals:
+            return False
+        return True
+
+
+def _of(function: str) -> Any:
+    module, _, name = function.partition(":")
+    return getattr(import_module(module), name)
+
+
+def _refusals(*names: str) -> tuple[type[Exception], ...]:
+    return tuple(_of(f"piezod.errors:{name}") for name in names)
+
+
+def configuration() -> Reader:
+    """YAML: the configuration of a stage."""
+    load, registry = (
+        _of("piezod.config.daemon:load_daemon"),
+        import_module("piezod.devices.registry"),
+    )
+    good = _shipped("simulated.yaml")
+    return Reader(lambda path: load(path, registry), good, _refusals("ConfigError"))
+
+
+def experiment() -> Reader:
+    """YAML: an experiment."""
+    load = _of("piezod.config.experiment:load_experiment")
+    registry = import_module("piezod.devices.registry")
+    good = _shipped("experiments/qiu.yaml")
+    return Reader(lambda path: load(path, registry), good, _refusals("ConfigError"))
+
+
+def model() -> Reader:
+    """YAML: a model file."""
+    good = _shipped("models/simulated-stack.yaml")
+    return Reader(_of("piezod.config.model_file:load_model"), good, _refusals("ConfigError"))
+
+
+def body() -> Reader:
+    """JSON: the body of a request, then the request."""
+    loads, adapter = _of("piezod.daemon.service.strict_json:loads"), _of("pydantic:TypeAdapter")
+    request = adapter(_of("piezod.config.requests:Request"))
+    refusals = (_of("piezod.daemon.service.refusals:BadJsonError"), _of("pydantic:ValidationError"))
+    good = b'{"kind": "goto", "position_um": 12.5, "speed_um_per_s": 190.0}'
+    return Reader(
+        lambda path: request.validate_python(loads(path.read_bytes()), strict=True), good, refusals
+    )
+
+
+def parameters() -> Reader:
+    """JSON: the stored parameters of a stage."""
+    module = import_module("piezod.daemon.stores.parameter_document")
+    axes = {"x": module.AxisParameters(model=None, zero_um=1.5)}
+    document = module.ParameterDocument(
+        sequence=3, stage="made up", saved_at="2026-11-21", saved_by="somebody", axes=axes
+    )
+    return Reader(
+        lambda path: module.decode(path.read_bytes()),
+        module.encode(document),
+        _refusals("DataError"),
+    )
+
+
+def record() -> Reader:
+    """CSV: a record of drive and position."""
+    samples = (f"{k / 100},{k % 7},{k % 5 / 3}\n" for k in range(12))
+    good = ("t_s,drive_v,position_um\n" + "".join(samples)).encode()
+    read = _of("piezod.records.csv_file:read_csv")
+    return Reader(lambda path: read(path, min_samples=10), good, _refusals("DataError"))
+
+
+def result() -> Reader:
+    """HDF5: the results of an experiment."""
+    recording = import_module("piezod.records.recording")
+    columns = {name: np.arange(3.0) for name in recording.COLUMN_NAMES}
+    run = recording.Recording(
+        "x", "case 1", "adaptive", "made up", metrics={"a_pct": 1.0}, **columns
+    )
+    made = recording.ExperimentResult(
+        title="made up",
+        recordings=(run,),
+        identifications=(),
+        configuration="title: made up\n",
+        versions={"piezod": "1"},
+        seed=1,
+        rate_hz=100.0,
+        warnings=(),
+    )
+    good = _written(lambda path: _of("piezod.records.hdf5_file:write_hdf5")(path, made))
+    read = _of("piezod.records.hdf5_file:read_hdf5")
+    return Reader(read, good, (*_refusals("DataError"), OSError))
+
+
+def recording() -> Reader:
+    """HDF5: a recording of a stage, read whole and viewed."""
+    made = import_module("tests.records.telemetry")
+    writer = _of("piezod.records.telemetry_file:TelemetryWriter")
+    read = _of("piezod.records.telemetry_reader:read_telemetry")
+    view = _of("piezod.records.view:RecordingView")
+
+    def write(path: Path) -> None:
+        with writer(path, made.header(), made.record_dtype()) as file:
+            file.append(made.records(0, 40))
+
+    def look(path: Path) -> None:
+        read(path)
+        viewed = view(path)
+        try:
+            viewed.view("axis_x/position_um", points=5)
+        finally:
+            viewed.close()
+
+    # With the flag of a writer in the first bytes, HDF5 waits for hours until checksums fit.
+    return Reader(look, _written(write), (*_refusals("DataError"), OSError), kept=48)
+
+
+def _shipped(name: str) -> bytes:
+    """Return a file of the configuration in which the names of other files are absolute."""
+    path = ROOT / "config" / name
+    text = path.read_text(encoding="utf-8")
+    return text.replace(" models/", f" {path.parent}/models/").encode()
+
+
+def _written(write: Callable[[Path], object]) -> bytes:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "good.h5"
+        write(path)
+        return path.read_bytes()
+
+
+READERS: Final[dict[str, Callable[[], Reader]]] = {
+    made.__name__: made
+    for made in (configuration, experiment, model, body, parameters, record, result, recording)
+}
