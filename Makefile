@@ -4,6 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 PEERS := build/peers/.installed
 BROWSER := build/browser/.installed
+BLUESKY := build/bluesky/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 MUTANTS := build/mutants/.installed
@@ -21,7 +22,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress faults mutants chaos soak peers browser \
+.PHONY: help demo docs docs-test test coverage stress faults mutants chaos soak peers bluesky browser \
 	screenshots fuzz check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
@@ -55,6 +56,10 @@ mutants: $(STAMP) $(MUTANTS) ## change what stops a stage, place by place; each 
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers
+
+bluesky: $(STAMP) $(BLUESKY) ## scan simulated stages with Bluesky's RunEngine
+	build/bluesky/bin/python -m mypy --cache-dir build/bluesky/mypy piezod/bluesky tests/bluesky
+	build/bluesky/bin/python -m pytest -rs -m bluesky tests/bluesky
 
 docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
 	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
@@ -102,7 +107,7 @@ figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 lock: ## pin the newest versions of all dependencies (needs uv)
 	uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
 		--extra dev --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
-	@for tool in .ci/tools/*.in; do \
+	@for tool in .ci/tools/*.in tests/bluesky/requirements.in; do \
 		uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
 			--constraint requirements.lock --custom-compile-command "make lock" \
 			--output-file "$${tool%.in}.txt" "$$tool" || exit; \
@@ -120,6 +125,10 @@ $(STAMP): requirements.lock pyproject.toml .ci/setup
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 	@.ci/setup-peers
+	@touch $@
+
+$(BLUESKY): tests/bluesky/requirements.txt .ci/setup-bluesky | $(STAMP)
+	@.ci/setup-bluesky
 	@touch $@
 
 $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs

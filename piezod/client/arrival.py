@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from piezod.client.results import Result, Status
+from piezod.client.results import AxisStatus, Result, Status
 from piezod.client.telemetry import AxisTelemetry, Telemetry
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
@@ -39,6 +39,21 @@ class Arrival(Result):
     axis: str
     motion: int
     position_um: float
+
+
+def has_arrived(state: str, axis: AxisStatus) -> bool:
+    """Return whether an axis has arrived: without a sensor, its command has.
+
+    Args:
+        state: State of the stage.
+        axis: The axis.
+    """
+    if axis.has_sensor:
+        return axis.on_target
+    target_um, command_um = axis.target_um, axis.command_um
+    if state != State.RUN or target_um is None or command_um is None:
+        return False
+    return abs(target_um - command_um) <= SAME_UM
 
 
 def refuse_without_sensor(status: Status, axis: str | None) -> None:

@@ -53,6 +53,7 @@ class Fault:
     Attributes:
         id: Id in docs/faults.md, for example "S5".
         name: Short description.
+        severity: "info", "warning" or "error"; an older daemon does not report it.
         present: Whether the fault is present now.
         latched: Whether the fault stays until it is reset.
         remedy: What the user can do.
@@ -60,6 +61,7 @@ class Fault:
 
     id: str
     name: str = ""
+    severity: str = "error"
     present: bool = True
     latched: bool = False
     remedy: str = ""

@@ -3,10 +3,10 @@
 from contextlib import suppress
 from typing import Final
 
+from piezod.client.daemon_link import DaemonLink
 from piezod.config.states import State
 from piezod.errors import RefusedError
 from piezod.gcs.errors import Code, GcsRefusal
-from piezod.gcs.link import DaemonLink
 from piezod.gcs.queries import number, target_um
 from piezod.gcs.readings import Readings
 from piezod.gcs.syntax import IS_READY, ids_in, pairs_in

@@ -3,6 +3,7 @@
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Final
 
+from piezod.client.arrival import has_arrived
 from piezod.client.results import AxisStatus
 from piezod.gcs.errors import Code, GcsRefusal
 from piezod.gcs.readings import Readings
@@ -58,7 +59,7 @@ async def voltage(readings: Readings, axis: str) -> str:
 async def on_target(readings: Readings, axis: str) -> str:
     """Whether the axis has arrived."""
     now = await _axis(readings, axis)
-    return _flag(readings.on_target((await readings.status()).state, now))
+    return _flag(has_arrived((await readings.status()).state, now))
 
 
 async def servo(readings: Readings, axis: str) -> str:
@@ -114,7 +115,7 @@ async def register(readings: Readings, arguments: str) -> str:
     if words[1] != "1":
         raise GcsRefusal(Code.OUT_OF_RANGE, f"no register {words[1]}, there is 1 only")
     bits = _SERVO * readings.servo_on(state, now) + _MOVING * readings.moving(state, now)
-    bits += _ON_TARGET * readings.on_target(state, now)
+    bits += _ON_TARGET * has_arrived(state, now)
     return f"{words[0]} 1=0x{bits:04X}"
 
 

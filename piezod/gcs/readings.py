@@ -2,34 +2,20 @@
 
 import asyncio
 import time
-from typing import Final, NamedTuple
+from typing import Final
 
-from piezod.client.arrival import SAME_UM
-from piezod.client.results import AxisStatus, Document, Status
-from piezod.config.daemon import StageAxisConfig
+from piezod.client.arrival import has_arrived
+from piezod.client.daemon_link import DaemonLink
+from piezod.client.limits import AxisLimits, limits_in
+from piezod.client.results import AxisStatus, Status
 from piezod.config.states import State
 from piezod.gcs.errors import Code, GcsRefusal
-from piezod.gcs.link import DaemonLink
 
 STATUS_AGE_S: Final = 0.04
 """Age from which a status is asked again, in s: half of the daemon's limit of 50 requests per s."""
 _LIMITS_AGE_S: Final = 1.0
 UP: Final = (State.SAFE, State.READY, State.RUN, State.HOLD)
 """States in which the controller reports that it is ready for commands."""
-
-
-class AxisLimits(NamedTuple):
-    """Limits of an axis.
-
-    Attributes:
-        low_um: Lowest position, in µm.
-        high_um: Highest position, in µm.
-        speed_um_per_s: Largest speed, in µm/s.
-    """
-
-    low_um: float
-    high_um: float
-    speed_um_per_s: float
 
 
 class Readings:
@@ -99,7 +85,7 @@ class Readings:
         async with self._asking:
             if name not in self._limits or time.monotonic() - self._limits_s > _LIMITS_AGE_S:
                 self._limits_s = time.monotonic()
-                self._limits = _limits_in(await self._link.config())
+                self._limits = limits_in(await self._link.config())
         if name not in self._limits:
             raise GcsRefusal(Code.NOT_ALLOWED, f"axis {name} has no command_range_um")
         return self._limits[name]
@@ -108,28 +94,6 @@ class Readings:
         """Return whether an axis follows its command in the mode of this server."""
         return state == State.RUN and axis.mode == self._mode
 
-    @staticmethod
-    def on_target(state: str, axis: AxisStatus) -> bool:
-        """Return whether an axis has arrived: without a sensor, its command has."""
-        if axis.has_sensor:
-            return axis.on_target
-        target_um, command_um = axis.target_um, axis.command_um
-        if state != State.RUN or target_um is None or command_um is None:
-            return False
-        return abs(target_um - command_um) <= SAME_UM
-
     def moving(self, state: str, axis: AxisStatus) -> bool:
         """Return whether a movement goes on, until the axis has arrived."""
-        return state == State.RUN and not self.on_target(state, axis)
-
-
-def _limits_in(config: Document) -> dict[str, AxisLimits]:
-    """Return the limits of the axes that have a range of commands, by the names of the axes."""
-    default_um_per_s = StageAxisConfig.model_fields["speed_um_per_s"].default
-    limits = {}
-    for name, axis in config["axes"].items():
-        if range_um := axis.get("command_range_um"):
-            low_um, high_um = range_um
-            fastest_um_per_s = axis.get("speed_um_per_s", default_um_per_s)
-            limits[name] = AxisLimits(low_um, high_um, fastest_um_per_s)
-    return limits
+        return state == State.RUN and not has_arrived(state, axis)

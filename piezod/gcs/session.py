@@ -3,10 +3,10 @@
 from collections.abc import Awaitable, Callable
 from typing import Final
 
+from piezod.client.daemon_link import DaemonLink
 from piezod.errors import ClientError
 from piezod.gcs import queries
 from piezod.gcs.errors import Code, GcsRefusal, refusal_of
-from piezod.gcs.link import DaemonLink
 from piezod.gcs.motion import Motion
 from piezod.gcs.readings import UP, Readings
 from piezod.gcs.syntax import (

@@ -31,7 +31,10 @@ QUICK: Final = (
     "docs/monitoring.md",
 )
 """Pages that `make test` runs."""
-ELSEWHERE: Final = {"docs/writing-a-driver.md": "tests/devices/test_writing_a_driver.py"}
+ELSEWHERE: Final = {
+    "docs/bluesky.md": "tests/bluesky/test_page.py",
+    "docs/writing-a-driver.md": "tests/devices/test_writing_a_driver.py",
+}
 """Pages whose blocks form one program, and the test that runs it."""
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from piezod.client.calls import Call
+from piezod.client.daemon_link import DaemonLink
 from piezod.errors import ClientError, NotRunningError, RefusedError
-from piezod.gcs.link import DaemonLink
 from piezod.gcs.readings import Readings
 from piezod.gcs.session import Session
 

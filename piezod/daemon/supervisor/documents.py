@@ -98,6 +98,7 @@ def faults(present: int, latched: int) -> list[Document]:
         {
             "id": rule.id,
             "name": rule.name,
+            "severity": rule.severity,
             "present": bool(present >> i & 1),
             "latched": bool(latched >> i & 1),
             "remedy": rule.remedy,

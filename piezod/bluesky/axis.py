@@ -1,0 +1,254 @@
+"""An axis of a stage: a motor of Bluesky."""
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Callable
+from typing import Final
+
+from bluesky.protocols import Checkable, Locatable, Location, Reading, Stoppable, Subscribable
+from event_model import Limits, LimitsRange
+from ophyd_async.core import (
+    CALCULATE_TIMEOUT,
+    AsyncStatus,
+    CalculatableTimeout,
+    Callback,
+    DeviceMock,
+    SignalMetadata,
+    StandardReadable,
+    WatchableAsyncStatus,
+    WatcherUpdate,
+    callback_on_mock_put,
+    default_mock_class,
+    observe_value,
+    set_mock_value,
+    soft_signal_r_and_setter,
+)
+from ophyd_async.core import StandardReadableFormat as Format
+
+from piezod.bluesky.link import StageLink
+from piezod.bluesky.motion import move_to
+from piezod.bluesky.recorded import Column
+from piezod.bluesky.signals import Source, movable, readable
+from piezod.errors import NotReachedError, RefusedError
+
+SETTLE_S: Final = 10.0
+"""Longest time on the way to a target beyond the way at full speed, in s."""
+_DIGITS: Final = {"um": 4, "V": 3}
+
+
+class InstantAxis(DeviceMock["PiezoAxis"]):
+    """An axis in mock mode arrives at once."""
+
+    async def connect(self, device: "PiezoAxis") -> None:
+        """Let the position follow the set-point."""
+        set_mock_value(device.speed, math.inf)
+        set_mock_value(device.low_limit, -math.inf)
+        set_mock_value(device.high_limit, math.inf)
+        callback_on_mock_put(device.setpoint, lambda um: set_mock_value(device.position, um))
+
+
+@default_mock_class(InstantAxis)
+class PiezoAxis(
+    StandardReadable, Locatable[float], Checkable[float], Stoppable, Subscribable[float]
+):
+    """An axis: `set` returns when it is on target, or fails with the reason.
+
+    `read` has the measured position under the name of the axis, the command, the error (command
+    minus position) and the drive voltage, all of one cycle; `read_configuration` mode, speed and
+    limits. An axis whose movement was interrupted or has failed is held by `stop`.
+
+    Args:
+        link: Connection to the stage.
+        axis: Name of the axis in the configuration of the stage.
+
+    Attributes:
+        position: Measured position, in µm; NaN if it is unknown.
+        setpoint: Target, in µm; to set it is to move.
+        command: Commanded position, in µm.
+        error: Command minus position, in µm.
+        drive: Drive voltage, in V.
+        mode: Mode of the compensator.
+        speed: Configured speed of movements, in µm/s.
+        low_limit: Lowest position, in µm; NaN if the configuration has none.
+        high_limit: Highest position, in µm; likewise.
+    """
+
+    def __init__(self, link: StageLink, axis: str) -> None:
+        self._link, self._axis = link, axis
+        self._move: AsyncStatus[None] | None = None
+        self._stopped = ""
+        with self.add_children_as_readables(Format.HINTED_UNCACHED_SIGNAL):
+            self.position = readable(link, self._measured("position_um", "um"))
+        with self.add_children_as_readables(Format.UNCACHED_SIGNAL):
+            self.command = readable(link, self._measured("command_um", "um"))
+            self.error = readable(link, self._measured("error_um", "um"))
+            self.drive = readable(link, self._measured("drive_v", "V"))
+        with self.add_children_as_readables(Format.CONFIG_SIGNAL):
+            self.mode = readable(
+                link,
+                Source(
+                    f"{axis}/mode",
+                    str,
+                    lambda status: status.axes[axis].mode,
+                    lambda interval: interval.axes[axis].mode,
+                ),
+            )
+            self.speed, self._set_speed = soft_signal_r_and_setter(float, units="um/s")
+            self.low_limit, self._set_low_limit = soft_signal_r_and_setter(float, units="um")
+            self.high_limit, self._set_high_limit = soft_signal_r_and_setter(float, units="um")
+        target = Source(
+            f"{axis}/target_um",
+            float,
+            lambda status: status.axes[axis].target_um,
+            lambda interval: interval.axes[axis].target_um,
+            self._metadata("um"),
+        )
+        self.setpoint = movable(link, target, lambda um: move_to(link, axis, um))
+        super().__init__()
+
+    def set_name(self, name: str, *, child_name_separator: str | None = None) -> None:
+        """Name the axis and its signals; the position has the name of the axis."""
+        super().set_name(name, child_name_separator=child_name_separator)
+        self.position.set_name(name)
+
+    async def check_value(self, value: float) -> None:
+        """Check a target without moving.
+
+        Raises:
+            RefusedError: If it is out of the limits of the axis.
+        """
+        low_um, high_um = await asyncio.gather(
+            self.low_limit.get_value(), self.high_limit.get_value()
+        )
+        if not math.isfinite(value) or value < low_um or value > high_um:
+            what = f"{self.name}: position out of range (got {value:g} µm)"
+            remedy = f"allowed: {low_um:g} to {high_um:g} µm, command_range_um of the axis"
+            raise RefusedError(what, remedy, "value")
+
+    @WatchableAsyncStatus.wrap
+    async def set(
+        self, value: float, timeout: CalculatableTimeout = "CALCULATE_TIMEOUT"
+    ) -> AsyncIterator[WatcherUpdate[float]]:
+        """Move; done when the position has been within its tolerance for the settling time.
+
+        Args:
+            value: Target, in µm.
+            timeout: Longest time, in s; None for no limit. If it is not given, it is the time of
+                the way at the configured speed, and 10 s.
+
+        Raises:
+            NotReachedError: If the movement was stopped, held, replaced, or takes too long.
+            ClientError: If the daemon refuses it, or ends.
+        """
+        self._stopped = ""
+        await self.check_value(value)
+        initial_um, speed_um_per_s = await asyncio.gather(
+            self.position.get_value(), self.speed.get_value()
+        )
+        longest_s = timeout if isinstance(timeout, int | float) else None
+        if timeout == CALCULATE_TIMEOUT:
+            way_um = abs(value - initial_um) if math.isfinite(initial_um) else 0.0
+            longest_s = way_um / speed_um_per_s + SETTLE_S
+        try:
+            async with AsyncStatus(self._go(value, longest_s)) as self._move:
+                async for current_um in observe_value(self.position, done_status=self._move):
+                    yield WatcherUpdate(
+                        current=current_um,
+                        initial=initial_um,
+                        target=value,
+                        name=self.name,
+                        unit="µm",
+                        precision=_DIGITS["um"],
+                    )
+        except asyncio.CancelledError:
+            if not self._stopped:
+                raise
+        if self._stopped == "failure":
+            raise NotReachedError(f"{self.name}: stopped before it reached {value:g} µm")
+
+    async def stop(self, success: bool = False) -> None:
+        """Hold the stage, with all of its axes, if a movement of this axis has not arrived.
+
+        Otherwise nothing happens: the RunEngine calls this after each plan. The next movement
+        resumes.
+
+        Args:
+            success: Whether the movement counts as done; otherwise it fails.
+        """
+        self.interrupt(success=success)
+        if self._axis in self._link.moving:
+            await self._link.hold()
+
+    def interrupt(self, *, success: bool) -> None:
+        """End the wait of `set`; the stage moves on.
+
+        Args:
+            success: Whether the movement counts as done; otherwise it fails.
+        """
+        if self._move is not None and not self._move.done:
+            self._stopped = "success" if success else "failure"
+            self._move.task.cancel()
+
+    async def locate(self) -> Location[float]:
+        """Return target and measured position, in µm."""
+        target_um, position_um = await asyncio.gather(
+            self.setpoint.get_value(), self.position.get_value()
+        )
+        return Location(setpoint=target_um, readback=position_um)
+
+    def subscribe_reading(self, function: Callback[dict[str, Reading[float]]]) -> None:
+        """Call a function with each new position, about 20 times a second."""
+        self.position.subscribe_reading(function)
+
+    subscribe = subscribe_reading
+
+    def clear_sub(self, function: Callback[dict[str, Reading[float]]]) -> None:
+        """Remove a subscription."""
+        self.position.clear_sub(function)
+
+    async def _go(self, value: float, timeout_s: float | None) -> None:
+        try:
+            await self.setpoint.set(value, timeout=timeout_s)
+        except TimeoutError as error:
+            what = f"{self.name}: {value:g} µm not reached within {timeout_s:g} s"
+            remedy = "is the tolerance above the noise, and the mode one that corrects the error?"
+            raise NotReachedError(what, remedy, "timeout") from error
+
+    def columns(self) -> list[Column]:
+        """Return the columns of a recording that have the values of this axis."""
+        group = f"recording/axis_{self._axis}"
+        return [
+            Column(signal.name, f"{group}/{name}", signal.source, self._metadata(unit)())
+            for signal, name, unit in (
+                (self.position, "position_um", "um"),
+                (self.command, "command_um", "um"),
+                # The voltage that was in force when the position was measured.
+                (self.drive, "in_force_v", "V"),
+            )
+        ]
+
+    def set_limits(self) -> None:
+        """Take the limits from the configuration in force."""
+        facts = self._link.facts[self._axis]
+        self._set_speed(facts.speed_um_per_s)
+        self._set_low_limit(facts.range_um[0])
+        self._set_high_limit(facts.range_um[1])
+
+    def _measured(self, quantity: str, unit: str) -> Source[float]:
+        return Source(
+            f"{self._axis}/{quantity}",
+            float,
+            lambda status: getattr(status.axes[self._axis], quantity),
+            lambda interval: getattr(interval.axes[self._axis], quantity).last,
+            self._metadata(unit),
+        )
+
+    def _metadata(self, unit: str) -> Callable[[], SignalMetadata]:
+        def metadata() -> SignalMetadata:
+            found = SignalMetadata(units=unit, precision=_DIGITS[unit])
+            if facts := self._link.facts.get(self._axis):  # not in mock mode
+                low, high = facts.range_um if unit == "um" else facts.drive_v
+                found["limits"] = Limits(control=LimitsRange(low=low, high=high))
+            return found
+
+        return metadata
