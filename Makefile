@@ -22,8 +22,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress faults mutants chaos soak peers bluesky browser \
-	screenshots fuzz check lint audit wheel bench bench-peers figures lock clean
+.PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak peers bluesky \
+	browser screenshots fuzz check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
@@ -35,6 +35,9 @@ demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a re
 
 test: $(STAMP) ## run the tests
 	$(BIN)/python -m pytest $(WORKERS)
+
+test-all: ## run the tests with each Python that piezod supports (some ten minutes each)
+	@.ci/test-all $(WORKERS)
 
 coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice as long)
 	$(BIN)/python -m pytest --cov $(WORKERS)

@@ -46,7 +46,7 @@ def install_service(
 
     service_files.check_root(root)
     if uninstall:
-        if root == Path("/") and (running := service_files.running_instances()):
+        if root == Path("/") and (running := service_files.running_units()):
             stop = f"`systemctl disable --now {' '.join(running)}` first"
             raise PiezodError(f"{', '.join(running)} still running: {stop}")
         _print_files("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)

@@ -77,10 +77,11 @@ def serial_group() -> str:
     return next((name for name in SERIAL_GROUPS if name in present), SERIAL_GROUPS[0])
 
 
-def running_instances() -> list[str]:
-    """Return the units of the stages that run as a service of this machine."""
+def running_units() -> list[str]:
+    """Return the units that run on this machine: those of stages, and that of the page."""
     states = "--state=activating,active,reloading,deactivating"
-    command = ("systemctl", "list-units", "--plain", "--no-legend", states, "piezod@*.service")
+    units = ("piezod@*.service", "piezod-web.service")
+    command = ("systemctl", "list-units", "--plain", "--no-legend", states, *units)
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - constant
     except FileNotFoundError:  # a machine without systemd

@@ -194,12 +194,17 @@ def test_user_of_the_service_gets_the_group_of_the_serial_ports(
     assert [line for line in lines if line.startswith("m ")] == [f"m piezod {group}"]
 
 
-def test_uninstall_is_refused_while_stages_run(
+def test_uninstall_is_refused_while_something_runs(
     piezod: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without its unit a running stage would not be ramped down after a failure."""
     systemctl = tmp_path / "systemctl"
-    systemctl.write_text("#!/bin/sh\necho piezod@a.service loaded active running piezo stage a\n")
+    systemctl.write_text(
+        "#!/bin/sh\ncase \"$*\" in *'piezod@*.service'*)\n"
+        "    echo piezod@a.service loaded active running piezo stage a\nesac\n"
+        'case "$*" in *piezod-web.service*)\n'
+        "    echo piezod-web.service loaded active running page of the piezo stages\nesac\n"
+    )
     systemctl.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
     monkeypatch.setattr(os, "geteuid", lambda: 0)
@@ -209,11 +214,12 @@ def test_uninstall_is_refused_while_stages_run(
     code, out, err = piezod("install-service", "--uninstall")
 
     assert (code, out, removed) == (1, "", [])
-    assert "piezod@a.service still running: `systemctl disable --now piezod@a.service`" in err
+    running = "piezod@a.service, piezod-web.service still running"
+    assert f"{running}: `systemctl disable --now piezod@a.service piezod-web.service`" in err
 
 
 def test_machine_without_systemd_runs_no_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without `systemctl` there is nothing to stop."""
     monkeypatch.setenv("PATH", "")
 
-    assert service_files.running_instances() == []
+    assert service_files.running_units() == []
