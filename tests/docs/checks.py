@@ -30,6 +30,7 @@ SYSTEM: Final = frozenset(
             "sleep",
             "ssh",
         ),
+        *("caget", "caput"),
         *("journalctl", "setpriv", "udevadm", "usermod"),
         *("systemctl", "systemd-sysusers", "systemd-tmpfiles"),
     }
