@@ -4,6 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 PEERS := build/peers/.installed
 BROWSER := build/browser/.installed
+EPICS := build/epics/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 DEMO := build/demo
@@ -16,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress peers browser screenshots fuzz check lint bench \
+.PHONY: help demo docs docs-test test coverage stress peers epics browser screenshots fuzz check lint bench \
 	bench-peers figures lock clean
 
 help: ## show this list
@@ -38,6 +39,9 @@ stress: $(STAMP) ## run the tests that take longer
 
 peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers
+
+epics: $(STAMP) $(EPICS) ## run the IOC and EPICS clients by others against it
+	$(BIN)/python -m pytest -rs -m epics tests/epics
 
 docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
 	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
@@ -91,6 +95,10 @@ $(STAMP): requirements.lock pyproject.toml .ci/setup
 
 $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 	@.ci/setup-peers
+	@touch $@
+
+$(EPICS): tests/epics/requirements.txt .ci/setup-epics | $(STAMP)
+	@.ci/setup-epics
 	@touch $@
 
 $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
