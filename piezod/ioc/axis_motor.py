@@ -113,14 +113,14 @@ class AxisMotor:
 
     def stopped(self) -> None:
         """Take a stop that a client of this record has requested."""
-        self._end(OK)
+        with self._record.locked():
+            self._end(OK)
 
     def down(self) -> None:
         """Show that the daemon does not answer; a movement has ended for its clients."""
-        self._limits = None
-        self._motion = 0
-        self._outcome = OK
-        self._record.set(DOWN, DMOV=1, MOVN=0)
+        with self._record.locked():
+            self._limits, self._target_um, self._arrived = None, None, -1
+            self._end(OK)
 
     def feed(self, state: str, axis: AxisTelemetry) -> None:
         """Take the newest interval of telemetry.
@@ -172,4 +172,4 @@ class AxisMotor:
     def _end(self, outcome: Alarm) -> None:
         self._motion = 0
         self._outcome = outcome
-        self._record.set(outcome, DMOV=1, MOVN=0)
+        self._record.set(DOWN if self._limits is None else outcome, DMOV=1, MOVN=0)

@@ -9,9 +9,6 @@ STRING_BYTES: Final = 16
 SIZES: Final = {DOUBLE: 8, SHORT: 2, STRING: STRING_BYTES, MENU: 2}
 """Size of a field in the memory of a record, in bytes."""
 
-MOVING: Final = ("VAL", "TWF", "TWR")
-"""Fields whose write moves the axis."""
-
 
 class Field(NamedTuple):
     """One field.
@@ -72,9 +69,8 @@ def definition() -> str:
     """Return the definition of the record type, for EPICS (a DBD file)."""
     menus, fields = [], []
     for field in FIELDS:
-        options = [f'prompt("{field.what}")', "asl(ASL0)"]
-        options.append("special(SPC_MOD)" if field.put else "special(SPC_NOMOD)")
-        if field.name in MOVING:
+        options = [f'prompt("{field.what}")', "asl(ASL0)", "special(SPC_MOD)"]
+        if field.put:
             options.append("pp(TRUE)")  # a write with completion waits for the end of the movement
         if field.kind == STRING:
             options.append(f"size({STRING_BYTES})")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
-from epicscorelibs.ioc import dbCore
+from epicscorelibs.ioc import Com, dbCore
 from softioc import imports
 
 from piezod.ioc.motor_fields import DOUBLE, FIELDS, MENU, SHORT, STRING, STRING_BYTES, TYPE_NAME
@@ -15,6 +15,8 @@ from piezod.ioc.record_type import register
 _VALUE, _LOG = 1, 2
 """Masks of events."""
 _REFUSED: Final = 1
+_CA_THREAD: Final = b"CAS-client"
+"""Name of the threads that serve Channel Access."""
 _SETTINGS: Final = ("VAL", "TWV", "VELO")
 _UNITS: Final = {"VELO": b"um/s", "VMAX": b"um/s", "ACCL": b"s"}
 _MIRRORED: Final = {"VAL": "DVAL", "RBV": "DRBV", "HLM": "DHLM", "LLM": "DLLM"}
@@ -27,6 +29,7 @@ _TYPES: Final[dict[str, Any]] = {
 _FIELDS: Final = {field.name: field for field in FIELDS}
 _POINTER = ctypes.c_void_p
 
+Com.epicsThreadGetNameSelf.restype = ctypes.c_char_p
 for _name in ("dbScanLock", "dbScanUnlock", "recGblFwdLink", "recGblGetTimeStamp"):
     getattr(dbCore, _name).argtypes = (_POINTER,)
 dbCore.recGblResetAlarms.argtypes = (_POINTER,)
@@ -50,6 +53,7 @@ class MotorRecord:
         self.name, self._put = name, put
         self._values: dict[str, float | str] = {field.name: field.start for field in FIELDS}
         self._alarm: Alarm = DOWN
+        self._accepted = True
         self._address = 0
         self._offsets: dict[str, int] = {}
         _BY_NAME[name] = self
@@ -72,7 +76,9 @@ class MotorRecord:
             self._alarm = alarm or self._alarm
             for name in changed:
                 self._write(name, values[name])
-            self.finish(changed)
+            self._show(changed)
+            if values.get("DMOV") and "DMOV" in changed:
+                dbCore.recGblFwdLink(self._address)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -93,26 +99,40 @@ class MotorRecord:
 
     def take(self, name: str) -> bool:
         """Take what a client has written to a field; put the old value back if it is refused."""
-        before = self._values[name]
-        value = float(self._stored(name).value)
-        self._write(name, value if name in _SETTINGS else 0)  # a button is released at once
-        if self._put(name, value):
-            return True
+        self._accepted = True
+        before, value = self._values[name], self._stored(name).value
+        if _FIELDS[name].put:
+            self._write(name, value if name in _SETTINGS else 0)  # a button is released at once
+            if self._put(name, float(value)):
+                return True
         self._write(name, before)
+        self._accepted = False
         return False
 
-    def finish(self, changed: Sequence[str]) -> None:
-        """Set the alarm, post the fields, and end a write that waits for the end of a movement."""
+    def process(self) -> bool:
+        """Show a write, and end it if no movement goes on; else the end of the movement ends it.
+
+        Returns:
+            Whether the write was accepted.
+        """
+        accepted, self._accepted = self._accepted, True
+        self._show(["VAL"])
+        if self._values["DMOV"]:
+            dbCore.recGblFwdLink(self._address)
+        return accepted
+
+    def _show(self, changed: Sequence[str]) -> None:
+        """Set the alarm, and tell the clients that monitor fields."""
         dbCore.recGblGetTimeStamp(self._address)
         if self._alarm != OK:
             dbCore.recGblSetSevr(self._address, self._alarm.status, self._alarm.severity)
         alarmed = dbCore.recGblResetAlarms(self._address)
         posted = {*changed, *(_MIRRORED[name] for name in changed if name in _MIRRORED)}
-        for name in posted | {"VAL", "RBV"} if alarmed else posted:
+        if alarmed:
+            posted |= {"VAL", "RBV"}
+        for name in sorted(posted, key="DMOV".__eq__):  # last: clients look at the others then
             place = self._address + self._offsets[name]
             dbCore.db_post_events(self._address, place, alarmed | _VALUE | _LOG)
-        if self._values["DMOV"]:
-            dbCore.recGblFwdLink(self._address)
 
     def _write(self, name: str, value: float | str) -> None:
         """Write a field, and the one that is always the same, into the memory of the record."""
@@ -154,15 +174,18 @@ def _init_record(address: int, after: int) -> int:
 
 
 def _process(address: int) -> int:
-    """Called after a write that moves the axis, and after a write to PROC."""
-    _BY_ADDRESS[address].finish(["VAL"])
-    return 0
+    """Called after a write to a field that clients write, and after a write to PROC."""
+    return 0 if _BY_ADDRESS[address].process() else _REFUSED
 
 
 def _special(address: Any, after: int) -> int:
-    """Called before and after a client has written a field; an error refuses the write."""
+    """Called before and after a client has written a field; an error refuses the write.
+
+    Over PVA, `_process` reports the error. An error here would end the process if the write waits
+    for completion: pvxs 1.5 lets it leave a callback of EPICS as an exception of C++.
+    """
     record, name = _target(address)
-    if after and _FIELDS[name].put and not record.take(name):
+    if after and not record.take(name) and Com.epicsThreadGetNameSelf() == _CA_THREAD:
         return _REFUSED
     return 0
 

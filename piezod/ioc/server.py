@@ -83,6 +83,14 @@ def names_of(prefix: str, stage: str, axes: Sequence[str]) -> Names:
     return names
 
 
+def _first(errors: Sequence[BaseException | None]) -> BaseException:
+    """Return the first error, out of the group of a task group."""
+    error = errors[0]
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error or PiezodError("the IOC has ended")
+
+
 async def _serve(
     plan: Plan, announce: Callable[[str], None], report: Callable[[str], None]
 ) -> None:
@@ -105,7 +113,11 @@ async def _serve(
     tasks = [asyncio.create_task(stage.run()) for stage in stages.values()]
     for stage in stages.values():
         announce(f"EPICS: {stage.names.prefix}STATE")
-    await ended.wait()
-    for task in tasks:
+    until_signal = asyncio.create_task(ended.wait())
+    await asyncio.wait((until_signal, *tasks), return_when=asyncio.FIRST_COMPLETED)
+    failed = [task.exception() for task in tasks if task.done()]
+    for task in (until_signal, *tasks):
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)
+    if failed:
+        raise _first(failed)

@@ -13,7 +13,7 @@ from piezod.client.limits import limits_in
 from piezod.client.results import Document, Status
 from piezod.client.telemetry import Telemetry
 from piezod.config.daemon import OnTargetConfig
-from piezod.errors import ClientError
+from piezod.errors import ClientError, PiezodError
 from piezod.ioc import values
 from piezod.ioc.actions import KEEP, RENEW_EACH_S
 from piezod.ioc.axis_motor import AxisMotor
@@ -26,7 +26,7 @@ RATE_HZ: Final = 50.0
 SHOW_EACH_S: Final = 0.1
 """Time between two updates of the records, in s; a change of state is shown at once."""
 HISTORY_EACH_S: Final = 1.0
-SILENT_S: Final = 1.0
+SILENT_S: Final = 1.5
 """Time without telemetry after which the records are invalid, in s."""
 _AGAIN_S: Final = 0.3
 _STATUS_EACH_S: Final = 1.0
@@ -46,7 +46,7 @@ class IocStage:
     def __init__(self, socket: Path, names: Names, report: Callable[[str], None]) -> None:
         self._socket, self.names, self._report = socket, names, report
         self._link = DaemonLink(socket, "ioc")
-        self._changed = asyncio.Event()
+        self._changed, self._came_up = asyncio.Event(), asyncio.Event()
         self._shown: dict[str, Reading] = {}
         self._histories = {axis: values.History() for axis in names.axes}
         self._up = False
@@ -86,6 +86,9 @@ class IocStage:
                     await self._show(intervals)
             except (ClientError, TimeoutError):
                 self._set_down()
+            except LookupError as error:
+                what = f"the axes of {self.names.prefix}STATE have changed (no axis {error})"
+                raise PiezodError(f"{what}: start `piezod ioc` again") from error
             await asyncio.sleep(_AGAIN_S)
 
     async def _telemetry(self) -> AsyncGenerator[Telemetry, None]:
@@ -140,17 +143,14 @@ class IocStage:
                     self._set(values.of_status(status))
                     self._set(values.of_recordings(recordings))
             await asyncio.sleep(_STATUS_AT_MOST_EACH_S)
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_STATUS_EACH_S):
-                    await self._changed.wait()
-            self._changed.clear()
+            await _wait(self._changed, _STATUS_EACH_S)
 
     async def _ask_config(self) -> None:
         """Take the limits of the configuration in force, which a reload may change."""
         while True:
             with suppress(ClientError):
                 self._take_config(await self._link.config())
-            await asyncio.sleep(_CONFIG_EACH_S if self._up else _AGAIN_S)
+            await _wait(self._came_up, _CONFIG_EACH_S)
 
     def _take_config(self, config: Document) -> None:
         if not self._up:
@@ -174,6 +174,7 @@ class IocStage:
             self._shown.clear()
             self._set({"CONNECTED": Reading(True)})
             self._changed.set()
+            self._came_up.set()
 
     def _set_down(self) -> None:
         if not self._up and self._shown:
@@ -198,6 +199,14 @@ class IocStage:
         if self._shown.get(name) != reading:
             self._shown[name] = reading
             self._records.set(name, reading)
+
+
+async def _wait(event: asyncio.Event, longest_s: float) -> None:
+    """Wait for an event, at most for some time in s; then clear it."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(longest_s):
+            await event.wait()
+    event.clear()
 
 
 def _steady(interval: Telemetry) -> object:

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 from piezod.client.daemon_link import DaemonLink
+from piezod.client.results import Answer
 from piezod.config.states import State
 from piezod.errors import ClientError, RefusedError
 from piezod.ioc.actions import Actions
@@ -42,6 +43,7 @@ class Writes:
         self._motors, self._report = motors, report
         self._actions = Actions(link, names, records)
         self._loop = asyncio.get_running_loop()
+        self._moving = asyncio.Lock()  # a movement that follows a stop waits for its end
 
     async def do(self, axis: str, name: str, value: Any) -> bool:
         """Carry out what a client has written; return whether the daemon has accepted it.
@@ -94,8 +96,10 @@ class Writes:
     async def _move(self, axis: str, position_um: float) -> None:
         motor = self._motors[axis]
         with self._reported(f"{axis}.VAL") as refused:
-            speed_um_per_s = motor.speed_um_per_s
-            answer = await self._link.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
+            async with self._moving:
+                answer = await self._link.goto(
+                    position_um, axis=axis, speed_um_per_s=motor.speed_um_per_s
+                )
             motor.accepted(position_um, answer)
         if refused:
             motor.rejected()
@@ -105,15 +109,12 @@ class Writes:
         motor = self._motors[axis]
         running = motor.state == State.RUN
         with self._reported(f"{axis}.STOP"):
-            try:
-                await self._link.hold()
-            except RefusedError as error:
-                if error.code != _NOTHING_DRIVEN:
-                    raise
-                running = False
-            motor.stopped()
-            if running:
-                await self._link.resume()
+            hold = asyncio.create_task(self._link.hold())  # at once, also beside a movement
+            async with self._moving:
+                running = await _is_driven(hold) and running
+                motor.stopped()
+                if running:
+                    await self._link.resume()
 
     def _is_fine(self, name: str, why: str) -> bool:
         if why:
@@ -136,3 +137,14 @@ class Writes:
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
         asyncio.run_coroutine_threadsafe(work, self._loop)
+
+
+async def _is_driven(hold: asyncio.Task[Answer]) -> bool:
+    """Return whether a request to hold was accepted; it is refused if nothing is driven."""
+    try:
+        await hold
+    except RefusedError as error:
+        if error.code != _NOTHING_DRIVEN:
+            raise
+        return False
+    return True

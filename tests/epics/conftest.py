@@ -11,7 +11,9 @@ from tests.epics.processes import Ioc
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     """Return the daemon of a simulated stage, "rig"."""
-    with Daemon(configuration(tmp_path_factory.mktemp("rig"), rate_hz="100")) as daemon:
+    trim = "{base: feedforward, gain_per_s: 20, authority_pct: 5}"
+    config = configuration(tmp_path_factory.mktemp("rig"), rate_hz="100", trim=trim)
+    with Daemon(config) as daemon:
         yield daemon.up()
 
 

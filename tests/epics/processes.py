@@ -95,11 +95,12 @@ class Peer:
     """A client by others.
 
     Args:
+        library: Name of its library.
         process: Its process, which takes requests.
     """
 
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
-        self._process = process
+    def __init__(self, library: str, process: "subprocess.Popen[str]") -> None:
+        self.library, self._process = library, process
 
     def get(self, name: str) -> dict[str, Any]:
         """Return value, severity, unit, digits and limits of a record."""
@@ -113,9 +114,9 @@ class Peer:
             return bytes(value).rstrip(b"\0").decode()
         return value
 
-    def put(self, name: str, value: Any) -> str:
-        """Write with completion; return why it was refused, empty if it was not."""
-        answer: str = self._ask("put", name, value)
+    def put(self, name: str, value: Any, *, wait: bool = True) -> str:
+        """Write, with or without completion; return why it failed, empty if it did not."""
+        answer: str = self._ask("put" if wait else "start", name, value)
         return answer
 
     def watch(self, name: str) -> None:
@@ -147,7 +148,7 @@ def peer(library: str, environ: Mapping[str, str]) -> Iterator[Peer]:
         command, cwd=ROOT, env=environ, stdin=pipe, stdout=pipe, text=True
     ) as process:
         try:
-            yield Peer(process)
+            yield Peer(library, process)
         finally:
             process.kill()
 

@@ -19,13 +19,14 @@ class Caproto:
         about = read.metadata
         answer = {"value": self._single(read), "severity": int(about.severity)}
         if hasattr(about, "units"):
-            answer |= {"unit": plain(about.units), "digits": getattr(about, "precision", 0)}
-            answer |= {"low": about.lower_ctrl_limit, "high": about.upper_ctrl_limit}
+            answer |= {"unit": plain(about.units), "digits": plain(getattr(about, "precision", 0))}
+            answer |= {"low": plain(about.lower_ctrl_limit)}
+            answer |= {"high": plain(about.upper_ctrl_limit)}
         return answer
 
-    def put(self, name: str, value: Any) -> None:
+    def put(self, name: str, value: Any, *, wait: bool) -> None:
         values = value if isinstance(value, list) else [value]
-        self._pv(name).write(values, wait=True, timeout=20)
+        self._pv(name).write(values, wait=wait, timeout=20)
 
     def watch(self, name: str, seen: list[dict[str, Any]]) -> None:
         subscription = self._pv(name).subscribe(data_type="time")

@@ -14,8 +14,8 @@ class Client(Protocol):
         """Return value, severity, unit, digits and limits of a record."""
         ...
 
-    def put(self, name: str, value: Any) -> None:
-        """Write with completion; raise an exception if the write is refused."""
+    def put(self, name: str, value: Any, *, wait: bool) -> None:
+        """Write, with or without completion; raise an exception if the write is refused."""
         ...
 
     def watch(self, name: str, seen: "list[dict[str, Any]]") -> None:
@@ -31,7 +31,7 @@ def note(seen: list[dict[str, Any]], value: Any, severity: int) -> None:
 def plain(value: Any) -> Any:
     """Return a value that JSON has: a number, a list, or a text."""
     if isinstance(value, bytes):
-        return value.decode()
+        return value.decode("latin-1")
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, list | tuple):
@@ -53,7 +53,7 @@ def converse(client: Client) -> None:
             answer = list(seen[name])
         else:
             try:
-                client.put(name, value)
+                client.put(name, value, wait=do == "put")
                 answer = ""
             except Exception as error:  # noqa: BLE001 - each library has its own
                 answer = repr(error)
