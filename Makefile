@@ -5,6 +5,7 @@ STAMP := .venv/.installed
 PEERS := build/peers/.installed
 BROWSER := build/browser/.installed
 BLUESKY := build/bluesky/.installed
+EPICS := build/epics/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 MUTANTS := build/mutants/.installed
@@ -22,8 +23,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak peers bluesky \
-	browser screenshots fuzz check lint audit wheel bench bench-peers figures lock clean
+.PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak peers epics \
+	bluesky browser screenshots fuzz check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
@@ -63,6 +64,9 @@ peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 bluesky: $(STAMP) $(BLUESKY) ## scan simulated stages with Bluesky's RunEngine
 	build/bluesky/bin/python -m mypy --cache-dir build/bluesky/mypy piezod/bluesky tests/bluesky
 	build/bluesky/bin/python -m pytest -rs -m bluesky tests/bluesky
+
+epics: $(STAMP) $(EPICS) ## run the IOC and EPICS clients by others against it
+	$(BIN)/python -m pytest -rs -m epics tests/epics
 
 docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
 	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
@@ -132,6 +136,10 @@ $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 
 $(BLUESKY): tests/bluesky/requirements.txt .ci/setup-bluesky | $(STAMP)
 	@.ci/setup-bluesky
+	@touch $@
+
+$(EPICS): tests/epics/requirements.txt .ci/setup-epics | $(STAMP)
+	@.ci/setup-epics
 	@touch $@
 
 $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs

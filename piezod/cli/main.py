@@ -31,6 +31,7 @@ from piezod.cli.identify import identify
 from piezod.cli.init import init
 from piezod.cli.install_service import install_service
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
+from piezod.cli.ioc import ioc
 from piezod.cli.list_stages import list_running
 from piezod.cli.play import play
 from piezod.cli.plot import plot
@@ -57,7 +58,7 @@ OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Experiments and models": (demo, experiment, identify, response, play, check),
     "Recordings": (plot, export, replay),
     "Devices": (drivers, emulate, probe, commission),
-    "Daemon of a stage": (init, run_daemon, safe, web, gcs, install_service),
+    "Daemon of a stage": (init, run_daemon, safe, web, gcs, ioc, install_service),
 }
 """Commands that need no running daemon, by their heading in help."""
 SEVERAL: Final = "Several stages"

@@ -34,6 +34,7 @@ SYSTEM: Final = frozenset(
             "sleep",
             "ssh",
         ),
+        *("caget", "caput"),
         *("journalctl", "setpriv", "udevadm", "usermod"),
         *("systemctl", "systemd-sysusers", "systemd-tmpfiles"),
     }

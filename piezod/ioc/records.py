@@ -1,0 +1,65 @@
+"""The interface of the records, which softioc implements, and tests."""
+
+from contextlib import AbstractContextManager
+from typing import NamedTuple, Protocol
+
+from piezod.ioc.readings import Alarm, Reading
+from piezod.ioc.table import AXIS, STAGE, Record
+
+
+class Motor(Protocol):
+    """The record of an axis, of the type `motor`."""
+
+    def get(self, field: str) -> float:
+        """Return the value of a field that is a number."""
+        ...
+
+    def set(self, alarm: Alarm | None = None, **values: float) -> None:
+        """Change fields and alarm; None keeps the present alarm."""
+        ...
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Return a context manager that locks the record; a thread may lock it several times."""
+        ...
+
+
+class Records(Protocol):
+    """All records, by their full names."""
+
+    def set(self, name: str, reading: Reading) -> None:
+        """Show a value."""
+        ...
+
+    def set_alarm(self, name: str, alarm: Alarm) -> None:
+        """Change the alarm of a record that keeps its value."""
+        ...
+
+    def get(self, name: str) -> object:
+        """Return the value of a record that clients write."""
+        ...
+
+
+class Names(NamedTuple):
+    """The names of the records of one stage.
+
+    Attributes:
+        prefix: Begin of the names.
+        axes: Names of the axes.
+    """
+
+    prefix: str
+    axes: tuple[str, ...]
+
+    def motor(self, axis: str) -> str:
+        """Return the name of the motor record of an axis."""
+        return f"{self.prefix}{axis}"
+
+    def of_axis(self, axis: str, name: str) -> str:
+        """Return the full name of a record of `AXIS`."""
+        return f"{self.prefix}{axis}:{name}"
+
+    def all(self) -> list[tuple[str, Record]]:
+        """Return the full names of all records, without the motor records."""
+        stage = [(f"{self.prefix}{each.name}", each) for each in STAGE]
+        axes = [(self.of_axis(axis, each.name), each) for axis in self.axes for each in AXIS]
+        return stage + axes

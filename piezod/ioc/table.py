@@ -1,0 +1,181 @@
+"""The records of a stage and of an axis: names, types, units. Everything else derives from it.
+
+The names of records of a stage have capitals, names of axes have none, so that they cannot collide.
+"""
+
+from enum import Enum
+from typing import Final, NamedTuple
+
+from piezod.config.modes import Mode
+from piezod.config.states import State
+
+HISTORY: Final = 64
+"""Longest history, in points: a second at 50 Hz, and some for intervals of unequal length."""
+LONGEST_TABLE: Final = 10_000
+LONGEST_PLAY: Final = 16_000
+LONGEST_RECORD: Final = 100_000
+LONGEST_WORD: Final = 39
+LONGEST_TEXT: Final = 400
+STATES: Final = tuple(str(state) for state in State)
+MODES: Final = tuple(str(mode) for mode in Mode)
+WAVES: Final = ("sine", "triangle", "table")
+FAULT_GROUPS: Final = {
+    "SENSOR": "S",
+    "AMPLIFIER": "A",
+    "BUS": "B",
+    "LOOP": "L",
+    "ADAPTATION": "D",
+    "PROCESS": "P",
+    "ESTOP": "E",
+    "SUPERVISOR": "H",
+}
+"""Name of the record of each group of faults, and the letter that their ids begin with."""
+
+
+class Kind(Enum):
+    """The kind of a record, and its record type in EPICS."""
+
+    NUMBER = "ai"
+    COUNT = "longin"
+    FLAG = "bi"
+    CHOICE = "mbbi"
+    WORD = "stringin"
+    TEXT = "waveform of CHAR"
+    ARRAY = "waveform of DOUBLE"
+    COMMAND = "bo"
+    SET_NUMBER = "ao"
+    SET_COUNT = "longout"
+    SET_CHOICE = "mbbo"
+    SET_TEXT = "stringout"
+    SET_ARRAY = "waveform of DOUBLE, set"
+
+    @property
+    def is_set(self) -> bool:
+        """Whether clients write it."""
+        return self is Kind.COMMAND or self.name.startswith("SET_")
+
+
+class Record(NamedTuple):
+    """One record.
+
+    Attributes:
+        name: Name, after the prefix of the stage or of the axis.
+        kind: Its kind.
+        what: Description for people, at most 40 characters.
+        unit: Unit of the value.
+        digits: Digits after the decimal point that a screen shows.
+        choices: Texts of a choice or of a flag.
+        length: Longest array or text.
+        low: Lowest value that may be written.
+        high: Highest value that may be written.
+        start: Value when the IOC starts.
+        archive: Whether an archiver should store it.
+    """
+
+    name: str
+    kind: Kind
+    what: str
+    unit: str = ""
+    digits: int = 3
+    choices: tuple[str, ...] = ()
+    length: int = 0
+    low: float = float("-inf")
+    high: float = float("inf")
+    start: float | str = 0
+    archive: bool = False
+
+    @property
+    def saved(self) -> bool:
+        """Whether autosave should store it: a setting that only this IOC knows."""
+        return self.kind.is_set and self.kind is not Kind.COMMAND and self.name not in _LIVE
+
+
+_LIVE: Final = ("MODE", "LEASE")
+"""Settings that act at once, which a restart must not repeat."""
+_NO_YES: Final = ("no", "yes")
+
+STAGE: Final = (
+    Record("CONNECTED", Kind.FLAG, "The daemon answers", choices=_NO_YES, archive=True),
+    Record("STATE", Kind.CHOICE, "State of the stage", choices=STATES, archive=True),
+    Record("SHADOW", Kind.FLAG, "Shadow mode: nothing is written", choices=_NO_YES),
+    Record("FAULTS", Kind.WORD, "Faults, present or latched", archive=True),
+    Record("FAULT:COUNT", Kind.COUNT, "Number of faults", archive=True),
+    Record("FAULT:TEXT", Kind.TEXT, "Worst fault and its remedy", length=LONGEST_TEXT),
+    *(
+        Record(f"FAULT:{name}", Kind.WORD, f"Faults {letter}1, {letter}2, ...", archive=True)
+        for name, letter in FAULT_GROUPS.items()
+    ),
+    Record("LOOP:RATE", Kind.NUMBER, "Cycles per second, as configured", "Hz", 0),
+    Record("LOOP:LATE", Kind.NUMBER, "Largest lateness of a cycle", "us", 0, archive=True),
+    Record("LOOP:SKIPPED", Kind.COUNT, "Skipped cycles since the start", archive=True),
+    Record("REC:RUNNING", Kind.FLAG, "A recording runs", choices=_NO_YES, archive=True),
+    Record("REC:NAME", Kind.TEXT, "Name of the recording that runs", length=LONGEST_TEXT),
+    Record("REC:RECORDS", Kind.COUNT, "Recorded cycles"),
+    Record("REC:LOST", Kind.COUNT, "Cycles lost by the recording"),
+    Record("LEASE:HOLDER", Kind.WORD, "User and client with the lease", archive=True),
+    Record("MESSAGE", Kind.TEXT, "Why the last write was refused", length=LONGEST_TEXT),
+    Record("ARM", Kind.COMMAND, "Take over the voltage: SAFE to READY"),
+    Record("DISARM", Kind.COMMAND, "Ramp to the safe voltage, then SAFE"),
+    Record("HOLD", Kind.COMMAND, "Hold the voltage"),
+    Record("RESUME", Kind.COMMAND, "Continue after HOLD"),
+    Record("STOP", Kind.COMMAND, "Ramp to the safe voltage, then SAFE"),
+    Record("ESTOP", Kind.COMMAND, "Emergency stop"),
+    Record("RESET", Kind.COMMAND, "Clear faults that are gone"),
+    Record("CONDITION", Kind.COMMAND, "Drive a decaying swing"),
+    Record("LEASE", Kind.SET_CHOICE, "Lease of this IOC", choices=("as needed", "keep")),
+    Record("REC:LABEL", Kind.SET_TEXT, "Part of the name of the next recording", start=""),
+    Record("REC:START", Kind.COMMAND, "Start recording every cycle"),
+    Record("REC:STOP", Kind.COMMAND, "End the recording"),
+)
+"""Records of a stage, after its prefix."""
+
+AXIS: Final = (
+    Record("POS", Kind.NUMBER, "Measured position", "um", 4, archive=True),
+    Record("CMD", Kind.NUMBER, "Commanded position", "um", 4, archive=True),
+    Record("ERR", Kind.NUMBER, "Command minus position", "um", 4, archive=True),
+    Record("DRIVE", Kind.NUMBER, "Drive voltage", "V", 3, archive=True),
+    Record("TARGET", Kind.NUMBER, "Target of the movement", "um", 4),
+    Record("ONTARGET", Kind.FLAG, "On target", choices=_NO_YES, archive=True),
+    Record("MODE_RBV", Kind.CHOICE, "Mode in use", choices=MODES, archive=True),
+    Record("MODE", Kind.SET_CHOICE, "Select the mode; READY to RUN", choices=MODES),
+    Record("ZERO", Kind.COMMAND, "Displacement at rest becomes zero"),
+    Record("HIST:TIME", Kind.ARRAY, "Times before the newest sample", "s", length=HISTORY),
+    Record("HIST:POS", Kind.ARRAY, "Position in the last second", "um", 4, length=HISTORY),
+    Record("HIST:CMD", Kind.ARRAY, "Command in the last second", "um", 4, length=HISTORY),
+    Record("HIST:DRIVE", Kind.ARRAY, "Drive in the last second", "V", 3, length=HISTORY),
+    Record("WAVE:KIND", Kind.SET_CHOICE, "Kind of the waveform", choices=WAVES),
+    Record("WAVE:LOW", Kind.SET_NUMBER, "Lowest position of the waveform", "um", 4),
+    Record("WAVE:HIGH", Kind.SET_NUMBER, "Highest position of the waveform", "um", 4, start=1),
+    Record("WAVE:FREQ", Kind.SET_NUMBER, "Frequency", "Hz", low=1e-4, high=1e4, start=1),
+    Record("WAVE:DURATION", Kind.SET_NUMBER, "Duration", "s", low=1e-3, high=86_400, start=1),
+    Record("WAVE:TABLE", Kind.SET_ARRAY, "Positions of a table", "um", 4, length=LONGEST_TABLE),
+    Record(
+        "WAVE:INTERVAL",
+        Kind.SET_NUMBER,
+        "Time between two points of the table",
+        "s",
+        6,
+        low=1e-6,
+        high=1e3,
+        start=0.01,
+    ),
+    Record("WAVE:START", Kind.COMMAND, "Follow the waveform"),
+    Record("PLAY:TABLE", Kind.SET_ARRAY, "Voltages of one period", "V", length=LONGEST_PLAY),
+    Record(
+        "PLAY:INTERVAL",
+        Kind.SET_NUMBER,
+        "Time between two voltages",
+        "s",
+        6,
+        low=1e-6,
+        high=1.0,
+        start=1e-4,
+    ),
+    Record("PLAY:CYCLES", Kind.SET_COUNT, "Number of periods", low=1, high=100_000, start=1),
+    Record("PLAY:START", Kind.COMMAND, "The device plays the table by its clock"),
+    Record("PLAY:READ", Kind.COMMAND, "Read the record of the last play"),
+    Record("PLAY:DRIVE", Kind.ARRAY, "Voltages as played", "V", length=LONGEST_PLAY),
+    Record("PLAY:POS", Kind.ARRAY, "Recorded positions", "um", 4, length=LONGEST_RECORD),
+    Record("PLAY:POS:INTERVAL", Kind.NUMBER, "Time between two of them", "s", 6),
+)
+"""Records of an axis, after the name of its motor record and a colon."""

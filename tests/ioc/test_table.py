@@ -1,0 +1,47 @@
+"""The records as they are declared, and their documentation."""
+
+from piezod.ioc.motor_fields import FIELDS, definition
+from piezod.ioc.records import Names
+from piezod.ioc.server import names_of
+from piezod.ioc.table import AXIS, STAGE
+from tests.ioc_tables import PAGE, page
+
+
+def test_page_has_every_record() -> None:
+    """The tables of the page are those of the declarations."""
+    assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def test_descriptions_fit() -> None:
+    """EPICS keeps 40 characters of a description, 25 of a text of a choice, 15 of a unit."""
+    for record in (*STAGE, *AXIS):
+        assert len(record.what) <= 40, record.name
+        assert all(len(choice) <= 25 for choice in record.choices), record.name
+        assert len(record.unit) <= 15, record.name
+        assert len(record.choices) <= 16, record.name
+
+
+def test_names_differ() -> None:
+    """No two records have the same name, for any name of an axis."""
+    names = [name for name, _ in Names("p:", ("x", "y")).all()]
+
+    assert len(names) == len(set(names)) == len(STAGE) + 2 * len(AXIS)
+    assert all(record.name.isupper() for record in STAGE)
+
+
+def test_prefix() -> None:
+    """The name of the stage stands where the prefix says."""
+    names = names_of("BL7:{stage}:", "bench", ("x",))
+
+    assert names.motor("x") == "BL7:bench:x"
+    assert names.of_axis("x", "POS") == "BL7:bench:x:POS"
+
+
+def test_definition_has_every_field() -> None:
+    """Each field is in the definition for EPICS, once, and every write to it is looked at."""
+    text = definition()
+
+    for field in FIELDS:
+        (line,) = (each for each in text.splitlines() if f"field({field.name}," in each)
+        assert "special(SPC_MOD)" in line
+    assert text.count("pp(TRUE)") == sum(field.put for field in FIELDS)
