@@ -174,12 +174,12 @@ class VirtualRun(LoopRun):
         accepted_config.keep(self.config, self.config_file.parent, self.config_file.stem)
         return not ended()
 
-    def start(self, succession: object = None, *, unclean: bool = False) -> None:
+    def start(self, succession: object = None, *, last_end: int = 0) -> None:
         """Open the rig and begin, as `loop.process` does."""
         assert succession is None
         self.started = True
         machine, clock, paths = self._machine, self._machine.clock, self._paths
-        self.loop.shared.words[Word.UNCLEAN] = unclean
+        self.loop.shared.words[Word.UNCLEAN] = last_end
         self._shared = shared = attach(paths.loop_map, writable=True)
         shared.words[Word.LOOP_PID] = getpid()
         shared.words[Word.LOOP_ASKABLE] = 1
