@@ -27,7 +27,7 @@ from piezod.config.endpoints import ENDPOINTS
 OTHERS: Final = ("second", "third", "fourth")
 LONG_S: Final = 3600.0
 UP_WITHIN_S: Final = 600.0
-"""Longest time for all stages to start, in s: on a busy machine they start beside loops that move."""
+"""Longest time for all stages to start, in s: they start beside loops that move."""
 START_RECORDING: Final = Call(ENDPOINTS["start_recording"], reader(Recording), {})
 
 
