@@ -16,16 +16,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from benchmarks.bench_page import RATE_HZ, STAGE, UP_WITHIN_S, opened_tabs, start_stage, started
+from benchmarks.bench_page import RATE_HZ, STAGE, opened_tabs, start_stage, started
 from benchmarks.page_and_recording import SINE, counts, drain, missing_cycles
 from piezod.client import StageClient, running_stages
 from piezod.client.calls import Call
 from piezod.client.reader import reader
 from piezod.client.results import Recording
 from piezod.config.endpoints import ENDPOINTS
+from piezod.errors import RefusedError
 
 OTHERS: Final = ("second", "third", "fourth")
 LONG_S: Final = 3600.0
+UP_WITHIN_S: Final = 600.0
+"""Longest time for all stages to start, in s: they start beside loops that move."""
 START_RECORDING: Final = Call(ENDPOINTS["start_recording"], reader(Recording), {})
 
 
@@ -54,6 +57,20 @@ def _is_up(name: str) -> bool:
         return stage.status().state != "BOOT"
 
 
+def start_moving(client: StageClient) -> None:
+    """Let a stage follow the sine adaptively; a busy machine may need several attempts."""
+    end_s = time.monotonic() + UP_WITHIN_S
+    while client.status().state != "RUN" or not client.status().axes["x"].motion:
+        try:
+            client.arm()
+            client.mode("adaptive")
+            client.wave({"x": SINE}, LONG_S)
+        except RefusedError:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(0.5)
+
+
 async def watched(url: str, stages: Sequence[str], duration_s: float) -> None:
     """Hold a tab open for each stage."""
     async with AsyncExitStack() as stack:
@@ -67,9 +84,7 @@ def span_of(stages: Sequence[str], url: str, span_s: float, folder: Path) -> Map
     with ExitStack() as stack:
         clients = {name: stack.enter_context(StageClient(name)) for name in stages}
         for client in clients.values():
-            client.arm()
-            client.mode("adaptive")
-            client.wave({"x": SINE}, LONG_S)
+            start_moving(client)
             # The first recording imports HDF5, which takes long beside many loops.
             client.call(replace(START_RECORDING, answer_within_s=UP_WITHIN_S))
         before = {name: counts(client) for name, client in clients.items()}

@@ -1,7 +1,7 @@
 """`piezod group wave` and `piezod group play`: movements that begin together."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
 import typer
 
@@ -15,11 +15,14 @@ from piezod.cli.options import JsonOption
 from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from piezod.client import StageGroup
     from piezod.client.calls import Waveforms
     from piezod.client.stage_group import GroupStart
     from piezod.config.commands import Command
 
+ModelT = TypeVar("ModelT", bound="BaseModel")
 _START_IN_S: Final = 1.0
 
 
@@ -40,16 +43,12 @@ def wave(
 ) -> None:
     """Follow waveforms that begin together.
 
-    They begin at the same instant, within a cycle of each loop.
-
-    Each axis first moves to the start of its waveform. If one stage refuses, the others hold.
+    They begin at the same instant, within a cycle of each loop. Each axis first moves to the start
+    of its waveform. If one stage refuses, the others hold.
     """
-    from piezod.config.fields import Context
     from piezod.config.groups import GroupWaveFile
-    from piezod.config.validate import validate
-    from piezod.config.yaml_loader import load_yaml
 
-    loaded = validate(load_yaml(file), GroupWaveFile, Context(file.parent))
+    loaded = _load(file, GroupWaveFile)
     with connect_group(name, groups) as group:
         waveforms = {stage: _per_axis(group, stage, each) for stage, each in loaded.stages.items()}
         started = group.wave(waveforms, loaded.duration_s, start_in_s=start_in)
@@ -73,21 +72,25 @@ def play(
 ) -> None:
     """Play tables that begin together.
 
-    The devices are started at the same instant, and play by their own clocks.
-
-    Each device must have its table before that. If one stage refuses, the others hold.
+    The devices are started at the same instant, and play by their own clocks. Each device must have
+    its table before that. If one stage refuses, the others hold.
     """
-    from piezod.config.fields import Context
     from piezod.config.groups import GroupPlayFile
-    from piezod.config.validate import validate
-    from piezod.config.yaml_loader import load_yaml
 
-    loaded = validate(load_yaml(file), GroupPlayFile, Context(file.parent))
+    loaded = _load(file, GroupPlayFile)
     without = {"kind", "start_s"}
     tables = {stage: each.model_dump(exclude=without) for stage, each in loaded.stages.items()}
     with connect_group(name, groups) as group:
         started = group.play(tables, start_in_s=start_in)
     _print(started, "playing", json=json)
+
+
+def _load(file: Path, model: type[ModelT]) -> ModelT:
+    from piezod.config.fields import Context
+    from piezod.config.validate import validate
+    from piezod.config.yaml_loader import load_yaml
+
+    return validate(load_yaml(file), model, Context(file.parent))
 
 
 def _per_axis(group: "StageGroup", stage: str, command_um: "Command") -> "Waveforms":

@@ -65,6 +65,7 @@ class RecordedFiles:
         path: Path of the first file.
         header: Header of the first file; the number of weights is filled in.
         limits: When to go on in another file.
+        begins_ns: Instant of the first record, in ns; 0 for the next one.
 
     Raises:
         OSError: If the file cannot be made.
@@ -77,9 +78,10 @@ class RecordedFiles:
         path: Path,
         header: TelemetryHeader,
         limits: RecordingLimits,
+        begins_ns: int = 0,
     ) -> None:
         self._stage, self._folder, self._name = stage, folder, path.stem
-        self._header, self._limits = header, limits
+        self._header, self._limits, self._begins_ns = header, limits, begins_ns
         self.files = 0
         """Number of files."""
         self.records = 0
@@ -106,8 +108,8 @@ class RecordedFiles:
         """
         records, lost = self._reader.read(limit)
         taken = len(records)
-        if not self.records:  # the recording may begin later than its reader
-            records = records[records["t_ns"] >= self._header.start_ns]
+        if not self.records and self._begins_ns:
+            records = records[records["t_ns"] >= self._begins_ns]
         if len(records):
             begin_ns, end_ns = int(records["t_ns"][0]), int(records["t_ns"][-1])
             if self._is_full(begin_ns):

@@ -87,13 +87,15 @@ class Recorder:
         header: TelemetryHeader,
         label: str = "",
         limits: RecordingLimits = RecordingLimits(),  # noqa: B008 - it cannot change
+        begins_ns: int = 0,
     ) -> str:
-        """Start a recording with the next cycle.
+        """Start a recording with the next cycle, or at an instant.
 
         Args:
             header: Header of the file; the number of weights is filled in.
             label: Label in its name, see `RecordingsFolder.new`.
             limits: How large it and all recordings may become.
+            begins_ns: Instant of its first cycle, in ns; 0 for the next cycle.
 
         Returns:
             Its name.
@@ -110,7 +112,7 @@ class Recorder:
         try:
             if why := self._too_full(path.stem):
                 raise RecorderError(why)
-            files = RecordedFiles(self._stage, self.folder, path, header, limits)
+            files = RecordedFiles(self._stage, self.folder, path, header, limits, begins_ns)
         except OSError as error:
             raise RecorderError(f"the recording cannot be started: {error}") from error
         self._set_status(RecorderStatus(True, path.stem, 0, 0, ""))

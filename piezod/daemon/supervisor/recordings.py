@@ -33,6 +33,7 @@ from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
+from piezod.units import NS_PER_S
 
 if TYPE_CHECKING:
     import numpy as np
@@ -118,15 +119,22 @@ class StageRecordings:
         """
         if why := start_refusal(start_s, time.monotonic_ns(), 0.0):
             raise BadValueError(why)
+        begins_ns = start_ns(start_s)
         async with self._one_at_a_time:
-            header = self._header(loop, label or self._name, start_ns(start_s))
+            header = self._header(loop, label or self._name, begins_ns)
             limits = _limits(loop.config.recordings)
+            start = partial(self._recorder.start, header, label or "", limits, begins_ns)
             try:
-                name = await asyncio.to_thread(self._recorder.start, header, label or "", limits)
+                name = await asyncio.to_thread(start)
             except ValueError as error:
                 raise BadValueError(str(error)) from error
             except RecorderError as error:
                 raise NotNowError(str(error)) from error
+            late_s = (time.monotonic_ns() - begins_ns) / NS_PER_S
+            if begins_ns and late_s > 0.0:  # its first cycles are missing
+                await asyncio.to_thread(self._recorder.stop)
+                what = f"the file was ready {late_s:.3g} s after start_s"
+                raise NotNowError(what, "start later; the first recording takes longest")
         return {"name": name}
 
     async def stop(self) -> Document:

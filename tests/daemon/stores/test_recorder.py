@@ -82,7 +82,7 @@ def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
 
 def test_recording_begins_at_its_instant(recorder: Recorder, ring: FakeRing) -> None:
     """Cycles before the instant are not recorded, nor counted as lost."""
-    recorder.start(replace(header(), start_ns=START_NS + 800_000_000))
+    recorder.start(header(), begins_ns=START_NS + 800_000_000)
     ring.run(2000)
     recorder.stop()
     recorded = read(recorder)

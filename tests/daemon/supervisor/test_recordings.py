@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import time
 from collections.abc import Iterator
+from itertools import chain, repeat
 from pathlib import Path
 
 import pytest
@@ -11,7 +13,7 @@ from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.states import State
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import NotNowError, UnknownNameError
+from piezod.daemon.service.stage_service import BadValueError, NotNowError, UnknownNameError
 from piezod.records.telemetry_reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.events import EventWriter
@@ -68,6 +70,37 @@ def test_events_and_adopted_models_are_recorded(bench: Bench) -> None:
     assert found.events == (event,)
     assert [(each.axis, each.text) for each in found.adopted] == [("x", dump_model(other))]
     assert found.header.notes["model_x"] == dump_model(model)
+
+
+def test_recording_begins_at_its_instant(bench: Bench) -> None:
+    """Time 0 of the file is the instant; one that the file could not keep is refused."""
+    start_s = time.monotonic() + 20.0
+
+    async def record() -> str:
+        name = str((await bench.link.start_recording(None, PEER, start_s=start_s))["name"])
+        await bench.link.stop_recording(PEER)
+        return name
+
+    name = asyncio.run(record())
+    header = read_telemetry(bench.link.recordings_folder / f"{name}.h5").header
+
+    assert header.start_ns == round(start_s * 1e9)
+    with pytest.raises(BadValueError, match="start_s has passed"):
+        asyncio.run(bench.link.start_recording(None, PEER, start_s=start_s - 21.0))
+
+
+def test_recording_that_was_ready_too_late_is_refused(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file without its first cycles would look complete."""
+    instants_ns = chain([0, 0], repeat(2 * 10**9))
+    clock = "piezod.daemon.supervisor.recordings.time.monotonic_ns"
+    monkeypatch.setattr(clock, lambda: next(instants_ns))
+
+    with pytest.raises(NotNowError, match=r"the file was ready 1 s after start_s"):
+        asyncio.run(bench.link.start_recording(None, PEER, start_s=1.0))
+
+    assert bench.link.stage_recordings.running_name == ""
 
 
 def test_configuration_limits_the_recordings(bench: Bench) -> None:
