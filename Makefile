@@ -38,7 +38,7 @@ stress: $(STAMP) ## run the tests that take longer
 	PIEZOD_EXAMPLES=long $(BIN)/python -m pytest -m "stress or hypothesis" --timeout 1800
 
 chaos: $(STAMP) ## kill, stop, starve and flood the processes of a stage (some minutes)
-	$(BIN)/python -m pytest -rs -m chaos tests/chaos
+	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos
 
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)
 	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) --out build/soak
