@@ -37,7 +37,7 @@ coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice a
 stress: $(STAMP) ## run the tests that take longer
 	PIEZOD_EXAMPLES=long $(BIN)/python -m pytest -m "stress or hypothesis" --timeout 1800
 
-chaos: $(STAMP) ## kill, stop, starve and flood the processes of a stage (some minutes)
+chaos: $(STAMP) ## kill, starve and flood the processes of a stage (some minutes)
 	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos
 
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)

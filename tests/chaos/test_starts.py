@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.chaos.conftest import MakeStage, left_behind
+from tests.chaos.conftest import left_behind
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import Daemon, configuration
 from tests.daemon.waiting import eventually
@@ -83,7 +83,7 @@ def test_stage_runs_whatever_the_monotonic_clock_shows(tmp_path: Path, since_boo
 
 
 @pytest.mark.fault("L4")
-def test_wall_clock_that_is_set_moves_nothing(make_stage: MakeStage, tmp_path: Path) -> None:
+def test_wall_clock_that_is_set_moves_nothing(start: StartDaemon, tmp_path: Path) -> None:
     """Steps of the wall clock by two years are reported as L4, and the stage stays in RUN.
 
     The wall clock is that of the loop process: Python runs `sitecustomize` before all else.
@@ -91,17 +91,17 @@ def test_wall_clock_that_is_set_moves_nothing(make_stage: MakeStage, tmp_path: P
     shift = tmp_path / "shift"
     shift.write_text("0", encoding="ascii")
     (tmp_path / "sitecustomize.py").write_text(SITE.format(path=str(shift)), encoding="ascii")
-    stage = make_stage(PYTHONPATH=str(tmp_path))
-    stage.bring("RUN")
+    daemon = start(configuration(tmp_path), PYTHONPATH=str(tmp_path)).up()
+    daemon.driven(10.0, above_v=40.0)
     for number, step_s in enumerate((TWO_YEARS_S, -TWO_YEARS_S), 1):
         shift.write_text(str(step_s), encoding="ascii")
-        eventually(partial(_counted, stage.daemon, number), 60.0)
-    state = stage.daemon.status()["state"]
-    stage.daemon.do("shutdown")
+        eventually(partial(_counted, daemon, number), 60.0)
+    state = daemon.status()["state"]
+    daemon.do("shutdown")
 
     assert state == "RUN"
-    assert stage.daemon.exit_code() == 0, stage.daemon.text
-    stage.assert_ended()
+    assert daemon.exit_code() == 0, daemon.text
+    assert left_behind(daemon) == []
 
 
 def _counted(daemon: Daemon, number: int) -> bool:
