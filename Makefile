@@ -49,8 +49,8 @@ stress: $(STAMP) ## run the tests that take longer
 faults: $(STAMP) ## run the proofs of all faults, and compare their times with the promises
 	$(BIN)/python -m tests.faults $(WORKERS)
 
-chaos: $(STAMP) ## kill, stop, starve and flood the processes of a stage (some minutes)
-	$(BIN)/python -m pytest -rs -m chaos tests/chaos
+chaos: $(STAMP) ## kill, starve and flood the processes of a stage (some minutes)
+	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos
 
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)
 	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) --out build/soak

@@ -8,6 +8,7 @@ import argparse
 import csv
 import gc
 import secrets
+import signal
 import sys
 from pathlib import Path
 
@@ -33,11 +34,17 @@ def main() -> int:
         print(f"{elapsed_s / 3600:6.2f} h", flush=True)
         write_csv(chosen.out / "soak.csv", rows)  # so that an end by force leaves something
 
+    signals: list[int] = []  # SIGINT or SIGTERM ends it early; what there is will be judged
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda got, _frame: signals.append(got))
     gc.collect()
     gc.freeze()  # what has been imported stays
-    result = soak(3600 * chosen.hours, seed, chosen.out / "log", chosen.rate, progress)
+    result = soak(
+        3600 * chosen.hours, seed, chosen.out / "log", chosen.rate, progress, lambda: bool(signals)
+    )
     if result.rows:
-        title = f"{chosen.hours:g} simulated hours of a daemon at {chosen.rate:g} Hz, seed {seed}"
+        what = f"{result.rows[-1].hour:.1f} simulated hours of a daemon"
+        title = f"{what} at {chosen.rate:g} Hz, seed {seed}"
         save_png(chosen.out / "soak.png", soak_figure(result.rows, title, ERROR_RMS_PCT))
     print(summary(result))
     for violation in result.violations:

@@ -72,10 +72,19 @@ class Commands:
         observer: Learns what to expect.
         seed: Seed of the schedule.
         duration_s: Simulated time, in s.
+        ended: Returns whether to end early.
     """
 
-    def __init__(self, machine: Machine, observer: Observer, seed: int, duration_s: float) -> None:
-        self._machine, self._observer, self._duration_s = machine, observer, duration_s
+    def __init__(
+        self,
+        machine: Machine,
+        observer: Observer,
+        seed: int,
+        duration_s: float,
+        ended: Callable[[], bool],
+    ) -> None:
+        self._machine, self._observer = machine, observer
+        self._duration_s, self._ended = duration_s, ended
         self._draw = Random(seed)  # noqa: S311 - reproducible, not secret
         self._quiet_ns = 0
         self._mode, self._unknown = MODE, False
@@ -109,8 +118,8 @@ class Commands:
 
     @property
     def over(self) -> bool:
-        """Whether the time has passed."""
-        return self._machine.clock.elapsed_s >= self._duration_s
+        """Whether it is time to end."""
+        return self._ended() or self._machine.clock.elapsed_s >= self._duration_s
 
     async def __call__(self) -> None:
         """Operate the running daemon until it ends."""

@@ -6,6 +6,7 @@ devices, `piezod safe`, and all files.
 """
 
 import asyncio
+import gc
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr
 from functools import partial
@@ -120,6 +121,7 @@ class Machine:
         def run(main: Coroutine[Any, Any, T]) -> T:
             return run_virtually(both(main), self.pass_ns)
 
+        gc.collect()  # the daemon before may still hold mapped files, which a process would not
         self.paths.make_folders()
         with Lock(self.paths.lock) as lock, patch("asyncio.run", run):
             return run_stage(self.source, RunOptions(), self.paths, lock, Signals())

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.faults.table import FAULTS, Reaction, ids
+from piezod.control.faults.table import FAULTS, Reaction, Source, ids
 from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S
 
@@ -20,6 +20,9 @@ MOST_VIOLATIONS = 100
 ROW_NS = 60 * NS_PER_S
 AFTER_S = 30.0
 """Time after a disturbance in which its faults may still appear and errors do not count, in s."""
+LEARNED_S = 300.0
+"""The same for faults of the adaptation, in s: what a faulty sensor has taught is unlearned in
+motion, and D1 may come again after a reset."""
 MOVES_FROM = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD})
 """States from which a stage may begin to move."""
 STOPS = frozenset({State.HOLD, State.RAMP, State.BLIND, State.FAULT, State.ESTOP, State.STOPPING})
@@ -31,6 +34,8 @@ def _mask(least: Reaction) -> int:
 
 
 STOPPING, DEGRADING = _mask(Reaction.HOLD), _mask(Reaction.DEGRADE)
+OF_ADAPTATION = frozenset(rule.id for rule in FAULTS if rule.source is Source.ADAPTATION)
+LATER_NS = int((LEARNED_S - AFTER_S) * NS_PER_S)
 
 
 class Row(NamedTuple):
@@ -160,7 +165,8 @@ class Observer:
             self.seen[fault] += 1
         if self._now_ns > self._calm_ns:
             for fault in ids(record.present & ~self._present & DEGRADING):
-                if not self._expects(fault):
+                learned = fault in OF_ADAPTATION and self._now_ns <= self._calm_ns + LATER_NS
+                if not (learned or self._expects(fault)):
                     self._violate(f"{fault} in {record.state} without a cause")
 
     def _violate(self, text: str) -> None:

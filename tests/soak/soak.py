@@ -63,6 +63,7 @@ def soak(
     log: Path,
     rate_hz: float = RATE_HZ,
     progress: Callable[[float, list[Row]], None] = lambda *_: None,
+    ended: Callable[[], bool] = bool,
 ) -> Result:
     """Run a stage for a simulated time.
 
@@ -72,6 +73,7 @@ def soak(
         log: File for the log of the daemons.
         rate_hz: Rate of the loop, in Hz.
         progress: Takes the simulated time in s, and the minutes so far, at the end of each daemon.
+        ended: Returns whether to end early.
     """
     began_s, began_cpu_s = perf_counter(), process_time()
     # In memory where possible: a daemon syncs its files, and virtual time does not wait for a disk.
@@ -81,7 +83,7 @@ def soak(
         source = configuration(folder, **_changes(rate_hz))
         observer = Observer(RANGE_UM, folder)
         machine = Machine(source, folder, seed, observer.take)
-        commands = Commands(machine, observer, seed, duration_s)
+        commands = Commands(machine, observer, seed, duration_s, ended)
         found: list[str] = []
         with machine.installed(stream):
             while not commands.over and not found:
