@@ -251,6 +251,36 @@ def test_emergency_stop_waits_for_a_lost_amplifier() -> None:
     assert next_state(State.BLIND, Event.LINK_BACK, pressed) is State.ESTOP
 
 
+def test_emergency_stop_at_an_unknown_voltage_waits_for_the_amplifier() -> None:
+    """If nothing was driven, a ramp has no voltage to start at; driven axes start at theirs."""
+    unknown = GOOD._replace(output_known=False)
+    waits = {State.BOOT, State.SAFE, State.FAULT, State.BLIND}
+    driven = {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
+
+    assert {next_state(state, Event.ESTOP, unknown) for state in waits} == {State.BLIND}
+    assert {next_state(state, Event.ESTOP, unknown) for state in driven} == {State.ESTOP}
+
+
+@pytest.mark.parametrize(
+    "event", sorted({*Event} - {Event.ESTOP, Event.ARM, Event.LINK_BACK}, key=str)
+)
+@pytest.mark.parametrize("state", State)
+def test_no_other_event_needs_a_known_voltage(state: State, event: Event) -> None:
+    """A self-test that has passed leads to SAFE, a reset out of FAULT, and so on."""
+    unknown = GOOD._replace(output_known=False)
+
+    assert next_state(state, event, unknown) is next_state(state, event, GOOD)
+
+
+def test_emergency_stop_at_shutdown_ends_at_the_safe_voltage_only() -> None:
+    """Until then it goes on; in other states the safe voltage ends nothing."""
+    ending = GOOD._replace(shutting_down=True, estop_active=True)
+
+    assert next_state(State.RAMP, Event.ESTOP, ending) is State.ESTOP
+    assert next_state(State.ESTOP, Event.FAULT_HOLD, ending) is State.ESTOP
+    assert next_state(State.HOLD, Event.AT_SAFE, ending) is State.HOLD
+
+
 def test_reset_needs_every_fault_to_be_dropped() -> None:
     """Reset leads to SAFE, never further."""
     assert next_state(State.FAULT, Event.RESET, GOOD._replace(latched=True)) is State.FAULT
