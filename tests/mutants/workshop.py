@@ -23,8 +23,6 @@ source_paths = [{path}]
 also_copy = ["piezod"]
 pytest_add_cli_args_test_selection = {tests}
 pytest_add_cli_args = {options}
-# Otherwise a cache of the tests would have results of the module without a change.
-process_isolation = "forkserver"
 timeout_constant = {longest_s}
 timeout_multiplier = 1.0
 """
