@@ -89,7 +89,7 @@ def rarely_bad_facts() -> Iterator[Facts]:
 def outcomes() -> Outcomes:
     """Return the results of each state and event.
 
-    Not kept in a `functools.cache`, because `make mutants` runs the tests again in forked processes.
+    Not in a `functools.cache`, because `make mutants` runs the tests again in forked processes.
     """
     return frozenset(
         (state, event, step(state, event, facts))
