@@ -24,7 +24,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak peers epics \
-	bluesky browser screenshots fuzz check lint audit wheel bench bench-peers figures lock clean
+	bluesky browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
@@ -83,6 +83,9 @@ screenshots: $(STAMP) $(BROWSER) ## make the pictures of the page anew (needs ch
 
 fuzz: $(STAMP) $(FUZZ) ## feed what a fuzzer makes up to every reader and driver (20 s each)
 	build/fuzz/bin/python -m tests.fuzz $(TARGETS)
+
+schemathesis: $(STAMP) $(SCHEMATHESIS) ## send a simulated stage what its description allows, and more (1 min)
+	$(BIN)/python -m tests.openapi
 
 # The tests come last, so that their verdict is the last line.
 check: lint audit $(STAMP) ## run everything that continuous integration runs

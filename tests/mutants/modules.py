@@ -35,6 +35,7 @@ MODULES: Final = {
         "piezod/control/faults/register.py",
         (
             "tests/control/faults/test_register.py",
+            "tests/control/faults/test_register_details.py",
             "tests/control/faults/test_register_properties.py",
         ),
     ),

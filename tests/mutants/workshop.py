@@ -19,12 +19,10 @@ LONGEST_S: Final = 10.0
 KILLED: Final = ("killed", "timeout")
 SETTINGS: Final = """
 [tool.mutmut]
-source_paths = ["piezod"]
-only_mutate = [{path}]
+source_paths = [{path}]
+also_copy = ["piezod"]
 pytest_add_cli_args_test_selection = {tests}
 pytest_add_cli_args = {options}
-# Otherwise a cache of the tests would have results of the module without a change.
-process_isolation = "forkserver"
 timeout_constant = {longest_s}
 timeout_multiplier = 1.0
 """
@@ -70,7 +68,8 @@ def findings(name: str, module: Module) -> Findings:
     _mutmut(folder, "run")
     _mutmut(folder, "export-cicd-stats")
     stats = json.loads((folder / "mutants" / "mutmut-cicd-stats.json").read_text())
-    survivors = [_change(folder, mutant) for mutant in _survivors(_mutmut(folder, "results"))]
+    names = _survivors(_mutmut(folder, "results"))
+    survivors = [change_of(name, _mutmut(folder, "show", name)) for name in names]
     return Findings(stats["total"], survivors)
 
 
@@ -85,6 +84,17 @@ def with_functions(source: str) -> str:
         lines[node.lineno - 1] = lines[node.lineno - 1].replace("def ", "def get_", 1)
         del lines[node.lineno - 2]
     return "\n".join([*lines, ""])
+
+
+def change_of(mutant: str, shown: str) -> Change:
+    """Return what a mutant changes, from its name and the difference that mutmut shows."""
+    mangled = mutant.rpartition(".")[2].rpartition("__mutmut_")[0]
+    function = mangled.removeprefix("xǁ").replace("ǁ", ".").removeprefix("x_")
+    before, after = (
+        "\n".join(line[1:].strip() for line in shown.splitlines() if line[:1] == sign != line[1:2])
+        for sign in "-+"
+    )
+    return Change(function.replace(".get_", "."), before, after)
 
 
 def _properties(source: str) -> Iterator[ast.FunctionDef]:
@@ -139,15 +149,3 @@ def _survivors(results: str) -> Iterator[str]:
         mutant, _, status = line.strip().rpartition(": ")
         if status not in KILLED:
             yield mutant
-
-
-def _change(folder: Path, mutant: str) -> Change:
-    """Return what a mutant changes."""
-    lines = _mutmut(folder, "show", mutant).splitlines()
-    mangled = mutant.rpartition(".")[2].rpartition("__mutmut_")[0]
-    function = mangled.removeprefix("xǁ").replace("ǁ", ".").removeprefix("x_")
-    sides = (
-        "\n".join(line[1:].strip() for line in lines if line[:1] == sign != line[1:2])
-        for sign in "-+"
-    )
-    return Change(function.replace(".get_", "."), *sides)

@@ -42,13 +42,12 @@ class FaultRegister:
         self._cycle = 0
         self._rules = list(FAULTS)
         self._last = [Detection(rule.id) for rule in FAULTS]
-        self._seen_cycle = [0] * len(FAULTS)
-        self._since_cycle = [0] * len(FAULTS)
-        self._since_ns = [0] * len(FAULTS)
-        self._axes = [0] * len(FAULTS)
+        self._seen_cycle, self._since_cycle, self._since_ns, self._axes = (
+            [0] * len(FAULTS) for _ in range(4)
+        )
         # For each source and reaction: the last cycle in which such a fault still counts as a
         # cause.
-        self._cause_until_cycle = [[-1] * len(Reaction) for _ in Source]
+        self._cause_until_cycle = [[0] * len(Reaction) for _ in Source]
 
     def update(self, detections: Sequence[Detection], t_ns: int) -> Reaction:
         """Take the detections of this cycle. Call once per cycle.
@@ -67,7 +66,7 @@ class FaultRegister:
             return Reaction.NONE
         worst = Reaction.NONE
         # Causes first: consequences are then suppressed in the same cycle.
-        for detection in sorted(detections, key=_source) if len(detections) > 1 else detections:
+        for detection in sorted(detections, key=_source):
             worst = max(worst, self._add(detection, t_ns))
         for index in _positions(self.present):
             # A fault ends late, so that one that flickers neither ends nor reacts again each time.
@@ -171,7 +170,7 @@ class FaultRegister:
         if axis & ~self._axes[index]:
             self._axes[index] |= axis
             self.news.append(News(self._rules[index], detection, True))
-            return self._without_repeated_hold(index, self._rules[index])
+            return self._without_repeated_hold(self._rules[index])
         return self._escalate(index, detection, t_ns)
 
     def _appear(
@@ -184,7 +183,7 @@ class FaultRegister:
         latched = self.latched >> index & 1
         if latched:  # it returns: first reaction, but the latch it had
             rule = rule._replace(latch=max(rule.latch, self._rules[index].latch))
-        reaction = self._without_repeated_hold(index, rule)
+        reaction = self._without_repeated_hold(rule)
         self._rules[index], self._last[index] = rule, detection
         self._axes[index] = axis | (self._axes[index] if latched else 0)
         self._since_cycle[index], self._since_ns[index] = self._cycle, t_ns
@@ -208,7 +207,7 @@ class FaultRegister:
         rule = rule._replace(
             reaction=escalation.reaction, latch=escalation.latch, escalation=escalation.then
         )
-        reaction = self._without_repeated_hold(index, rule)
+        reaction = self._without_repeated_hold(rule)
         self._rules[index] = rule
         self.latched |= 1 << index
         self.news.append(News(rule, detection, True))
@@ -225,21 +224,19 @@ class FaultRegister:
             for source in range(rule.source)
         )
 
-    def _without_repeated_hold(self, index: int, rule: FaultRule) -> Reaction:
+    def _without_repeated_hold(self, rule: FaultRule) -> Reaction:
         """Return the reaction, or NONE if it is a HOLD that is already in effect.
 
         That is so if the same source already holds the stage, or if a consequence of this fault was
         found a little earlier.
         """
         if rule.reaction is Reaction.HOLD:
-            for other in _positions(self.present & ~(1 << index)):
+            for other in _positions(self.present):
                 held = self._rules[other]
                 if held.reaction >= Reaction.HOLD and (
                     held.source is rule.source or self._can_cause(rule, other)
                 ):
                     return Reaction.NONE
-            if self.present >> index & 1 and self._rules[index].reaction >= Reaction.HOLD:
-                return Reaction.NONE
         return rule.reaction
 
     def _can_cause(self, rule: FaultRule, other: int) -> bool:

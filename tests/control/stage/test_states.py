@@ -1,7 +1,6 @@
 """Tests of the state machine, for every state, event and combination of facts."""
 
 from collections.abc import Iterator
-from functools import cache
 from itertools import combinations, product
 from pathlib import Path
 
@@ -29,6 +28,7 @@ NEVER_REFUSED = {
     Event.FAULT_BLIND,
     Event.FAULT_CUT,
 }
+Outcomes = frozenset[tuple[State, Event, Transition]]
 INFLUENCE = [name for name in Facts._fields if name != "no_entry"]
 
 # One row per event, one column per state: "." stays, "!" is refused, if all facts are good.
@@ -85,9 +85,12 @@ def rarely_bad_facts() -> Iterator[Facts]:
             yield GOOD._replace(no_entry="the disk is full" * ("no_entry" in names), **changed)
 
 
-@cache
-def outcomes() -> frozenset[tuple[State, Event, Transition]]:
-    """Return the results of each state and event."""
+@pytest.fixture(scope="module")
+def outcomes() -> Outcomes:
+    """Return the results of each state and event.
+
+    Not in a `functools.cache`, because `make mutants` runs the tests again in forked processes.
+    """
     return frozenset(
         (state, event, step(state, event, facts))
         for facts in rarely_bad_facts()
@@ -119,7 +122,7 @@ def test_states_follow_the_table_if_all_facts_are_good(
     assert bool(refusal) == (entry == "!")
 
 
-def test_every_combination_has_a_result_and_a_refusal_keeps_the_state() -> None:
+def test_every_combination_has_a_result_and_a_refusal_keeps_the_state(outcomes: Outcomes) -> None:
     """The function is total; a refusal names the state. No combination has a result of its own."""
     everything = {
         (state, event, step(state, event, facts))
@@ -128,7 +131,7 @@ def test_every_combination_has_a_result_and_a_refusal_keeps_the_state() -> None:
         for event in Event
     }
 
-    assert everything == outcomes()
+    assert everything == outcomes
     for state, _, (after, refusal) in everything:
         assert after in State
         if refusal:
@@ -137,16 +140,16 @@ def test_every_combination_has_a_result_and_a_refusal_keeps_the_state() -> None:
             assert f" in {state}: " in refusal
 
 
-def test_events_that_lead_down_are_never_refused() -> None:
+def test_events_that_lead_down_are_never_refused(outcomes: Outcomes) -> None:
     """This holds for all facts."""
-    refused = {event for _, event, outcome in outcomes() if outcome.refusal}
+    refused = {event for _, event, outcome in outcomes if outcome.refusal}
 
     assert not refused & NEVER_REFUSED
 
 
-def test_run_and_ident_start_from_ready_only() -> None:
+def test_run_and_ident_start_from_ready_only(outcomes: Outcomes) -> None:
     """RUN also resumes from HOLD; there is no other edge into them."""
-    edges = {(state, event, after) for state, event, (after, _) in outcomes() if state != after}
+    edges = {(state, event, after) for state, event, (after, _) in outcomes if state != after}
 
     assert {edge for edge in edges if edge[2] in {State.RUN, State.IDENT}} == {
         (State.READY, Event.RUN, State.RUN),
@@ -251,6 +254,36 @@ def test_emergency_stop_waits_for_a_lost_amplifier() -> None:
     assert next_state(State.BLIND, Event.LINK_BACK, pressed) is State.ESTOP
 
 
+def test_emergency_stop_at_an_unknown_voltage_waits_for_the_amplifier() -> None:
+    """If nothing was driven, a ramp has no voltage to start at; driven axes start at theirs."""
+    unknown = GOOD._replace(output_known=False)
+    waits = {State.BOOT, State.SAFE, State.FAULT, State.BLIND}
+    driven = {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
+
+    assert {next_state(state, Event.ESTOP, unknown) for state in waits} == {State.BLIND}
+    assert {next_state(state, Event.ESTOP, unknown) for state in driven} == {State.ESTOP}
+
+
+@pytest.mark.parametrize(
+    "event", sorted({*Event} - {Event.ESTOP, Event.ARM, Event.LINK_BACK}, key=str)
+)
+@pytest.mark.parametrize("state", State)
+def test_no_other_event_needs_a_known_voltage(state: State, event: Event) -> None:
+    """A self-test that has passed leads to SAFE, a reset out of FAULT, and so on."""
+    unknown = GOOD._replace(output_known=False)
+
+    assert next_state(state, event, unknown) is next_state(state, event, GOOD)
+
+
+def test_emergency_stop_at_shutdown_ends_at_the_safe_voltage_only() -> None:
+    """Until then it goes on; in other states the safe voltage ends nothing."""
+    ending = GOOD._replace(shutting_down=True, estop_active=True)
+
+    assert next_state(State.RAMP, Event.ESTOP, ending) is State.ESTOP
+    assert next_state(State.ESTOP, Event.FAULT_HOLD, ending) is State.ESTOP
+    assert next_state(State.HOLD, Event.AT_SAFE, ending) is State.HOLD
+
+
 def test_reset_needs_every_fault_to_be_dropped() -> None:
     """Reset leads to SAFE, never further."""
     assert next_state(State.FAULT, Event.RESET, GOOD._replace(latched=True)) is State.FAULT
@@ -292,11 +325,11 @@ def test_every_state_except_stopping_can_reach_safe(state: State) -> None:
     assert State.STOPPING in reached
 
 
-def test_refusals_are_those_of_the_list() -> None:
+def test_refusals_are_those_of_the_list(outcomes: Outcomes) -> None:
     """Each says what is refused, in which state, and what would help, word by word."""
     listed = Path(__file__).with_name("refusals.txt").read_text(encoding="utf-8").splitlines()
 
-    assert {outcome.refusal for _, _, outcome in outcomes() if outcome.refusal} == {*listed}
+    assert {outcome.refusal for _, _, outcome in outcomes if outcome.refusal} == {*listed}
 
 
 def test_refusal_names_the_remedy() -> None:
