@@ -17,8 +17,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test coverage stress peers bluesky browser screenshots fuzz check lint bench \
-	bench-peers figures lock clean
+.PHONY: help demo docs docs-test test coverage stress peers bluesky browser screenshots fuzz check lint \
+	bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
@@ -42,7 +42,7 @@ peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 
 bluesky: $(STAMP) $(BLUESKY) ## scan simulated stages with Bluesky's RunEngine
 	build/bluesky/bin/python -m mypy --cache-dir build/bluesky/mypy piezod/bluesky tests/bluesky
-	build/bluesky/bin/python -m pytest -rs -m bluesky tests/bluesky
+	build/bluesky/bin/python -m pytest -rs -m bluesky tests/bluesky --timeout 600
 
 docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
 	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
