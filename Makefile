@@ -63,7 +63,7 @@ peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
 
 bluesky: $(STAMP) $(BLUESKY) ## scan simulated stages with Bluesky's RunEngine
 	build/bluesky/bin/python -m mypy --cache-dir build/bluesky/mypy piezod/bluesky tests/bluesky
-	build/bluesky/bin/python -m pytest -rs -m bluesky tests/bluesky
+	build/bluesky/bin/python -m pytest -rs -m bluesky tests/bluesky --timeout 600
 
 epics: $(STAMP) $(EPICS) ## run the IOC and EPICS clients by others against it
 	$(BIN)/python -m pytest -rs -m epics tests/epics

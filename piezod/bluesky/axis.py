@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
 from typing import Final
 
 from bluesky.protocols import Checkable, Locatable, Location, Reading, Stoppable, Subscribable
@@ -34,6 +35,26 @@ from piezod.errors import NotReachedError, RefusedError
 SETTLE_S: Final = 10.0
 """Longest time on the way to a target beyond the way at full speed, in s."""
 _DIGITS: Final = {"um": 4, "V": 3}
+
+
+@dataclass
+class Movement:
+    """A movement that `stop` may end.
+
+    Attributes:
+        ended: Empty; "success" or "failure" if it was ended before its target.
+        status: The wait for its arrival, once it has begun.
+    """
+
+    ended: str = ""
+    status: AsyncStatus[None] | None = None
+
+    def end(self, *, success: bool) -> None:
+        """End the wait, or do not let it begin."""
+        if self.status is None or not self.status.done:
+            self.ended = "success" if success else "failure"
+        if self.status is not None:
+            self.status.task.cancel()
 
 
 class InstantAxis(DeviceMock["PiezoAxis"]):
@@ -75,8 +96,7 @@ class PiezoAxis(
 
     def __init__(self, link: StageLink, axis: str) -> None:
         self._link, self._axis = link, axis
-        self._move: AsyncStatus[None] | None = None
-        self._stopped = ""
+        self._movement = Movement()
         with self.add_children_as_readables(Format.HINTED_UNCACHED_SIGNAL):
             self.position = readable(link, self._measured("position_um", "um"))
         with self.add_children_as_readables(Format.UNCACHED_SIGNAL):
@@ -125,10 +145,9 @@ class PiezoAxis(
             remedy = f"allowed: {low_um:g} to {high_um:g} µm, command_range_um of the axis"
             raise RefusedError(what, remedy, "value")
 
-    @WatchableAsyncStatus.wrap
-    async def set(
+    def set(
         self, value: float, timeout: CalculatableTimeout = "CALCULATE_TIMEOUT"
-    ) -> AsyncIterator[WatcherUpdate[float]]:
+    ) -> WatchableAsyncStatus[float]:
         """Move; done when the position has been within its tolerance for the settling time.
 
         Args:
@@ -140,7 +159,13 @@ class PiezoAxis(
             NotReachedError: If the movement was stopped, held, replaced, or takes too long.
             ClientError: If the daemon refuses it, or ends.
         """
-        self._stopped = ""
+        # Before anything is awaited: `stop` may come before the task begins.
+        self._movement = Movement()
+        return WatchableAsyncStatus(self._moves(value, timeout, self._movement), self.name)
+
+    async def _moves(
+        self, value: float, timeout: CalculatableTimeout, movement: "Movement"
+    ) -> AsyncIterator[WatcherUpdate[float]]:
         await self.check_value(value)
         initial_um, speed_um_per_s = await asyncio.gather(
             self.position.get_value(), self.speed.get_value()
@@ -150,8 +175,8 @@ class PiezoAxis(
             way_um = abs(value - initial_um) if math.isfinite(initial_um) else 0.0
             longest_s = way_um / speed_um_per_s + SETTLE_S
         try:
-            async with AsyncStatus(self._go(value, longest_s)) as self._move:
-                async for current_um in observe_value(self.position, done_status=self._move):
+            async with AsyncStatus(self._go(value, longest_s, movement)) as movement.status:
+                async for current_um in observe_value(self.position, done_status=movement.status):
                     yield WatcherUpdate(
                         current=current_um,
                         initial=initial_um,
@@ -161,9 +186,9 @@ class PiezoAxis(
                         precision=_DIGITS["um"],
                     )
         except asyncio.CancelledError:
-            if not self._stopped:
+            if not movement.ended:
                 raise
-        if self._stopped == "failure":
+        if movement.ended == "failure":
             raise NotReachedError(f"{self.name}: stopped before it reached {value:g} µm")
 
     async def stop(self, success: bool = False) -> None:
@@ -175,19 +200,13 @@ class PiezoAxis(
         Args:
             success: Whether the movement counts as done; otherwise it fails.
         """
-        self.interrupt(success=success)
+        self._movement.end(success=success)
         if self._axis in self._link.moving:
             await self._link.hold()
 
-    def interrupt(self, *, success: bool) -> None:
-        """End the wait of `set`; the stage moves on.
-
-        Args:
-            success: Whether the movement counts as done; otherwise it fails.
-        """
-        if self._move is not None and not self._move.done:
-            self._stopped = "success" if success else "failure"
-            self._move.task.cancel()
+    def interrupt(self) -> None:
+        """End the wait of `set`, as if the axis had arrived; the stage moves on."""
+        self._movement.end(success=True)
 
     async def locate(self) -> Location[float]:
         """Return target and measured position, in µm."""
@@ -206,7 +225,9 @@ class PiezoAxis(
         """Remove a subscription."""
         self.position.clear_sub(function)
 
-    async def _go(self, value: float, timeout_s: float | None) -> None:
+    async def _go(self, value: float, timeout_s: float | None, movement: "Movement") -> None:
+        if movement.ended:
+            return
         try:
             await self.setpoint.set(value, timeout=timeout_s)
         except TimeoutError as error:

@@ -118,7 +118,7 @@ class StageLink:
         """
         if self._batch is None:
             self._batch = asyncio.ensure_future(self._status_soon())
-            self._batch.add_done_callback(_take_exception)
+            self._batch.add_done_callback(take_exception)
         return await asyncio.shield(self._batch)
 
     @asynccontextmanager
@@ -175,7 +175,7 @@ class StageLink:
         Raises:
             ClientError: If the daemon does not answer, or does not allow it.
         """
-        held_already = await self._is_held()
+        held_already = not self.moving and await self._is_held()
         try:
             await self.daemon.hold()
         except RefusedError as error:
@@ -221,7 +221,7 @@ class StageLink:
                 await self.daemon.renew_lease()
 
 
-def _take_exception(future: "asyncio.Future[Any]") -> None:
+def take_exception(future: "asyncio.Future[Any]") -> None:
     """Take the exception of a request that nobody waits for any more."""
     if not future.cancelled():
         future.exception()

@@ -10,7 +10,7 @@ from piezod.bluesky.link import StageLink
 from piezod.client.arrival import SAME_UM, arrival
 from piezod.client.calls import Waveforms
 from piezod.client.telemetry import Telemetry
-from piezod.errors import RefusedError
+from piezod.errors import NotReachedError, RefusedError
 
 _SETTLE_S: Final = 1.0
 """Time after the end of waveforms for the axes to settle, in s."""
@@ -56,22 +56,31 @@ async def follow_waves(
         NotReachedError: If the stage was stopped, held, or moved by another client.
         ClientError: If the daemon refuses them, or ends.
     """
-    async with link.hub.listening() as intervals:
-        with moving(link, *command_um):
-            await link.go_on()
-            motion = (await link.daemon.wave(command_um, duration_s)).motion
-            begun.set()
-            first, begin_s = next(iter(command_um)), math.inf
-            async with asyncio.timeout(duration_s + _SILENT_S):
-                async for interval in intervals:
-                    arrival(interval, motion, first)  # raises if the movement was interrupted
-                    if interval.axes[first].motion < motion:
-                        continue
-                    begin_s = min(begin_s, interval.t_s)
-                    if all(interval.axes[axis].on_target for axis in command_um):
-                        return
-                    if interval.t_s - begin_s > duration_s + _SETTLE_S:
-                        return
+    try:
+        async with asyncio.timeout(duration_s + _SILENT_S), link.hub.listening() as intervals:
+            with moving(link, *command_um):
+                await link.go_on()
+                motion = (await link.daemon.wave(command_um, duration_s)).motion
+                begun.set()
+                await _waves_end(intervals, motion, tuple(command_um), duration_s)
+    except TimeoutError as error:
+        what = f"{link.title}: the waveforms of {duration_s:g} s have not ended in time"
+        raise NotReachedError(what, "look at the log of the daemon", "timeout") from error
+
+
+async def _waves_end(
+    intervals: AsyncIterator[Telemetry], motion: int, axes: tuple[str, ...], duration_s: float
+) -> None:
+    begin_s = math.inf
+    async for interval in intervals:
+        arrival(interval, motion, axes[0])  # raises if the movement was interrupted
+        if interval.axes[axes[0]].motion < motion:
+            continue
+        begin_s = min(begin_s, interval.t_s)
+        if all(interval.axes[axis].on_target for axis in axes):
+            return
+        if interval.t_s - begin_s > duration_s + _SETTLE_S:
+            return
 
 
 @contextmanager

@@ -46,6 +46,7 @@ class StageConnector(DeviceConnector):
             async with asyncio.timeout(timeout):
                 await self._link.connect(tuple(self._axes))
         except (ClientError, TimeoutError) as error:
+            await self._link.close()
             why = str(error) or f"{self._link.title}: the daemon does not answer in time"
             raise NotConnectedError(why) from error
         for axis in self._axes.values():
@@ -73,7 +74,7 @@ class PiezoStage(StandardReadable):
 
     Attributes:
         axes: The axes, by name.
-        flyer: Follows waves.
+        flyer: Follows waves, and lets the device play tables.
         state: State of the stage.
         faults: Ids of the faults, separated by commas.
     """
@@ -135,7 +136,7 @@ class PiezoStage(StandardReadable):
 
     @AsyncStatus.wrap
     async def unstage(self) -> None:
-        """Release the lease; hold the stage if a wave goes on, or if that was chosen.
+        """Release the lease; hold the stage if a movement goes on, or if that was chosen.
 
         Raises:
             ClientError: If the stage cannot be held.
@@ -144,7 +145,7 @@ class PiezoStage(StandardReadable):
             return
         self._staged = False
         try:
-            if self.flyer.flies or self._hold_at_end:
+            if self.link.moving or self.flyer.flies or self._hold_at_end:
                 await self.hold()
         finally:
             await self.link.return_lease()
@@ -156,7 +157,7 @@ class PiezoStage(StandardReadable):
             ClientError: If the daemon does not answer, or does not allow it.
         """
         for axis in self.axes.values():
-            axis.interrupt(success=True)
+            axis.interrupt()
         await self.flyer.land()
         await self.link.hold()
 

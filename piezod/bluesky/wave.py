@@ -1,21 +1,30 @@
-"""A wave: what a flyer follows."""
+"""A wave: waveforms that the loop follows, with a recording of all cycles."""
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 from pydantic import ValidationError
 
 from piezod.bluesky.facts import AxisFacts
+from piezod.bluesky.link import StageLink
+from piezod.bluesky.motion import follow_waves, move_to
+from piezod.bluesky.recorded import Column
 from piezod.client.calls import Waveforms
 from piezod.client.waveforms import tupled
 from piezod.config.requests import Wave as WaveRequest
 from piezod.control.reference.waveforms import build_waveform
-from piezod.errors import RefusedError
+from piezod.errors import ClientError, DataError, RefusedError
+
+_LABEL: Final = "bluesky"
 
 
 @dataclass(frozen=True)
 class Wave:
-    """Waveforms to follow.
+    """Waveforms to follow, for a flyer.
 
     Attributes:
         command_um: Axis: position over time in µm, a waveform as in experiment files.
@@ -25,15 +34,52 @@ class Wave:
     command_um: Waveforms
     duration_s: float
 
-    def start_um(self, facts: Mapping[str, AxisFacts]) -> dict[str, float]:
-        """Return the positions at which it starts, in µm.
-
-        Args:
-            facts: Limits of the axes.
+    async def prepare(self, link: StageLink) -> None:
+        """Check the waveforms, and move the axes to their start.
 
         Raises:
             RefusedError: If it is not a waveform, an axis is unknown, or its range is exceeded.
+            NotReachedError: If an axis does not arrive at the start.
+            ClientError: If the daemon does not answer.
         """
+        start_um = self._start_um(link.facts)
+        await asyncio.gather(*(move_to(link, axis, um) for axis, um in start_um.items()))
+
+    async def fly(self, link: StageLink, file: Path, begun: asyncio.Event) -> None:
+        """Record all cycles while the stage follows the waveforms.
+
+        Args:
+            link: Connection to the stage.
+            file: Where the recording is copied to.
+            begun: Set when the daemon has accepted the waveforms.
+
+        Raises:
+            NotReachedError: If the stage was stopped, held, or moved by another client.
+            DataError: If the recording has ended before the waveforms.
+            ClientError: If the daemon refuses, or ends.
+        """
+        await link.daemon.start_recording(_LABEL)
+        try:
+            await follow_waves(link, self.command_um, self.duration_s, begun)
+        except BaseException:
+            with suppress(ClientError):  # the reason is the other error
+                await link.daemon.stop_recording()
+            raise
+        recording = await link.daemon.stop_recording()
+        if recording.why or recording.files > 1:
+            why = recording.why or "it has several files, see recordings.max_file_mb"
+            raise DataError(f"{link.title}: recording {recording.name}: {why}")
+        await link.fetch_recording(recording.name, file)
+
+    def columns(self, recorded: Sequence[Column]) -> list[Column]:
+        """Return the columns that its file has.
+
+        Args:
+            recorded: The columns of a recording.
+        """
+        return list(recorded)
+
+    def _start_um(self, facts: Mapping[str, AxisFacts]) -> dict[str, float]:
         try:
             request = WaveRequest.model_validate(
                 {"command_um": tupled(self.command_um), "duration_s": self.duration_s}

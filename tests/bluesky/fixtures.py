@@ -44,6 +44,8 @@ def engine() -> Iterator[RunEngine]:
     engine = RunEngine({}, call_returns_result=True)
     engine.preprocessors.append(hold_after_failure)
     yield engine
+    if engine.state == "paused":  # the test has failed
+        engine.halt()
     engine.loop.call_soon_threadsafe(engine.loop.stop)
     engine._th.join()  # noqa: SLF001 - there is no public way to end it
     engine.loop.close()

@@ -120,7 +120,9 @@ def test_ctrl_c_holds_and_the_plan_can_go_on(
 
     def interrupt() -> None:
         os.kill(os.getpid(), signal.SIGINT)
-        eventually(lambda: engine.deferred_pause_requested)
+        here_um = coarse.daemon.status()["axes"]["x"]["position_um"]
+        # A second signal within 0.1 s would not count.
+        eventually(lambda: coarse.daemon.status()["axes"]["x"]["position_um"] > here_um + 3.0)
         os.kill(os.getpid(), signal.SIGINT)
 
     engine(bps.mv(x.x, 2.0))
@@ -138,12 +140,31 @@ def test_a_movement_that_nobody_waits_for_ends_with_the_plan(
     engine: RunEngine, x: PiezoStage, coarse: Bench
 ) -> None:
     """The stage is held on the way; the next movement resumes it."""
-    engine(bps.mv(x.x, 2.0))
-    engine(bps.abs_set(x.x, 22.0))
+
+    def plan() -> MsgGenerator[None]:
+        yield from bps.mv(x.x, 2.0)
+        yield from bps.abs_set(x.x, 22.0)
+        while (yield from bps.rd(x.x)) < 4.0:
+            pass
+
+    engine(plan())
 
     assert state(coarse) == "HOLD"
     engine(bps.mv(x.x, 3.0))
     assert coarse.daemon.status()["axes"]["x"]["position_um"] == pytest.approx(3.0, abs=0.6)
+
+
+def test_a_movement_that_has_not_begun_does_not_begin_after_the_plan(
+    engine: RunEngine, x: PiezoStage, coarse: Bench
+) -> None:
+    """The plan ends at once: the stage stays where it is, or is held before it gets far."""
+    engine(bps.mv(x.x, 2.0))
+    engine(bps.abs_set(x.x, 22.0))
+
+    engine(bps.sleep(1.0))
+    axis = coarse.daemon.status()["axes"]["x"]
+    assert axis["position_um"] == pytest.approx(2.0, abs=1.5)
+    assert state(coarse) == ("RUN" if axis["target_um"] == 2.0 else "HOLD")
 
 
 def test_a_movement_that_takes_too_long_fails(

@@ -12,7 +12,7 @@ from bluesky.consolidators import HDF5Consolidator
 from bluesky.run_engine import RunEngine
 from bluesky.utils import FailedStatus, MsgGenerator
 
-from piezod.bluesky import PiezoStage, Wave
+from piezod.bluesky import PiezoStage, Play, Wave
 from piezod.errors import NotReachedError, RefusedError
 from tests.bluesky.rigs import CLOSE_UM, Bench, Documents
 from tests.bluesky.test_failures import state, when
@@ -22,15 +22,16 @@ pytestmark = pytest.mark.bluesky
 TRIANGLE = {"kind": "triangle", "low": 4.0, "high": 12.0, "frequency_hz": 0.5}
 
 
-def fly(stage: PiezoStage, *waves: Wave) -> MsgGenerator[None]:
-    """Follow waves, each with a recording of its own."""
+def fly(stage: PiezoStage, *flights: Wave | Play) -> MsgGenerator[None]:
+    """Fly, each time with a file of its own."""
 
     @bpp.stage_decorator([stage])
     @bpp.run_decorator()
     def inner() -> MsgGenerator[None]:
-        yield from bps.declare_stream(stage.flyer, name="primary", collect=True)
-        for wave in waves:
-            yield from bps.prepare(stage.flyer, wave, wait=True)
+        for number, flight in enumerate(flights):
+            yield from bps.prepare(stage.flyer, flight, wait=True)
+            if not number:
+                yield from bps.declare_stream(stage.flyer, name="primary", collect=True)
             yield from bps.kickoff(stage.flyer, wait=True)
             yield from bps.complete(stage.flyer, wait=True)
             yield from bps.collect(stage.flyer, name="primary")
