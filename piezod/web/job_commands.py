@@ -88,7 +88,9 @@ def learn_command(wanted: Learn, folder: Path) -> list[str]:
 
 
 def tables_folder(stage: str, environ: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of the tables that were learned for a stage."""
+    """Return the folder of the tables that this user, or this service, has learned for a stage."""
+    if folder := environ.get("STATE_DIRECTORY"):
+        return Path(folder) / "tables" / stage
     base = environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(base) / "piezod-web" / "tables" / stage
 

@@ -1,6 +1,7 @@
 """The installed files, checked by systemd's own tools; nothing is started."""
 
 import shutil
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -75,11 +76,22 @@ def test_users_and_groups_are_made(root: Path) -> None:
     assert groups["dialout"].endswith(":piezod")
 
 
-def section(name: str) -> dict[str, list[str]]:
-    """Return all values of each key in a section of the shipped unit."""
+@pytest.mark.skipif(shutil.which("systemd-tmpfiles") is None, reason="no systemd-tmpfiles")
+def test_folders_are_made(root: Path) -> None:
+    """Everybody can read the configurations and find the stages; only root can add one."""
+    definitions = root / service_files.TARGETS["piezod.tmpfiles"]
+    command = [str(shutil.which("systemd-tmpfiles")), "--create", f"--root={root}"]
+    subprocess.run([*command, str(definitions)], check=True)
+
+    for folder in ("etc/piezod", "run/piezod"):
+        assert stat.S_IMODE((root / folder).stat().st_mode) == 0o755
+
+
+def section(name: str, file: str = "piezod@.service") -> dict[str, list[str]]:
+    """Return all values of each key in a section of a shipped unit."""
     found: dict[str, list[str]] = {}
     here = ""
-    for line in (shipped("systemd") / "piezod@.service").read_text().splitlines():
+    for line in (shipped("systemd") / file).read_text().splitlines():
         if line.startswith("["):
             here = line.strip("[]")
         elif here == name and "=" in line and not line.startswith("#"):
@@ -138,3 +150,13 @@ def test_the_loop_may_become_real_time() -> None:
 def test_peers_are_known() -> None:
     """In a user namespace every client would have the same unknown user."""
     assert "PrivateUsers" not in section("Service")
+
+
+def test_page_has_folders_that_it_can_write() -> None:
+    """Its user has no home: token, copies, learned tables and kernels have folders of the unit."""
+    service = section("Service", "piezod-web.service")
+
+    for kind in ("Runtime", "Cache", "State"):
+        assert service[f"{kind}Directory"] == ["piezod-web"]
+    assert service["Environment"] == ["NUMBA_CACHE_DIR=%C/piezod-web/kernels"]
+    assert service["ProtectSystem"] == ["strict"]

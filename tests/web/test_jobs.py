@@ -65,6 +65,13 @@ def test_a_waveform_is_one_that_the_command_takes(
     assert arguments[arguments.index("--tables") + 1] == str(tables_folder("bench"))
 
 
+def test_tables_of_the_service_are_in_its_folder() -> None:
+    """The user of the service has no home folder."""
+    environ = {"STATE_DIRECTORY": "/var/lib/piezod-web", "XDG_STATE_HOME": "/home/olga/state"}
+
+    assert tables_folder("bench", environ) == Path("/var/lib/piezod-web/tables/bench")
+
+
 def last_job(tab: Tab) -> dict[str, object]:
     """Return the job after its end."""
     while (job := tab.event("job")["job"])["running"]:
