@@ -57,4 +57,4 @@ def converse(client: Client) -> None:
                 answer = ""
             except Exception as error:  # noqa: BLE001 - each library has its own
                 answer = repr(error)
-        print(json.dumps(answer), flush=True)
+        print(json.dumps(answer, default=plain), flush=True)
