@@ -20,6 +20,7 @@ _USE = (
     "usermod -aG piezod-view,piezod USER   # a user who may move the stage",
     "systemctl enable --now piezod@CONFIGURATION",
     "systemctl enable --now piezod-web   # the page with all stages",
+    "systemctl enable --now piezod-ioc   # the stages as EPICS records",
 )
 
 
@@ -38,9 +39,9 @@ def install_service(
 ) -> None:
     """Install the systemd service of the daemon on this machine; needs root.
 
-    Writes the unit `piezod@.service`, of which one instance runs one stage, that of the page, the
-    udev rules, and the definitions of users and folders. Then prints the commands that activate
-    them.
+    Writes the unit `piezod@.service`, of which one instance runs one stage, those of the page and
+    of the IOC, the udev rules, and the definitions of users and folders. Then prints the commands
+    that activate them.
     """
     from piezod.daemon import service_files
 

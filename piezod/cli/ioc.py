@@ -1,5 +1,6 @@
 """`piezod ioc`: the running stages as EPICS records."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -28,6 +29,14 @@ def ioc(
             "computer only. EPICS has no password.",
         ),
     ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Write lists for archiver and autosave and a screen for Phoebus into a folder, "
+            "and end.",
+        ),
+    ] = None,
 ) -> None:
     """Serve the running stages as EPICS records (CA and PVA) until Ctrl-C.
 
@@ -38,7 +47,7 @@ def ioc(
 
     from piezod.client.places import find_socket, running_stages
     from piezod.errors import NotRunningError
-    from piezod.ioc.server import Plan, serve
+    from piezod.ioc.server import Plan, serve, write_lists
 
     try:
         interfaces = [IPv4Address(text) for text in interface or ()]
@@ -51,4 +60,8 @@ def ioc(
         what = f"needs {{stage}} for several stages ({', '.join(sockets)})"
         raise typer.BadParameter(what, param_hint="--prefix")
     plan = Plan(sockets, prefix, control, interfaces)
+    if write is not None:
+        for file in write_lists(plan, write):
+            typer.echo(f"written: {file}")
+        return
     serve(plan, announce=typer.echo, report=lambda text: typer.echo(text, err=True))

@@ -17,6 +17,7 @@ from piezod.records.atomic import replacing
 TARGETS: Final = {
     "piezod@.service": Path("usr/lib/systemd/system/piezod@.service"),
     "piezod-web.service": Path("usr/lib/systemd/system/piezod-web.service"),
+    "piezod-ioc.service": Path("usr/lib/systemd/system/piezod-ioc.service"),
     "piezod.rules": Path("usr/lib/udev/rules.d/70-piezod.rules"),
     "piezod.sysusers": Path("usr/lib/sysusers.d/piezod.conf"),
     "piezod.tmpfiles": Path("usr/lib/tmpfiles.d/piezod.conf"),
@@ -47,7 +48,7 @@ def install(source: Path, root: Path, command: Path) -> list[Path]:
     _check_command(command)
     # Read all before the first is written: a missing file must not leave half an installation.
     texts = {name: (source / name).read_text(encoding="utf-8") for name in TARGETS}
-    for unit in ("piezod@.service", "piezod-web.service"):
+    for unit in (name for name in TARGETS if name.endswith(".service")):
         texts[unit] = texts[unit].replace(PACKAGED, str(command))
     texts["piezod.sysusers"] = texts["piezod.sysusers"].replace(SERIAL_GROUPS[0], serial_group())
     written = []

@@ -8,8 +8,13 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from piezod.client import AsyncStageClient, request_bodies  # noqa: F401 - slow; no command shall wait for it later
+from piezod.client import (
+    AsyncStageClient,
+    StageClient,
+    request_bodies,  # noqa: F401 - slow; no command shall wait for it later
+)
 from piezod.errors import PiezodError
+from piezod.ioc.lists import write_files
 from piezod.ioc.records import Names
 from piezod.ioc.stage import IocStage
 
@@ -89,6 +94,22 @@ def _first(errors: Sequence[BaseException | None]) -> BaseException:
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     return error or PiezodError("the IOC has ended")
+
+
+def write_lists(plan: Plan, folder: Path) -> list[Path]:
+    """Write the files of `lists` for each stage; return their paths.
+
+    Raises:
+        PiezodError: If a daemon does not run, or a name is not possible.
+        OSError: If a file cannot be written.
+    """
+    written = []
+    for key, socket in plan.sockets.items():
+        with StageClient(socket=socket, name="ioc") as client:
+            status = client.status()
+        names = names_of(plan.prefix, key, tuple(status.axes))
+        written += write_files(folder, key, names, status.title or key)
+    return written
 
 
 async def _serve(

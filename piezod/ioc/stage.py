@@ -13,7 +13,7 @@ from piezod.client.limits import limits_in
 from piezod.client.results import Document, Status
 from piezod.client.telemetry import Telemetry
 from piezod.config.daemon import OnTargetConfig
-from piezod.errors import ClientError, PiezodError
+from piezod.errors import ClientError, NotRunningError
 from piezod.ioc import values
 from piezod.ioc.actions import KEEP, RENEW_EACH_S
 from piezod.ioc.axis_motor import AxisMotor
@@ -87,8 +87,8 @@ class IocStage:
             except (ClientError, TimeoutError):
                 self._set_down()
             except LookupError as error:
-                what = f"the axes of {self.names.prefix}STATE have changed (no axis {error})"
-                raise PiezodError(f"{what}: start `piezod ioc` again") from error
+                what = f"{self.names.prefix}STATE: the stage has no axis {error} any more"
+                raise NotRunningError(what, "start `piezod ioc` again") from error
             await asyncio.sleep(_AGAIN_S)
 
     async def _telemetry(self) -> AsyncGenerator[Telemetry, None]:

@@ -31,6 +31,7 @@ def test_files_are_where_systemd_looks(piezod: Command, folder: Path) -> None:
 
     assert document["written"] == [str(folder / target) for target in TARGETS.values()]
     assert sorted(map(str, TARGETS.values())) == [
+        "usr/lib/systemd/system/piezod-ioc.service",
         "usr/lib/systemd/system/piezod-web.service",
         "usr/lib/systemd/system/piezod@.service",
         "usr/lib/sysusers.d/piezod.conf",
@@ -49,9 +50,10 @@ def test_unit_runs_the_command_that_was_named(piezod: Command, folder: Path) -> 
     assert f"\nExecStart={COMMAND} run /etc/piezod/%i.yaml\n" in unit
     assert f"\nExecStopPost={COMMAND} safe /etc/piezod/%i.yaml --unless-clean\n" in unit
     assert "/usr/bin/piezod" not in unit
-    page = (folder / TARGETS["piezod-web.service"]).read_text()
-    assert f"\nExecStart={COMMAND} web\n" in page
-    assert "/usr/bin/piezod" not in page
+    for verb in ("web", "ioc"):
+        other = (folder / TARGETS[f"piezod-{verb}.service"]).read_text()
+        assert f"\nExecStart={COMMAND} {verb}\n" in other
+        assert "/usr/bin/piezod" not in other
 
 
 def test_unit_runs_this_command_by_default(piezod: Command, folder: Path) -> None:

@@ -130,6 +130,7 @@ SETTINGS: Final[Mapping[str, Setting]] = {
     "docs/identify.md": Setting(
         before=RUN, files=(recording,), words={"DATA": "record.csv", "OTHER": "record.csv"}
     ),
+    "docs/ioc.md": Setting(before=RUN),
     "docs/monitoring.md": Setting(before=RUN, words={"/run/piezod/stage1": SOCKET_FOLDER}),
     "docs/page.md": Setting(words={"piezod web\n": "piezod web --port 0\n"}),
     "docs/players.md": Setting(before=RUN, files=(wave,)),

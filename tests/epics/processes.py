@@ -114,9 +114,9 @@ class Peer:
             return bytes(value).rstrip(b"\0").decode()
         return value
 
-    def put(self, name: str, value: Any, *, wait: bool = True) -> str:
-        """Write, with or without completion; return why it failed, empty if it did not."""
-        answer: str = self._ask("put" if wait else "start", name, value)
+    def put(self, name: str, value: Any) -> str:
+        """Write with completion; return why it failed, empty if it did not."""
+        answer: str = self._ask("put", name, value)
         return answer
 
     def watch(self, name: str) -> None:

@@ -46,14 +46,12 @@ def test_records_follow_a_daemon_that_is_killed(
         for name in SHOWN
     ]
     connected = client.get("rig:CONNECTED")
-    refused = client.put("rig:x.VAL", 3.0)
     daemon.process.wait()
     daemon.start()
     eventually(lambda: INVALID not in severities(client), 90.0)
 
     figure(f"IOC: records INVALID {max(gone_s):.2f} s after the daemon was killed")
     assert (connected["value"], connected["severity"]) == (0, MAJOR)
-    assert refused
     assert client.value("rig:CONNECTED") == 1
     eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
     daemon.until("SAFE")
@@ -106,7 +104,6 @@ def test_clients_only_read_without_control(daemon: Daemon) -> None:
             with peer(library, ioc.environ) as client:
                 for name in ("rig:ARM", "rig:ESTOP", "rig:x.VAL", "rig:x:WAVE:LOW", "rig:x.VELO"):
                     assert client.put(name, 1), name
-                assert client.put("rig:x.VAL", 1, wait=False) or library == "aioca"
                 assert client.value("rig:STATE") == 1
         listening = addresses(ioc.process.pid)
     finally:

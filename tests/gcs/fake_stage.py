@@ -60,7 +60,7 @@ class FakeStage:
             return {**document, "skipped_cycles": 0, "stage": "bench"}
         self.requests.append((client, path, body))
         getattr(self, f"_{path}", lambda _: None)(body)
-        return {"motion": 0, "state": self.state}
+        return {"motion": 0, "state": self.state, "name": "of a recording"}
 
     def do(self, path: str) -> list[dict[str, Any]]:
         """Return the bodies of the requests of one path."""

@@ -30,7 +30,7 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-UNITS = ("piezod@.service", "piezod-web.service")
+UNITS = ("piezod@.service", "piezod-web.service", "piezod-ioc.service")
 
 
 def unit(root: Path, name: str = "piezod@.service") -> Path:

@@ -25,8 +25,8 @@ class Aioca:
             answer |= {"low": value.lower_ctrl_limit, "high": value.upper_ctrl_limit}
         return answer
 
-    def put(self, name: str, value: Any, *, wait: bool) -> None:
-        self._do(caput(name, value, wait=wait, timeout=20))
+    def put(self, name: str, value: Any) -> None:
+        self._do(caput(name, value, wait=True, timeout=20))
 
     def watch(self, name: str, seen: list[dict[str, Any]]) -> None:
         async def begin() -> None:

@@ -24,9 +24,9 @@ class Caproto:
             answer |= {"high": plain(about.upper_ctrl_limit)}
         return answer
 
-    def put(self, name: str, value: Any, *, wait: bool) -> None:
+    def put(self, name: str, value: Any) -> None:
         values = value if isinstance(value, list) else [value]
-        self._pv(name).write(values, wait=wait, timeout=20)
+        self._pv(name).write(values, wait=True, timeout=20)
 
     def watch(self, name: str, seen: list[dict[str, Any]]) -> None:
         subscription = self._pv(name).subscribe(data_type="time")

@@ -1,0 +1,48 @@
+"""The files for archiver, autosave and Phoebus."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from piezod.ioc.lists import archiver_list, autosave_list, screen, write_files
+from piezod.ioc.records import Names
+
+NAMES = Names("p:", ("x", "y"))
+
+
+def test_archiver_stores_what_moves() -> None:
+    """State, positions and targets are archived; tables, settings and commands are not."""
+    names = archiver_list(NAMES).splitlines()
+
+    assert {"p:STATE", "p:x:POS", "p:y:DRIVE", "p:x.VAL"} <= set(names)
+    assert not {"p:ARM", "p:x:HIST:POS", "p:x:WAVE:LOW"} & set(names)
+
+
+def test_autosave_stores_settings_and_no_commands() -> None:
+    """Nothing that is restored moves the stage."""
+    names = autosave_list(NAMES).splitlines()
+
+    assert {"p:x:WAVE:LOW", "p:REC:LABEL", "p:y.VELO"} <= set(names)
+    assert not {"p:x.VAL", "p:x:MODE", "p:LEASE", "p:ARM", "p:x:WAVE:START"} & set(names)
+
+
+def test_screen_has_records_of_the_table() -> None:
+    """Every record on the screen exists; buttons write 1 to their own record."""
+    known = {name for name, _ in NAMES.all()} | {"p:x", "p:y"}
+    display = ElementTree.fromstring(screen(NAMES, "bench <1>"))  # noqa: S314 - made here
+    shown = {each.text or "" for each in display.iter("pv_name")}
+    buttons = display.findall("./widget[@type='action_button']")
+
+    assert {"p:STATE", "p:x.RBV", "p:y:HIST:POS", "p:ESTOP"} <= shown
+    assert {name.partition(".")[0] for name in shown} <= known
+    assert display.findtext("name") == "bench <1>"
+    for button in buttons:
+        assert button.findtext("pv_name") == button.findtext("./actions/action/pv_name")
+        assert button.findtext("./actions/action/value") == "1"
+
+
+def test_files(tmp_path: Path) -> None:
+    """Each stage has three files."""
+    written = write_files(tmp_path / "new", "bench", NAMES, "Bench")
+
+    assert [file.name for file in written] == ["bench.archive", "bench.req", "bench.bob"]
+    assert all(file.stat().st_size for file in written)

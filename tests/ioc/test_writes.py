@@ -1,0 +1,173 @@
+"""What clients write arrives at the daemon, and what it refuses is reported."""
+
+import asyncio
+from collections.abc import Coroutine, Iterator
+from typing import Any
+
+import pytest
+
+from piezod.client.limits import AxisLimits
+from piezod.errors import RefusedError
+from piezod.ioc.axis_motor import AxisMotor
+from piezod.ioc.readings import OK, REFUSED
+from piezod.ioc.records import Names
+from piezod.ioc.table import AXIS, STAGE
+from piezod.ioc.writes import Writes
+from tests.gcs.fake_stage import FakeLink, FakeStage
+from tests.ioc.fakes import FakeMotor, FakeRecords, axis
+
+
+class Bench:
+    """A stage with the axes x and y behind its records."""
+
+    def __init__(self) -> None:
+        self.stage = FakeStage("x", "y")
+        self.records, self.names = FakeRecords(), Names("p:", ("x", "y"))
+        self.raw = {name: FakeMotor() for name in self.names.axes}
+        self.motors = {name: AxisMotor(raw, has_sensor=True) for name, raw in self.raw.items()}
+        self.reports: list[str] = []
+        for motor in self.motors.values():
+            motor.limit(AxisLimits(0.0, 20.0, 100.0), 0.1)
+            motor.feed("RUN", axis(on_target=True))
+        for name, record in self.names.all():
+            if record.kind.is_set:
+                self.records.settings[name] = record.start
+        self._runner = asyncio.Runner()
+        self.writes = self._runner.run(self._made())
+
+    async def _made(self) -> Writes:
+        link = FakeLink(self.stage, "ioc")
+        return Writes(link, self.names, self.records, self.motors, self.reports.append)
+
+    def run(self, work: Coroutine[Any, Any, bool]) -> bool:
+        """Carry out a write."""
+        return self._runner.run(work)
+
+    def put(self, axis: str, field: str, value: float) -> bool:
+        """Write a field of a motor record, and let the daemon answer."""
+
+        async def put() -> bool:
+            accepted = await asyncio.to_thread(self.writes.put, axis, field, value)
+            for _ in range(20):
+                await asyncio.sleep(0)
+            return accepted
+
+        return self._runner.run(put())
+
+    def close(self) -> None:
+        """Close the event loop."""
+        self._runner.close()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    """Return a stage with its records."""
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+def test_target_is_a_movement_with_the_speed_of_the_record(bench: Bench) -> None:
+    """A write to VAL is a `goto`."""
+    bench.raw["x"].fields["VELO"] = 30.0
+
+    assert bench.put("x", "VAL", 5.0)
+    assert bench.stage.do("goto") == [{"position_um": 5.0, "axis": "x", "speed_um_per_s": 30.0}]
+    assert bench.raw["x"].fields["DMOV"] == 0
+    assert bench.raw["x"].alarm == OK
+
+
+@pytest.mark.parametrize(("field", "target_um"), [("TWF", 1.5), ("TWR", 0.5)])
+def test_tweak_is_a_movement(bench: Bench, field: str, target_um: float) -> None:
+    """It goes from the target by the size of the tweak; a write of 0 does nothing."""
+    bench.raw["x"].fields["TWV"] = 0.5
+    assert bench.put("x", field, 0.0)
+    assert bench.stage.do("goto") == []
+
+    assert bench.put("x", field, 1.0)
+    assert bench.stage.do("goto")[0]["position_um"] == target_um
+
+
+def test_write_beyond_the_limits_does_not_reach_the_daemon(bench: Bench) -> None:
+    """It is refused, with range and alarm."""
+    assert not bench.put("x", "VAL", 20.5)
+    assert bench.stage.requests == []
+    assert bench.raw["x"].alarm == REFUSED
+    assert bench.reports == ["p:x.VAL: 20.5 um, allowed range 0 to 20 um"]
+    assert bench.records.readings["p:MESSAGE"].value == "x.VAL: 20.5 um, allowed range 0 to 20 um"
+    assert not bench.put("x", "VELO", 101.0)
+
+
+def test_refusal_of_the_daemon_gives_the_target_back(bench: Bench) -> None:
+    """The record has the target that it had, and an alarm."""
+    bench.stage.errors["goto"] = RefusedError("cannot move", "arm", "refused")
+
+    assert bench.put("x", "VAL", 5.0)
+    assert (bench.raw["x"].fields["VAL"], bench.raw["x"].fields["DMOV"]) == (1.0, 1)
+    assert bench.raw["x"].alarm == REFUSED
+    assert bench.reports == ["p:x.VAL: cannot move; arm"]
+
+
+def test_stop_holds_and_resumes(bench: Bench) -> None:
+    """The stage can move again after a stop; one that was not in RUN stays as it is."""
+    bench.stage.state = "RUN"
+    bench.put("x", "STOP", 1.0)
+    running = bench.stage.paths()
+    bench.motors["x"].feed("HOLD", axis())
+    bench.put("x", "STOP", 1.0)
+
+    assert running == ["hold", "resume"]
+    assert bench.stage.paths() == ["hold", "resume", "hold"]
+
+
+def test_stop_of_a_disarmed_stage_is_no_error(bench: Bench) -> None:
+    """Nothing is driven, and nothing is reported."""
+    bench.motors["x"].feed("SAFE", axis())
+
+    assert bench.put("x", "STOP", 1.0)
+    assert bench.reports == []
+
+
+def test_every_command_is_sent(bench: Bench) -> None:
+    """Each record of the table that acts sends one request."""
+    bench.stage.state = "RUN"
+    bench.records.settings["p:x:PLAY:TABLE"] = [0.0, 1.0]
+    acting = [
+        (axis, each.name)
+        for axis, table in (("", STAGE), ("x", AXIS))
+        for each in table
+        if each.kind.is_set and not each.saved and each.name != "PLAY:READ"
+    ]
+    for axis_name, name in acting:
+        before = len(bench.stage.requests)
+        assert bench.run(bench.writes.do(axis_name, name, 1)), name
+        assert len(bench.stage.requests) == before + 1, name
+    assert len(acting) == 15
+
+
+def test_waveform_of_the_settings(bench: Bench) -> None:
+    """A sine, or the points of a table, for the time of the settings."""
+    settings = bench.records.settings
+    settings |= {"p:x:WAVE:LOW": 2.0, "p:x:WAVE:HIGH": 4.0, "p:x:WAVE:DURATION": 3.0}
+    bench.run(bench.writes.do("x", "WAVE:START", 1))
+    settings |= {"p:x:WAVE:KIND": 2, "p:x:WAVE:TABLE": [1.0, 2.0], "p:x:WAVE:INTERVAL": 0.5}
+    bench.run(bench.writes.do("x", "WAVE:START", 1))
+    settings["p:x:WAVE:TABLE"] = []
+    empty = bench.run(bench.writes.do("x", "WAVE:START", 1))
+    sine, points = bench.stage.do("wave")
+
+    assert sine["duration_s"] == 3.0
+    assert sine["command_um"]["x"]["kind"] == "sine"
+    assert (sine["command_um"]["x"]["low"], sine["command_um"]["x"]["high"]) == (2.0, 4.0)
+    assert [list(each) for each in points["command_um"]["x"]["points"]] == [[0.0, 1.0], [0.5, 2.0]]
+    assert points["duration_s"] == 1.0
+    assert not empty
+    assert "WAVE:TABLE is empty" in bench.reports[-1]
+
+
+def test_refused_command_is_reported(bench: Bench) -> None:
+    """The message names the record, and has the reason of the daemon."""
+    bench.stage.errors["arm"] = RefusedError("there are faults", "reset", "refused")
+
+    assert not bench.run(bench.writes.do("", "ARM", 1))
+    assert bench.records.readings["p:MESSAGE"].value == "ARM: there are faults; reset"
