@@ -81,7 +81,7 @@ def serial_group() -> str:
 def running_units() -> list[str]:
     """Return the units that run on this machine: those of stages, and that of the page."""
     states = "--state=activating,active,reloading,deactivating"
-    units = ("piezod@*.service", "piezod-web.service")
+    units = ("piezod@*.service", "piezod-web.service", "piezod-ioc.service")
     command = ("systemctl", "list-units", "--plain", "--no-legend", states, *units)
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - constant
