@@ -117,7 +117,7 @@ figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 lock: ## pin the newest versions of all dependencies (needs uv)
 	uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
 		--extra dev --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
-	@for tool in .ci/tools/*.in tests/bluesky/requirements.in; do \
+	@for tool in .ci/tools/*.in; do \
 		uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
 			--constraint requirements.lock --custom-compile-command "make lock" \
 			--output-file "$${tool%.in}.txt" "$$tool" || exit; \
@@ -137,14 +137,6 @@ $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 	@.ci/setup-peers
 	@touch $@
 
-$(BLUESKY): tests/bluesky/requirements.txt .ci/setup-bluesky | $(STAMP)
-	@.ci/setup-bluesky
-	@touch $@
-
-$(EPICS): tests/epics/requirements.txt .ci/setup-epics | $(STAMP)
-	@.ci/setup-epics
-	@touch $@
-
 $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
 	@.ci/setup-docs
 	@touch $@
@@ -153,7 +145,7 @@ $(BROWSER): tests/browser/requirements.txt .ci/setup-browser | $(STAMP)
 	@.ci/setup-browser
 	@touch $@
 
-$(MUTANTS) $(SCHEMATHESIS) $(FUZZ) $(AUDIT): build/%/.installed: .ci/tools/%.txt .ci/setup-tool | $(STAMP)
+$(EPICS) $(BLUESKY) $(MUTANTS) $(SCHEMATHESIS) $(FUZZ) $(AUDIT): build/%/.installed: .ci/tools/%.txt .ci/setup-tool | $(STAMP)
 	@.ci/setup-tool $*
 	@touch $@
 
