@@ -2,12 +2,9 @@
 
 import os
 import signal
-import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from subprocess import PIPE, Popen
+from subprocess import Popen
 
 import httpx
 import pytest
@@ -17,7 +14,6 @@ from piezod.config.states import State
 from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.loop import accept
-from piezod.daemon.paths import StagePaths
 from piezod.daemon.supervisor import loop_run as loop_supervision
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals
@@ -30,34 +26,6 @@ from tests.daemon.bench import write_record
 from tests.daemon.daemons import configuration, is_alive
 from tests.daemon.supervisor.run_rig import Rig
 from tests.daemon.waiting import eventually
-
-FAKE = Path(__file__).parents[1] / "fake_loop.py"
-
-
-@pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
-    """Return a stage whose loop and ramp-down use no device."""
-    processes: list[tuple[str, Popen[bytes]]] = []
-    safe_codes, loop_command = [0], [str(FAKE)]
-
-    def started(module: str, *arguments: str, piped: bool = False) -> "Popen[bytes]":
-        if arguments[0] == "safe":
-            command = [sys.executable, "-c", f"raise SystemExit({safe_codes[0]})"]
-        else:
-            command = [sys.executable, *loop_command, *arguments]
-        pipe = PIPE if piped else None
-        process = Popen(command, stdin=pipe, stdout=pipe)
-        processes.append((module, process))
-        return process
-
-    monkeypatch.setattr(loop_supervision, "_start", started)
-    monkeypatch.chdir(tmp_path)  # a socket's path is short, and pytest's folders are not
-    paths = StagePaths("rig", Path("runtime"), Path("state"))
-    yield Rig(configuration(tmp_path), paths, processes, safe_codes, loop_command)
-    for _, process in processes:
-        if process.poll() is None:
-            process.kill()
-            process.wait()
 
 
 def _modules(rig: Rig) -> list[str]:
