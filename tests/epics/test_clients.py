@@ -111,7 +111,7 @@ def test_stage_is_commanded(armed: Peer, daemon: Daemon) -> None:
     assert armed.put("rig:x:WAVE:START", 1) == ""
     eventually(lambda: armed.value("rig:REC:RUNNING") == 1)
     assert armed.value("rig:REC:NAME").endswith("-scan")
-    eventually(lambda: max(armed.value("rig:x:HIST:CMD")) > 3.9)
+    eventually(lambda: max(each or 0.0 for each in armed.value("rig:x:HIST:CMD")) > 3.9)
     assert len(armed.value("rig:x:HIST:POS")) == len(armed.value("rig:x:HIST:DRIVE")) > 10
     eventually(lambda: armed.value("rig:x.DMOV") == 1)
     assert armed.put("rig:REC:STOP", 1) == ""

@@ -26,6 +26,11 @@ def client(ioc: Ioc) -> Iterator[Peer]:
         yield client
 
 
+def give_back_lease(daemon: Daemon) -> None:
+    """Release the lease that commands of the test took, so that the IOC can have it."""
+    eventually(lambda: daemon.ask("DELETE", "lease").status_code == 200)
+
+
 def severities(client: Peer) -> list[int]:
     """Return the severities of some records of all kinds."""
     return [client.get(name)["severity"] for name in SHOWN]
@@ -55,6 +60,7 @@ def test_records_follow_a_daemon_that_is_killed(
     assert client.value("rig:CONNECTED") == 1
     eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
     daemon.until("SAFE")
+    give_back_lease(daemon)
     assert client.put("rig:ARM", 1) == ""
     daemon.until("READY")
 
@@ -65,7 +71,7 @@ def test_stage_goes_on_when_the_ioc_is_killed(daemon: Daemon) -> None:
     try:
         assert ioc.announced == ["K:"]
         with peer("aioca", ioc.environ) as client:
-            eventually(lambda: daemon.ask("DELETE", "lease").status_code == 200)
+            give_back_lease(daemon)
             daemon.ask("POST", "stop", {})
             daemon.until("SAFE")
             eventually(lambda: client.put("K:ARM", 1) == "" and daemon.status()["state"] == "READY")
@@ -87,6 +93,7 @@ def test_stage_goes_on_when_the_ioc_is_killed(daemon: Daemon) -> None:
 
 def test_ioc_that_ends_in_order_releases_the_lease(daemon: Daemon) -> None:
     """Another client may move the stage at once."""
+    give_back_lease(daemon)
     ioc = Ioc(daemon.folder, "--control").up()
     with peer("aioca", ioc.environ) as client:
         assert client.put("rig:LEASE", 1) == ""
