@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak peers epics \
+.PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak vm peers epics \
 	bluesky browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
@@ -54,6 +54,9 @@ chaos: $(STAMP) ## kill, starve and flood the processes of a stage (some minutes
 
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)
 	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) --out build/soak
+
+vm: $(STAMP) ## install the wheel in a virtual Debian with systemd, and check the service there
+	$(BIN)/python -m tests.vm
 
 mutants: $(STAMP) $(MUTANTS) ## change what stops a stage, place by place; each change must fail a test
 	build/mutants/bin/python -m tests.mutants $(MODULES)

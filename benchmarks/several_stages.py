@@ -1,8 +1,9 @@
 """Whether stages disturb each other: `python benchmarks/several_stages.py`.
 
 Spans with one simulated stage alternate with spans with four of them, each at 1 kHz, following a
-sine adaptively, recorded, and watched in a tab of `piezod web`. Prints the late and the skipped
-cycles of each stage in each span, and the sums at the end.
+sine adaptively, recorded, and watched in a tab of `piezod web`. With `--ioc` a third span has one
+IOC for the four, with a client that monitors each; it needs `make build/epics/.installed`. Prints
+the late and the skipped cycles of each stage in each span, and the sums at the end.
 """
 
 import argparse
@@ -10,8 +11,9 @@ import asyncio
 import os
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import AsyncExitStack, ExitStack
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AsyncExitStack, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -24,12 +26,17 @@ from piezod.client.reader import reader
 from piezod.client.results import Recording
 from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import RefusedError
+from tests.epics.processes import Ioc, peer
 
 OTHERS: Final = ("second", "third", "fourth")
+ALL: Final = (STAGE, *OTHERS)
+SHOWN: Final = ("STATE", "LOOP:LATE", "x.RBV", "x:DRIVE", "x:HIST:POS")
+"""Records that the client of the IOC monitors."""
 LONG_S: Final = 3600.0
 UP_WITHIN_S: Final = 600.0
 """Longest time for all stages to start, in s: they start beside loops that move."""
 START_RECORDING: Final = Call(ENDPOINTS["start_recording"], reader(Recording), {})
+STOP_RECORDING: Final = Call(ENDPOINTS["stop_recording"], reader(Recording), {})
 
 
 class Span(NamedTuple):
@@ -79,6 +86,19 @@ async def watched(url: str, stages: Sequence[str], duration_s: float) -> None:
         await asyncio.sleep(duration_s)
 
 
+@contextmanager
+def served(folder: Path, stages: Sequence[str]) -> Iterator[None]:
+    """Serve all stages as EPICS records while the block runs, and monitor some."""
+    ioc = Ioc(folder, "--control").up(len(stages))
+    try:
+        with peer("aioca", ioc.environ) as client:
+            for name in (f"{stage}:{each}" for stage in stages for each in SHOWN):
+                client.watch(name)
+            yield
+    finally:
+        ioc.end()
+
+
 def span_of(stages: Sequence[str], url: str, span_s: float, folder: Path) -> Mapping[str, Span]:
     """Let stages move for a span; return what was measured of each, and print it."""
     with ExitStack() as stack:
@@ -93,7 +113,7 @@ def span_of(stages: Sequence[str], url: str, span_s: float, folder: Path) -> Map
         found = {}
         for name, client in clients.items():
             status = client.status()
-            recording = client.stop_recording()
+            recording = client.call(replace(STOP_RECORDING, answer_within_s=UP_WITHIN_S))
             file = folder / f"{name}-{recording.name}.h5"
             client.fetch_recording(recording.name, file)
             skipped, late = (b - a for a, b in zip(before[name], after[name], strict=True))
@@ -108,26 +128,31 @@ def span_of(stages: Sequence[str], url: str, span_s: float, folder: Path) -> Map
     return found
 
 
-def measure(url: str, span_s: float, rounds: int) -> None:
-    """Alternate spans with one stage and with four; print all, and the sums."""
-    alone: list[Span] = []
-    together: dict[str, list[Span]] = {name: [] for name in (STAGE, *OTHERS)}
+def measure(url: str, span_s: float, rounds: int, *, with_ioc: bool) -> None:
+    """Alternate spans with one stage, with four, and with four and an IOC; print all, and sums."""
+    found: dict[str, list[Span]] = defaultdict(list)
     folder = Path(os.environ["XDG_RUNTIME_DIR"])
     wait_for([STAGE])
-    with tempfile.TemporaryDirectory() as recordings:
+    with tempfile.TemporaryDirectory() as directory:
+        recordings = Path(directory)
         for _ in range(rounds):
-            alone.append(span_of([STAGE], url, span_s, Path(recordings))[STAGE])
+            found["alone"].append(span_of([STAGE], url, span_s, recordings)[STAGE])
             with ExitStack() as others:
                 for name in OTHERS:
                     start_stage(others, folder, name)
                 wait_for(OTHERS)
-                for name, span in span_of(list(together), url, span_s, Path(recordings)).items():
-                    together[name].append(span)
-    for title, spans in (("alone", alone), *together.items()):
+                for name, span in span_of(ALL, url, span_s, recordings).items():
+                    found[name].append(span)
+                if with_ioc:
+                    print("with an IOC for all:")
+                    others.enter_context(served(folder, ALL))
+                    for name, span in span_of(ALL, url, span_s, recordings).items():
+                        found[f"{name} + IOC"].append(span)
+    for title, spans in found.items():
         periods = span_s * RATE_HZ * len(spans)
         late, skipped = sum(each.late for each in spans), sum(each.skipped for each in spans)
         print(
-            f"sum  {title:7} late {late} ({late / periods:.2%}), skipped {skipped} "
+            f"sum  {title:12} late {late} ({late / periods:.2%}), skipped {skipped} "
             f"({skipped / periods:.2%}), missing {sum(each.missing for each in spans)}"
         )
 
@@ -137,10 +162,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--span-s", type=float, default=20.0)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--ioc", action="store_true")
     options = parser.parse_args()
     with ExitStack() as stack:
         _, url = started(stack)
-        measure(url, options.span_s, options.rounds)
+        measure(url, options.span_s, options.rounds, with_ioc=options.ioc)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@
     ├── RegistryError             a driver's name does not lead to exactly one working plug-in
     ├── DeviceError               a device was used out of order or answered wrongly
     │   └── DeviceUnavailableError    a device is absent, busy or does not answer
+    ├── PlayCancelledError        nobody waits for the rest of a play
     ├── AlreadyRunningError       another daemon owns the stage
     └── ClientError               the exchange with a running daemon failed
         ├── NotRunningError           no daemon runs, or not the requested one
@@ -94,6 +95,10 @@ class DeviceError(PiezodError):
 
 class DeviceUnavailableError(DeviceError):
     """Raised if a device cannot be opened: absent, held by another program, or silent."""
+
+
+class PlayCancelledError(PiezodError):
+    """Raised between two exchanges with a device if the play was cancelled meanwhile."""
 
 
 class AlreadyRunningError(PiezodError):

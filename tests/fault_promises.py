@@ -78,7 +78,7 @@ PROMISES: Final = MappingProxyType(
         "A9": Promise("BLIND", cycles=1),
         "A10": Promise("shown while armed"),
         "A11": Promise("CUT", cycles=2),
-        "A12": Promise("CUT", cycles=3),
+        "A12": Promise("CUT", cycles=2),
         "A13": Promise("CUT", cycles=2),
         # Bus, from when the driver reports it.
         "B1": Promise("BLIND", cycles=1),
@@ -134,7 +134,10 @@ PROMISES: Final = MappingProxyType(
         "P14": Promise("as P1"),
         "P15": Promise("ten lines of a kind in ten seconds, the others counted"),
         "E1": Promise("RAMP or CUT", cycles=2),
-        "H1": Promise("RAMP, then the end of the loop", cycles=1002),
+        "H1": Promise(
+            "RAMP, then the end of the loop; from 3 s of silence on, from 1 s if its process ended",
+            cycles=2,
+        ),
         # Clients.
         "C1": Promise("refused"),
         "C2": Promise("refused, with little memory"),

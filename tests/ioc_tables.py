@@ -4,11 +4,12 @@ A test compares them with what is in the page.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from math import isfinite
 from pathlib import Path
 from typing import Final
 
-from piezod.ioc.motor_fields import FIELDS
+from piezod.ioc.motor_fields import FIELDS, Field
 from piezod.ioc.table import AXIS, STAGE, Record
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "ioc.md"
@@ -19,7 +20,12 @@ END: Final = "<!-- end -->\n"
 def page() -> str:
     """Return the page with its tables written anew."""
     text = PAGE.read_text(encoding="utf-8")
-    tables = {"stage": record_table(STAGE), "axis": record_table(AXIS), "motor": field_table()}
+    tables = {
+        "motor": field_table(),
+        "fixed": fixed_table(),
+        "axis": record_table(AXIS),
+        "stage": record_table(STAGE),
+    }
     for name, lines in tables.items():
         before, begin, rest = text.partition(BEGIN.format(name))
         _, end, after = rest.partition(END)
@@ -47,8 +53,32 @@ def field_table() -> Iterator[str]:
     yield "| field | type | contents |"
     yield "|---|---|---|"
     for each in FIELDS:
-        kind = each.kind.removeprefix("DBF_").lower()
-        yield f"| `{each.name}` | {kind}{'; write it' if each.put else ''} | {each.what} |"
+        if not each.fixed:
+            kind = _kind(each) + "; write it" * each.put
+            yield f"| `{each.name}` | {kind} | {each.what} |"
+
+
+def fixed_table() -> Iterator[str]:
+    """Yield the lines of a table of the fixed fields, one for each value and reason."""
+    yield "| fields | type | value | reason |"
+    yield "|---|---|---|---|"
+    fixed = [each for each in FIELDS if each.fixed]
+    for (what, kind, value), fields in groupby(
+        fixed, lambda each: (each.what, _kind(each), _value(each))
+    ):
+        names = ", ".join(f"`{each.name}`" for each in fields)
+        yield f"| {names} | {kind} | {value} | {what} |"
+
+
+def _kind(field: Field) -> str:
+    return field.kind.removeprefix("DBF_").lower()
+
+
+def _value(field: Field) -> str:
+    """Return the value of a field that is fixed."""
+    if isinstance(field.start, str):
+        return field.start or "empty"
+    return field.menu[int(field.start)] if field.menu else f"{field.start:g}"
 
 
 def _details(record: Record) -> str:

@@ -47,9 +47,9 @@ def install_service(
 
     service_files.check_root(root)
     if uninstall:
-        if root == Path("/") and (running := service_files.running_units()):
-            stop = f"`systemctl disable --now {' '.join(running)}` first"
-            raise PiezodError(f"{', '.join(running)} still running: {stop}")
+        if root == Path("/") and (used := service_files.units_in_use()):
+            stop = f"`systemctl disable --now {' '.join(used)}` first"
+            raise PiezodError(f"{', '.join(used)} still running or enabled: {stop}")
         _print_files("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)
         return
     from piezod.cli.shipped import shipped

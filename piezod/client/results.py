@@ -127,6 +127,7 @@ class Status(Result, StatusTable):
         title: Title of the stage, for people.
         rate_hz: Configured cycles per second; None if the daemon does not report it.
         processor: Processor of the loop; None if the loop has none of its own choice.
+        role: Role of this client: viewer, operator or engineer; empty if the daemon does not tell.
     """
 
     state: str
@@ -139,6 +140,7 @@ class Status(Result, StatusTable):
     title: str = ""
     rate_hz: float | None = None
     processor: Processor | None = None
+    role: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

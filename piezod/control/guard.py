@@ -32,6 +32,10 @@ class Window(NamedTuple):
     low_v: float
     high_v: float
 
+    def nearest(self, drive_v: float) -> float:
+        """Return the nearest voltage inside to a finite one. Real-time safe."""
+        return min(max(drive_v, self.low_v), self.high_v)
+
     def admit(self, drive_v: float, previous_v: float) -> float:
         """Return the nearest voltage inside; if `drive_v` is not finite, the previous voltage.
 
@@ -39,7 +43,7 @@ class Window(NamedTuple):
         """
         if drive_v - drive_v != 0.0:  # infinity or NaN: a clamp would give full scale
             return previous_v
-        return min(max(drive_v, self.low_v), self.high_v)
+        return self.nearest(drive_v)
 
 
 class Limits(NamedTuple):
@@ -153,10 +157,10 @@ class Guard:
             # slew rate.
             target_v = min(max(requested_v, limits.drive_min_v), limits.drive_max_v)
             reach_s = elapsed_s / 2.0 if axis in slew_halved else elapsed_s
-            admitted_v = limits.window(previous_v, reach_s).admit(target_v, previous_v)
+            admitted_v = limits.window(previous_v, reach_s).nearest(target_v)
             # Either voltage may be in force: the second window makes the step small from both.
             if sent_v is not None and isfinite(sent_v[axis]):
-                admitted_v = limits.window(sent_v[axis], reach_s).admit(admitted_v, previous_v)
+                admitted_v = limits.window(sent_v[axis], reach_s).nearest(admitted_v)
             if target_v != requested_v:
                 range_limited += (axis,)
             if admitted_v != target_v:

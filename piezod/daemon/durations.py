@@ -5,8 +5,8 @@ from typing import Final
 from piezod.config.daemon import DaemonConfig
 
 LOOP_ENDS_S: Final = 3.0
-"""Time of a loop without its ramp, in s: it begins the ramp 1 s after the loss of its supervisor,
-and needs the rest to end."""
+"""Time of a loop without its ramp, in s: it begins the ramp 1 s after the last beat of a
+supervisor that has ended, and needs the rest to end."""
 RAMP_DOWN_PATIENCE_S: Final = 60.0
 """How much longer than its ramps `piezod safe` may take, in s; a slow machine needs some of it to
 start."""

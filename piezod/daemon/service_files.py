@@ -9,6 +9,7 @@ import grp
 import os
 import stat
 import subprocess
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Final
 
@@ -26,6 +27,9 @@ TARGETS: Final = {
 PACKAGED: Final = "/usr/bin/piezod"
 SERIAL_GROUPS: Final = ("dialout", "uucp")
 """Names of the group of serial ports; the first one is in the shipped file, Arch has the second."""
+_UNITS: Final = ("piezod@*.service", "piezod-web.service", "piezod-ioc.service")
+_WANTED: Final = Path("/etc/systemd/system")
+"""`systemctl list-unit-files` does not list enabled instances of a unit."""
 _HIDDEN: Final = (Path("/home"), Path("/root"), Path("/run/user"))
 """Folders that ProtectHome= of the unit hides."""
 
@@ -78,16 +82,22 @@ def serial_group() -> str:
     return next((name for name in SERIAL_GROUPS if name in present), SERIAL_GROUPS[0])
 
 
-def running_units() -> list[str]:
-    """Return the units that run on this machine: those of stages, and that of the page."""
+def units_in_use(wanted: Path = _WANTED) -> list[str]:
+    """Return the units of stages, page and IOC that run on this machine or start with it.
+
+    Args:
+        wanted: Folder of the links of enabled units.
+    """
     states = "--state=activating,active,reloading,deactivating"
-    units = ("piezod@*.service", "piezod-web.service", "piezod-ioc.service")
-    command = ("systemctl", "list-units", "--plain", "--no-legend", states, *units)
+    command = ("systemctl", "list-units", "--plain", "--no-legend", states, *_UNITS)
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - constant
     except FileNotFoundError:  # a machine without systemd
         return []
-    return [line.split()[0] for line in done.stdout.splitlines() if line.strip()]
+    running = [line.split()[0] for line in done.stdout.splitlines() if line.strip()]
+    links = sorted(link.name for link in wanted.glob("*.wants/piezod*"))
+    enabled = [name for name in links if any(fnmatch(name, unit) for unit in _UNITS)]
+    return list(dict.fromkeys(running + enabled))
 
 
 def check_root(root: Path) -> None:

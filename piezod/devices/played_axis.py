@@ -10,7 +10,14 @@ import numpy.typing as npt
 from piezod.devices.inputs import CalibratedInput
 from piezod.devices.interface import Amplifier, Device, Sample, Sensor
 from piezod.devices.outputs import SLACK_V, CalibratedOutput
-from piezod.devices.player import KnowsTruePlay, Player, PlayerCapabilities, Table
+from piezod.devices.player import (
+    Check,
+    KnowsTruePlay,
+    Player,
+    PlayerCapabilities,
+    Table,
+    go_on,
+)
 from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
 
@@ -122,12 +129,13 @@ class PlayedAxis:
         step = self.capabilities.resolution[self._output]
         return abs(self._to_v.voltage(step) - self._to_v.voltage(0.0))
 
-    def load(self, table: AxisTable, now_ns: int) -> AxisTable:
+    def load(self, table: AxisTable, now_ns: int, check: Check = go_on) -> AxisTable:
         """Load a table; return it as the device will play it.
 
         Raises:
             DeviceError: If the device refuses it, or does not know the voltage of an output that
                 is to stay.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         others = list(self._device.read_back(now_ns))
         others[self._output] = 0.0  # replaced by the table
@@ -139,7 +147,8 @@ class PlayedAxis:
                 self._columns(table.lead_in_v, others),
                 self._columns(table.period_v, others),
                 table.cycles,
-            )
+            ),
+            check,
         )
         echoed = table._replace(
             lead_in_v=self._voltages(loaded.lead_in), period_v=self._voltages(loaded.period)
@@ -167,13 +176,14 @@ class PlayedAxis:
         """Stop a play; return the voltage in force, in V, NaN if it is unknown. Never raises."""
         return self._to_v.voltage(self._device.abort(now_ns)[self._output])
 
-    def recording(self) -> AxisRecord:
+    def recording(self, check: Check = go_on) -> AxisRecord:
         """Return the record of the play that has ended.
 
         Raises:
             DeviceError: If none has ended, or the record could not be read.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
-        record = self._device.recording()
+        record = self._device.recording(check)
         true_um = np.full(len(record.positions), np.nan)
         if isinstance(self._device, KnowsTruePlay):
             true_um = self._device.true_recording()[:, self._place]

@@ -13,7 +13,8 @@ interfaces in `piezod.devices.interface`. A play goes through these steps, in th
 - `abort` never jumps: the outputs keep the value at which the play stops. A ramp to a safe voltage
   follows by ordinary writes.
 - Only `progress` and `abort` are called in the loop. `load`, `arm`, `start`, `replace` and
-  `recording` may take seconds, and are called outside of it.
+  `recording` may take seconds, and are called outside of it. `load` and `recording` end between two
+  exchanges if their `check` raises, so that a stop does not wait for the rest of a table.
 - The device checks a table against its own range. The limits of an axis are checked before, for the
   table as a whole.
 """
@@ -21,6 +22,7 @@ interfaces in `piezod.devices.interface`. A play goes through these steps, in th
 from __future__ import annotations
 
 import typing
+from collections.abc import Callable
 from enum import Enum
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
@@ -29,6 +31,13 @@ if typing.TYPE_CHECKING:  # `piezod safe` stops a play without numpy
     import numpy.typing as npt
 
     FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+Check: TypeAlias = Callable[[], None]
+"""Called between two exchanges with a device; raises `PlayCancelledError` to end there."""
+
+
+def go_on() -> None:
+    """Cancel nothing: the `Check` of a caller that waits for the end."""
 
 
 class AtEnd(Enum):
@@ -165,7 +174,7 @@ class Player(Protocol):
         """Return the capabilities; they stay the same until the device is closed."""
         ...
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check = go_on) -> Table:
         """Load a table; return it as the device will play it, with its own resolution.
 
         It is read back and compared if the device can do that. The outputs do not change.
@@ -173,6 +182,7 @@ class Player(Protocol):
         Raises:
             DeviceError: If the table does not fit the capabilities or the range of an output; the
                 text names value and allowed range. Nothing is loaded then.
+            PlayCancelledError: If `check` has raised it. Nothing is loaded then.
         """
         ...
 
@@ -203,11 +213,12 @@ class Player(Protocol):
         """
         ...
 
-    def recording(self) -> PlayedRecord:
+    def recording(self, check: Check = go_on) -> PlayedRecord:
         """Return the record of the play that has ended.
 
         Raises:
             DeviceError: If none has ended, or the record could not be read.
+            PlayCancelledError: If `check` has raised it. The record can be read again.
         """
         ...
 

@@ -137,7 +137,8 @@ class AxisMotor:
                 if self._target_um is None and position_um is not None:
                     self._target_um = values["VAL"] = position_um
                 values |= self._progress(state, axis)
-            self._record.set(self._alarm(state, position_um), **values)
+            failed = self._outcome is FAULTY
+            self._record.set(self._alarm(state, position_um), failed=failed, **values)
 
     def _progress(self, state: str, axis: AxisTelemetry) -> dict[str, float]:
         """Return the fields of the movement, which a client of another kind may have started."""
@@ -172,4 +173,5 @@ class AxisMotor:
     def _end(self, outcome: Alarm) -> None:
         self._motion = 0
         self._outcome = outcome
-        self._record.set(DOWN if self._limits is None else outcome, DMOV=1, MOVN=0)
+        alarm = DOWN if self._limits is None else outcome
+        self._record.set(alarm, failed=alarm is not OK, DMOV=1, MOVN=0)

@@ -1,36 +1,46 @@
 """The records of the type `motor`: their fields, and what happens when a client writes one."""
 
 import ctypes
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import isfinite
 from typing import Any, Final
 
-from epicscorelibs.ioc import Com, dbCore
+from epicscorelibs.ioc import dbCore
 from softioc import imports
 
-from piezod.ioc.motor_fields import DOUBLE, FIELDS, MENU, SHORT, STRING, STRING_BYTES, TYPE_NAME
+from piezod.ioc.motor_fields import (
+    DOUBLE,
+    FIELDS,
+    LONG,
+    MENU,
+    SHORT,
+    STRING,
+    STRING_BYTES,
+    TYPE_NAME,
+    derived,
+)
+from piezod.ioc.pending_write import fail_write, pending_write
 from piezod.ioc.readings import DOWN, OK, Alarm
 from piezod.ioc.record_type import register
 
 _VALUE, _LOG = 1, 2
 """Masks of events."""
 _REFUSED: Final = 1
-_CA_THREAD: Final = b"CAS-client"
-"""Name of the threads that serve Channel Access."""
 _SETTINGS: Final = ("VAL", "TWV", "VELO")
-_UNITS: Final = {"VELO": b"um/s", "VMAX": b"um/s", "ACCL": b"s"}
-_MIRRORED: Final = {"VAL": "DVAL", "RBV": "DRBV", "HLM": "DHLM", "LLM": "DLLM"}
+_TARGETS: Final = ("VAL", "TWF", "TWR")
+"""Fields whose writes begin a movement, and fail if it fails."""
 _TYPES: Final[dict[str, Any]] = {
     DOUBLE: ctypes.c_double,
     SHORT: ctypes.c_int16,
+    LONG: ctypes.c_int32,
     MENU: ctypes.c_uint16,
     STRING: ctypes.c_char * STRING_BYTES,
 }
 _FIELDS: Final = {field.name: field for field in FIELDS}
 _POINTER = ctypes.c_void_p
 
-Com.epicsThreadGetNameSelf.restype = ctypes.c_char_p
-for _name in ("dbScanLock", "dbScanUnlock", "recGblFwdLink", "recGblGetTimeStamp"):
+for _name in ("recGblFwdLink", "recGblGetTimeStamp", "dbNotifyCompletion"):
     getattr(dbCore, _name).argtypes = (_POINTER,)
 dbCore.recGblResetAlarms.argtypes = (_POINTER,)
 dbCore.recGblSetSevr.argtypes = (_POINTER, ctypes.c_int, ctypes.c_int)
@@ -54,6 +64,11 @@ class MotorRecord:
         self._values: dict[str, float | str] = {field.name: field.start for field in FIELDS}
         self._alarm: Alarm = DOWN
         self._accepted = True
+        self._moving_write = 0
+        """Write with completion that waits for the end of the movement; 0 if there is none."""
+        self._written = ""
+        self._target_write = 0
+        """Write with completion that has begun the movement; 0 if there is none."""
         self._address = 0
         self._offsets: dict[str, int] = {}
         _BY_NAME[name] = self
@@ -62,23 +77,24 @@ class MotorRecord:
         """Return the value of a field that is a number."""
         return float(self._values[field])
 
-    def set(self, alarm: Alarm | None = None, **values: float) -> None:
+    def set(self, alarm: Alarm | None = None, *, failed: bool = False, **values: float) -> None:
         """Change fields and alarm, and tell the clients that monitor them.
 
         Args:
             alarm: New alarm; None to keep the present one.
+            failed: Whether the movement that ends with these values has failed.
             **values: New values of fields.
         """
         with self.locked():
-            changed = [name for name, value in values.items() if self._values[name] != value]
+            changed = self._change(values)
             if not changed and alarm in {None, self._alarm}:
                 return
             self._alarm = alarm or self._alarm
-            for name in changed:
-                self._write(name, values[name])
             self._show(changed)
             if values.get("DMOV") and "DMOV" in changed:
-                dbCore.recGblFwdLink(self._address)
+                if failed and self._target_write == pending_write(self._address):
+                    fail_write(self._address)
+                self._complete()
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -97,29 +113,52 @@ class MotorRecord:
         for field in FIELDS:
             self._write(field.name, field.start)
 
-    def take(self, name: str) -> bool:
+    def take(self, name: str) -> None:
         """Take what a client has written to a field; put the old value back if it is refused."""
-        self._accepted = True
+        if not pending_write(self._address):  # its client may have given it up
+            self._moving_write = self._target_write = 0
         before, value = self._values[name], self._stored(name).value
-        if _FIELDS[name].put:
-            self._write(name, value if name in _SETTINGS else 0)  # a button is released at once
-            if self._put(name, float(value)):
-                return True
-        self._write(name, before)
-        self._accepted = False
-        return False
+        self._written = name
+        button = name not in _SETTINGS  # it is released at once
+        self._accepted, finite = False, isfinite(value)
+        if finite:
+            self._write(name, _FIELDS[name].start if button else value)
+        self._accepted = self._put(name, float(value)) and finite
+        if not self._accepted:
+            self._write(name, before)
+        self._show([name, *self._change({})])
 
     def process(self) -> bool:
-        """Show a write, and end it if no movement goes on; else the end of the movement ends it.
+        """End a write if no movement goes on; else the end of the movement ends it.
 
         Returns:
             Whether the write was accepted.
         """
         accepted, self._accepted = self._accepted, True
-        self._show(["VAL"])
-        if self._values["DMOV"]:
-            dbCore.recGblFwdLink(self._address)
+        write = pending_write(self._address)
+        if accepted:
+            self._moving_write = write
+            if self._written in _TARGETS:
+                self._target_write = write
+            if self._values["DMOV"]:
+                self._complete()
+        elif write != self._moving_write:
+            fail_write(self._address)
+            dbCore.dbNotifyCompletion(self._address)
         return accepted
+
+    def _complete(self) -> None:
+        """End the write that waits for the end of the movement."""
+        self._moving_write = self._target_write = 0
+        dbCore.recGblFwdLink(self._address)
+
+    def _change(self, values: Mapping[str, float]) -> list[str]:
+        """Write fields, and those that follow from them; return the names of those that changed."""
+        values = {**values, **derived({**self._values, **values})}
+        changed = [name for name, value in values.items() if self._values[name] != value]
+        for name in changed:
+            self._write(name, values[name])
+        return changed
 
     def _show(self, changed: Sequence[str]) -> None:
         """Set the alarm, and tell the clients that monitor fields."""
@@ -127,19 +166,15 @@ class MotorRecord:
         if self._alarm != OK:
             dbCore.recGblSetSevr(self._address, self._alarm.status, self._alarm.severity)
         alarmed = dbCore.recGblResetAlarms(self._address)
-        posted = {*changed, *(_MIRRORED[name] for name in changed if name in _MIRRORED)}
-        if alarmed:
-            posted |= {"VAL", "RBV"}
+        posted = {*changed, "VAL", "RBV"} if alarmed else set(changed)
         for name in sorted(posted, key="DMOV".__eq__):  # last: clients look at the others then
             place = self._address + self._offsets[name]
             dbCore.db_post_events(self._address, place, alarmed | _VALUE | _LOG)
 
     def _write(self, name: str, value: float | str) -> None:
-        """Write a field, and the one that is always the same, into the memory of the record."""
+        """Write a field into the memory of the record."""
         self._values[name] = value
         self._stored(name).value = value.encode() if isinstance(value, str) else value
-        if name in _MIRRORED:
-            self._stored(_MIRRORED[name]).value = value
 
     def _stored(self, name: str) -> Any:
         """Return a field in the memory of the record."""
@@ -179,19 +214,19 @@ def _process(address: int) -> int:
 
 
 def _special(address: Any, after: int) -> int:
-    """Called before and after a client has written a field; an error refuses the write.
+    """Called before and after a client has written a field; `_process` refuses the write.
 
-    Over PVA, `_process` reports the error. An error here would end the process if the write waits
-    for completion: pvxs 1.5 lets it leave a callback of EPICS as an exception of C++.
+    An error here would end the process if a write over PVA waits for completion: pvxs 1.5 lets it
+    leave a callback of EPICS as an exception of C++.
     """
-    record, name = _target(address)
-    if after and not record.take(name) and Com.epicsThreadGetNameSelf() == _CA_THREAD:
-        return _REFUSED
+    if after:
+        record, name = _target(address)
+        record.take(name)
     return 0
 
 
 def _get_units(address: Any, units: int) -> int:
-    text = _UNITS.get(_target(address)[1], b"um") + b"\0"
+    text = _FIELDS[_target(address)[1]].unit.encode() + b"\0"
     ctypes.memmove(units, text, len(text))
     return 0
 

@@ -14,8 +14,14 @@ class Motor(Protocol):
         """Return the value of a field that is a number."""
         ...
 
-    def set(self, alarm: Alarm | None = None, **values: float) -> None:
-        """Change fields and alarm; None keeps the present alarm."""
+    def set(self, alarm: Alarm | None = None, *, failed: bool = False, **values: float) -> None:
+        """Change fields and alarm; None keeps the present alarm.
+
+        Args:
+            alarm: New alarm.
+            failed: Whether the movement that ends with these values has failed.
+            **values: New values of fields.
+        """
         ...
 
     def locked(self) -> AbstractContextManager[None]:

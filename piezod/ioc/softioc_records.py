@@ -11,12 +11,20 @@ from softioc.asyncio_dispatcher import AsyncioDispatcher
 
 from piezod.ioc.motor_fields import TYPE_NAME
 from piezod.ioc.motor_record import MotorRecord, register_motors
+from piezod.ioc.pending_write import address_of, fail_write
 from piezod.ioc.readings import OK, REFUSED, Alarm, Reading
 from piezod.ioc.stage import IocStage
 from piezod.ioc.table import Kind, Record
 
 _READ_ONLY: Final = "ASG(DEFAULT) { RULE(1, READ) }\n"
 """Access security of an IOC that clients may only read."""
+_CONTROL: Final = "ASG(DEFAULT) { RULE(0, WRITE) RULE(1, READ) }\n"
+"""With control: clients write values, which are of level 0; other fields are of level 1."""
+_ABLE: Final = (
+    'record(bo, "{}_able") '
+    '{{ field(DISP, "1") field(PINI, "YES") field(DOL, "0") field(ZNAM, "Enable") }}\n'
+)
+"""Record beside a motor record that motor screens read: always enabled, and never written."""
 _BUILDERS: Final[Mapping[Kind, Callable[..., Any]]] = {
     Kind.NUMBER: builder.aIn,
     Kind.COUNT: builder.longIn,
@@ -35,6 +43,7 @@ _BUILDERS: Final[Mapping[Kind, Callable[..., Any]]] = {
 _WITH_DIGITS: Final = (Kind.NUMBER, Kind.SET_NUMBER, Kind.ARRAY, Kind.SET_ARRAY)
 _WITH_UNIT: Final = (*_WITH_DIGITS, Kind.COUNT, Kind.SET_COUNT)
 Act = Callable[[Any], Awaitable[bool]]
+Check = Callable[[Any, float], bool]
 
 
 class SoftIoc:
@@ -53,8 +62,7 @@ class SoftIoc:
             self._add(key, stage)
         builder.LoadDatabase()
         self._load_motors()
-        if not control:
-            _forbid_writing()
+        _set_access(_CONTROL if control else _READ_ONLY)
 
     def start(self) -> None:
         """Serve the records; the event loop must run."""
@@ -78,7 +86,8 @@ class SoftIoc:
         names = stage.names
         for full, record in names.all():
             axis = full.removeprefix(names.prefix).removesuffix(record.name).rstrip(":")
-            self._records[full] = _make(full, record, self._acting(full, stage, axis, record))
+            act, check = self._acting(full, stage, axis, record), _checking(full, stage, record)
+            self._records[full] = _make(full, record, act, check)
         self.motors[key] = {
             axis: MotorRecord(names.motor(axis), _putting(stage, axis)) for axis in names.axes
         }
@@ -94,6 +103,8 @@ class SoftIoc:
             shown = 0 if record.kind is Kind.COMMAND else value
             severity, status = OK if accepted else REFUSED
             self._records[full].set(shown, process=False, severity=severity, alarm=status)
+            if not accepted:
+                fail_write(address_of(full))
             return accepted
 
         return act
@@ -103,14 +114,15 @@ class SoftIoc:
             for motors in self.motors.values():
                 for axis, motor in motors.items():
                     file.write(f'record({TYPE_NAME}, "{motor.name}") {{ field(DESC, "{axis}") }}\n')
+                    file.write(_ABLE.format(motor.name))
             file.flush()
             softioc.dbLoadDatabase(file.name)
 
 
-def _forbid_writing() -> None:
+def _set_access(rules: str) -> None:
     # EPICS reads the file when the IOC starts, and again on request.
     with NamedTemporaryFile("w", suffix=".acf", delete=False) as file:
-        file.write(_READ_ONLY)
+        file.write(rules)
     if dbCore.asSetFilename(file.name.encode()):
         raise AssertionError(file.name)
 
@@ -119,7 +131,20 @@ def _putting(stage: IocStage, axis: str) -> Callable[[str, float], bool]:
     return lambda field, value: stage.writes.put(axis, field, value)
 
 
-def _make(name: str, record: Record, act: Act) -> Any:
+def _checking(full: str, stage: IocStage, record: Record) -> Check:
+    """Return the function that looks at what a client writes to a number."""
+
+    def check(_: Any, value: float) -> bool:
+        if record.low <= value <= record.high:
+            return True
+        fail_write(address_of(full))
+        stage.writes.refuse(full, f"{value:g}, allowed range {record.low:g} to {record.high:g}")
+        return False
+
+    return check
+
+
+def _make(name: str, record: Record, act: Act, check: Check) -> Any:
     """Make one record."""
     kind = record.kind
     fields: dict[str, Any] = {"DESC": record.what}
@@ -140,7 +165,7 @@ def _make(name: str, record: Record, act: Act) -> Any:
     elif kind.is_set:
         fields["initial_value"] = record.start
     if kind in {Kind.SET_NUMBER, Kind.SET_COUNT}:
-        fields["validate"] = lambda _, value: record.low <= value <= record.high
+        fields["validate"] = check
     if kind.is_set and not record.saved:
         fields |= {"on_update": act, "blocking": True, "always_update": True}
     options = record.choices if kind in {Kind.CHOICE, Kind.SET_CHOICE} else ()

@@ -17,6 +17,8 @@ from piezod.ioc.values import text
 
 _NOTHING_DRIVEN: Final = "refused"
 """Code of the daemon's answer to `hold` if nothing is driven."""
+_MOVE: Final = 2
+"""Value of SPMG; those below are Stop and Pause."""
 _DIRECTIONS: Final = {"TWF": 1.0, "TWR": -1.0}
 
 
@@ -72,6 +74,8 @@ class Writes:
         """
         motor = self._motors[axis]
         match field:
+            case "SPMG" if value < _MOVE:
+                self._start(self._stop(axis))
             case "VAL":
                 return self._begin(axis, value)
             case "TWF" | "TWR" if value:
@@ -79,7 +83,7 @@ class Writes:
             case "STOP" if value:
                 self._start(self._stop(axis))
             case "VELO":
-                return self._is_fine(f"{axis}.VELO", motor.why_not_speed(value))
+                return self._is_fine(axis, "VELO", motor.why_not_speed(value))
         return True
 
     def _begin(self, axis: str, position_um: float) -> bool:
@@ -91,7 +95,7 @@ class Writes:
         else:
             motor.begin(position_um)
             self._start(self._move(axis, position_um))
-        return self._is_fine(f"{axis}.VAL", why)
+        return self._is_fine(axis, "VAL", why)
 
     async def _move(self, axis: str, position_um: float) -> None:
         motor = self._motors[axis]
@@ -116,9 +120,19 @@ class Writes:
                 if running:
                     await self._link.resume()
 
-    def _is_fine(self, name: str, why: str) -> bool:
+    def refuse(self, full: str, why: str) -> None:
+        """Report that a write was refused; from any thread.
+
+        Args:
+            full: Full name of the record.
+            why: The reason.
+        """
+        name = full.removeprefix(self._names.prefix)
+        self._loop.call_soon_threadsafe(self._tell, name, why)
+
+    def _is_fine(self, axis: str, field: str, why: str) -> bool:
         if why:
-            self._loop.call_soon_threadsafe(self._tell, name, why)
+            self.refuse(f"{self._names.motor(axis)}.{field}", why)
         return not why
 
     @contextmanager

@@ -182,7 +182,7 @@ def _lay_out_entry(file: h5py.File, header: TelemetryHeader) -> h5py.Group:
     entry["title"], entry["start_time"] = header.title, header.started_at
     entry.attrs["description"] = _ABOUT
     entry.attrs["rate_hz"], entry.attrs["start_ns"] = header.rate_hz, header.start_ns
-    entry.attrs["axes"], entry.attrs["lost"] = list(header.axes), np.int64(0)
+    entry.attrs["axis_names"], entry.attrs["lost"] = list(header.axes), np.int64(0)
     entry.attrs["default"], entry.attrs["part"] = f"axis_{header.axes[0]}", header.part
     for name, text in header.notes.items():
         new_group(entry, name, "NXnote")["data"] = text

@@ -2,6 +2,7 @@
 
 import h5py
 
+from piezod.records.nexus import axis_names
 from piezod.records.telemetry_header import TelemetryHeader
 
 
@@ -18,10 +19,11 @@ def read_header(entry: h5py.Group) -> TelemetryHeader:
         for name, dataset in group.items()
         if name != "t_s"
     }
+    axes = axis_names(entry)
     enumerations = {name: h5py.check_enum_dtype(each.dtype) for name, each in fields.items()}
     return TelemetryHeader(
         title=str(entry["title"].asstr()[()]),
-        axes=tuple(entry.attrs["axes"]),
+        axes=axes,
         rate_hz=float(entry.attrs["rate_hz"]),
         started_at=str(entry["start_time"].asstr()[()]),
         start_ns=int(entry.attrs["start_ns"]),
@@ -38,12 +40,12 @@ def read_header(entry: h5py.Group) -> TelemetryHeader:
         weights={
             # Those of the start; the shape may have grown with an adopted model.
             name: entry[f"weights_{name}/weights"].chunks[1]
-            for name in entry.attrs["axes"]
+            for name in axes
             if f"weights_{name}" in entry
         },
         surfaces=tuple(
             name
-            for name in entry.attrs["axes"]
+            for name in axes
             if f"weights_{name}" in entry and entry[f"weights_{name}"].attrs.get("surface", False)
         ),
         descriptions={

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
-from piezod.records.nexus import CHUNK_CACHE_BYTES
+from piezod.records.nexus import CHUNK_CACHE_BYTES, axis_names
 from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.recording import Recording
 from piezod.records.telemetry_columns import ENTRY, FORMS
@@ -215,12 +215,12 @@ def _read_columns(
     entry: h5py.Group, rows: slice, names: Collection[str] | None
 ) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, NDArray[Any]]]]:
     """Return rows of the columns of the cycles, and of those of each axis."""
-    axes = {axis: _columns(entry[f"axis_{axis}"], rows, names) for axis in entry.attrs["axes"]}
+    axes = {axis: _columns(entry[f"axis_{axis}"], rows, names) for axis in axis_names(entry)}
     return _columns(entry["cycles"], rows, names), axes
 
 
 def _rows(entry: h5py.Group, begin_s: float, end_s: float) -> slice:
-    axes = [entry[f"axis_{axis}"] for axis in entry.attrs["axes"]]
+    axes = [entry[f"axis_{axis}"] for axis in axis_names(entry)]
     return _part("t_s", [entry["cycles"], *axes], begin_s, end_s)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
+from piezod.records.nexus import axis_names
 from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.telemetry_columns import ENTRY
 from piezod.records.telemetry_events import read_events
@@ -111,7 +112,7 @@ def contents(path: Path) -> Contents:
         t_s = entry["cycles/t_s"]
         t_s.refresh()
         rows = len(t_s)
-        axes = tuple(str(name) for name in entry.attrs["axes"])
+        axes = axis_names(entry)
         groups = ("cycles", *(f"axis_{name}" for name in axes))
         return Contents(
             title=str(entry["title"].asstr()[()]),
@@ -233,9 +234,8 @@ def _opened(path: Path) -> Iterator[h5py.File]:
 
 
 def _axis_group(entry: h5py.Group, axis: str) -> h5py.Group:
-    if axis not in entry.attrs["axes"]:
-        names = ", ".join(entry.attrs["axes"])
-        raise DataError(f"the recording has no axis {axis!r}; its axes are {names}")
+    if axis not in (names := axis_names(entry)):
+        raise DataError(f"the recording has no axis {axis!r}; its axes are {', '.join(names)}")
     return entry[f"axis_{axis}"]
 
 

@@ -16,7 +16,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from piezod.client.wire import HttpRequest, http_request, recording_path
-from piezod.config.endpoints import ENDPOINTS, Endpoint
+from piezod.config.endpoints import ENDPOINTS, Endpoint, Role
 from piezod.config.requests import TABLE
 from piezod.web.access import role_of
 from piezod.web.errors import (
@@ -66,14 +66,26 @@ class Api:
         """Return the answer to a request, or its refusal."""
         try:
             row, path = _endpoint(request)
-            require(role_of(request.scope), row.access.role)
+            role = role_of(request.scope)
+            require(role, row.access.role)
         except PageError as error:
             return _refused(error)
         if self._running >= MOST and not row.access.urgent:
             what = f"{self._running} requests of other computers are in progress, allowed: {MOST}"
             document = {"code": "too_many", "what": what, "remedy": "end some, or try again"}
             return JSONResponse({"error": document}, 429)
+        if row.name == "status" and role < Role.ENGINEER:
+            return await self._status(request.path_params.get("stage"), role)
         return _Forwarded(self, row, path)
+
+    async def _status(self, stage: str | None, role: Role) -> Response:
+        """Return the status with the role of the token: the daemon knows that of the user."""
+        try:
+            async with self._stages.visiting(stage) as connections:
+                status = await connections.status()
+        except PageError as error:
+            return _refused(error)
+        return JSONResponse({**status, "role": role.name.lower()})
 
     async def forward(
         self, onwards: HttpRequest, stage: str | None, stack: AsyncExitStack

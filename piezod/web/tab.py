@@ -176,7 +176,7 @@ class Tab:
 
     def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]
-        return {"client": self.name, "stages": stages}
+        return {"client": self.name, "role": self._role.name.lower(), "stages": stages}
 
     def _watch(self, message: messages.Watch) -> Document:
         stage = self._stages.named(message.stage)

@@ -25,9 +25,8 @@ WITHIN_S = 120.0
 
 def test_the_example_of_the_page_runs(coarse: Bench, tmp_path: Path) -> None:
     """It arms the stage, scans, and flies."""
-    (example,) = (
-        block for block in blocks(ROOT / "docs" / "bluesky.md") if block.language == "python"
-    )
+    page = blocks(ROOT / "docs" / "bluesky.md")
+    example = next(block for block in page if block.language == "python")
     make_run(coarse.daemon)
     done = subprocess.run(
         [sys.executable, "-c", example.text],

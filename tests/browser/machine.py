@@ -82,9 +82,9 @@ class Machine:
         eventually(ready, STARTED_WITHIN_S)
         return process
 
-    def start_web(self) -> str:
+    def start_web(self, *options: str) -> str:
         """Start the server of the page; return its address with the token."""
-        self.web = self.start("web", "--port", "0")
+        self.web = self.start("web", "--port", "0", *options)
         return self.line_of(self.web)
 
     def line_of(self, process: "subprocess.Popen[str]") -> str:

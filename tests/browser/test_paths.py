@@ -82,11 +82,11 @@ def test_an_emergency_stop_works_with_six_tabs_open(
     assert '"state": "FAULT"' in machine.run("status", "--json")
 
 
-def test_a_refusal_stands_beside_its_control(page: Page) -> None:
-    """A movement in SAFE says why it is refused, and what to do."""
+def test_what_to_do_stands_beside_a_control_that_is_barred(page: Page) -> None:
+    """In SAFE nothing moves: Go is barred, and its card says what comes first."""
     expect(page.locator("#state")).to_contain_text("SAFE")
-    page.get_by_role("button", name="Go", exact=True).click()
-    expect(page.get_by_role("region", name="Position")).to_contain_text("arm")
+    expect(page.get_by_role("button", name="Go", exact=True)).to_be_disabled()
+    expect(page.get_by_role("region", name="Position")).to_contain_text("Not now: arm first")
 
 
 def test_the_page_goes_on_when_a_killed_daemon_runs_again(page: Page, machine: Machine) -> None:
@@ -105,7 +105,8 @@ def test_the_page_goes_on_when_a_killed_daemon_runs_again(page: Page, machine: M
     page.get_by_role("checkbox", name="Reset as engineer").check()
 
     def is_reset() -> bool:  # refused until the fault has been gone for a second
-        page.get_by_role("button", name="Reset", exact=True).click()
+        # By force: once it is done, the button is barred.
+        page.get_by_role("button", name="Reset", exact=True).click(force=True)
         return "SAFE" in state.inner_text()
 
     eventually(is_reset)

@@ -21,19 +21,25 @@ HIDE = """hidden => {
 
 def test_refusal_stands_beside_its_control(page: Page) -> None:
     """The card of a control shows what was refused and what helps, until a request is accepted."""
-    stage = page.get_by_role("region", name="Stage", exact=True)
-    refusal = stage.get_by_role("status")
-    stage.get_by_role("button", name="Hold").click()
-    expect(refusal).to_contain_text("SAFE")
-    expect(page.get_by_role("region", name="Position").get_by_role("status")).to_be_empty()
-
+    stage, position = (
+        page.get_by_role("region", name=name, exact=True) for name in ("Stage", "Position")
+    )
+    refusal = position.get_by_role("status")
     stage.get_by_role("button", name="Arm", exact=True).click()
+    position.get_by_label("Position").fill("99")
+    position.get_by_role("button", name="Go").click()
+    expect(refusal).to_contain_text("out of range")
+    expect(stage.get_by_role("status")).to_be_empty()
+
+    position.get_by_label("Position").fill("3")
+    position.get_by_role("button", name="Go").click()
 
     expect(refusal).to_be_empty()
 
 
 def test_wave_outside_the_range_is_not_started(page: Page) -> None:
     """A wave beyond the range of commands is named with the limits before it can be sent."""
+    page.get_by_role("button", name="Arm", exact=True).click()
     wave = page.get_by_role("region", name="Waveform")
     start = wave.get_by_role("button", name="Start the wave")
     expect(start).to_be_enabled()

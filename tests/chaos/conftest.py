@@ -1,6 +1,7 @@
 """A stage with a rig of its own, and what a test must not leave behind."""
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,12 +10,14 @@ import pytest
 
 from tests.daemon import conftest as of_daemon
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import Daemon, is_alive
+from tests.daemon.daemons import NEXT_VERB, Daemon, is_alive
 from tests.daemon.hosted_stage import HostedStage, assert_gentle
+from tests.daemon.waiting import eventually
 from tests.forked import Piped
 
 start = of_daemon.start  # the fixture
 IDENT = {"kind": "sine", "low": 0.0, "high": 50.0, "frequency_hz": 0.1}
+LATENESS = re.compile(r"fault=(L2|L5|S5|A1|B1|B15)\b")
 SLOW_RAMP_V_PER_S = 20.0
 """Slow enough for a test that acts during a ramp."""
 LATE_S = 1.0 / 20.0
@@ -40,7 +43,7 @@ class ChaosStage(HostedStage):
             self.wait_for_writes(10)
         match state:
             case "IDENT":
-                daemon.do("identify", drive_v={"x": IDENT}, duration_s=600.0)
+                self.identify()
             case "HOLD":
                 daemon.do("hold")
             case "RAMP":
@@ -49,6 +52,23 @@ class ChaosStage(HostedStage):
                 daemon.do("estop")
         if state != "RUN":
             daemon.until(state)
+
+    def identify(self) -> None:
+        """Drive a waveform of voltages; repeat it if late cycles hold the stage before."""
+        fields = {"drive_v": {"x": IDENT}, "duration_s": 600.0}
+
+        def driven() -> bool:
+            answer = self.daemon.ask("POST", "identify", fields)
+            if answer.status_code != 200:
+                step = NEXT_VERB.get(self.daemon.status().get("state", ""), "")
+                self.daemon.ask("POST", step or "arm", {})
+            return answer.status_code == 200
+
+        eventually(driven, 60.0)
+
+    def was_late(self) -> bool:
+        """Return whether this machine was too busy for loop or rig, by the faults in the log."""
+        return bool(LATENESS.search(self.daemon.text))
 
     def assert_ended(self) -> None:
         """Assert that the writes were gentle, and that no process and no lock is left."""

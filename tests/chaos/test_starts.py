@@ -6,10 +6,12 @@ import shutil
 import subprocess
 import sys
 from functools import partial
+from math import ceil
 from pathlib import Path
 
 import pytest
 
+from piezod.records.atomic import replacing
 from tests.chaos.conftest import left_behind
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import Daemon, configuration
@@ -71,7 +73,7 @@ def test_stage_runs_whatever_the_monotonic_clock_shows(tmp_path: Path, since_boo
         )
     )
     now_s = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])
-    offset = str(int(since_boot_s - now_s))
+    offset = str(ceil(since_boot_s - now_s))
     command = [unshare, "--time", "--fork", f"--monotonic={offset}", f"--boottime={offset}"]
     command += [sys.executable, "-c", script, str(configuration(tmp_path))]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
@@ -94,8 +96,11 @@ def test_wall_clock_that_is_set_moves_nothing(start: StartDaemon, tmp_path: Path
     daemon = start(configuration(tmp_path), PYTHONPATH=str(tmp_path)).up()
     daemon.driven(10.0, above_v=40.0)
     for number, step_s in enumerate((TWO_YEARS_S, -TWO_YEARS_S), 1):
-        shift.write_text(str(step_s), encoding="ascii")
+        with replacing(shift) as temporary:  # a process that reads half a number would step twice
+            temporary.write_text(str(step_s), encoding="ascii")
         eventually(partial(_counted, daemon, number), 60.0)
+        # A step while the one before is still present is no new detection.
+        eventually(lambda: not _present(daemon), 60.0)
     state = daemon.status()["state"]
     daemon.do("shutdown")
 
@@ -107,6 +112,11 @@ def test_wall_clock_that_is_set_moves_nothing(start: StartDaemon, tmp_path: Path
 def _counted(daemon: Daemon, number: int) -> bool:
     """Return whether L4 has been detected so often."""
     return f'fault_detections_total{{fault="L4",stage="rig"}} {number}.0' in _metrics(daemon)
+
+
+def _present(daemon: Daemon) -> bool:
+    """Return whether L4 is present."""
+    return any(fault["id"] == "L4" for fault in daemon.status()["faults"])
 
 
 def _metrics(daemon: Daemon) -> str:

@@ -216,7 +216,7 @@ def test_uninstall_is_refused_while_something_runs(
     code, out, err = piezod("install-service", "--uninstall")
 
     assert (code, out, removed) == (1, "", [])
-    running = "piezod@a.service, piezod-web.service still running"
+    running = "piezod@a.service, piezod-web.service still running or enabled"
     assert f"{running}: `systemctl disable --now piezod@a.service piezod-web.service`" in err
 
 
@@ -224,4 +224,21 @@ def test_machine_without_systemd_runs_no_stage(monkeypatch: pytest.MonkeyPatch) 
     """Without `systemctl` there is nothing to stop."""
     monkeypatch.setenv("PATH", "")
 
-    assert service_files.running_units() == []
+    assert service_files.units_in_use() == []
+
+
+def test_unit_that_starts_with_the_machine_is_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stage that is enabled and stopped counts, and one that also runs counts once."""
+    systemctl = tmp_path / "systemctl"
+    systemctl.write_text("#!/bin/sh\necho piezod@b.service loaded active running piezo stage b\n")
+    systemctl.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    wants = tmp_path / "multi-user.target.wants"
+    wants.mkdir()
+    for name in ("piezod@a.service", "piezod@b.service", "piezod-web.service", "piezod-x.service"):
+        (wants / name).symlink_to("/nonexistent")
+
+    expected = ["piezod@b.service", "piezod-web.service", "piezod@a.service"]
+    assert service_files.units_in_use(tmp_path) == expected

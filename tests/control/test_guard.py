@@ -21,10 +21,14 @@ from tests.control.guard_properties import (
     check_all,
 )
 
-GUARD = Guard(LIMITS, LONGEST_S)
 T_NS = 5_000_000
 PERIOD_S = 1e-3
 PLANNED_NS = st.sampled_from((0, 0, 0, 1, -1_000_000))
+
+
+def guard() -> Guard:
+    """Return a guard of two axes. A constant would be made before a mutant changes the class."""
+    return Guard(LIMITS, LONGEST_S)
 
 
 @pytest.mark.fault("A5")
@@ -37,7 +41,7 @@ def test_admitted_voltages_are_always_allowed(
     planned_ns: int, asked_v: Sequence[float], in_force_v: Sequence[float], elapsed_s: float
 ) -> None:
     """They are finite, in range, within the slew rate and of this cycle; or nothing moves."""
-    check_all(GUARD.admit, planned_ns, asked_v, in_force_v, elapsed_s)
+    check_all(guard().admit, planned_ns, asked_v, in_force_v, elapsed_s)
 
 
 @pytest.mark.parametrize("broken", BROKEN_GUARDS.values(), ids=BROKEN_GUARDS.keys())
@@ -69,9 +73,9 @@ def test_admitted_voltage_is_admitted_again(
 ) -> None:
     """A voltage that was admitted passes unchanged."""
     before_v = [in_force_v, 0.0]
-    first = GUARD.admit(0, 0, [asked_v, 0.0], before_v, elapsed_s)
+    first = guard().admit(0, 0, [asked_v, 0.0], before_v, elapsed_s)
     assume(not first.refused)
-    second = GUARD.admit(0, 0, first.drive_v, before_v, elapsed_s)
+    second = guard().admit(0, 0, first.drive_v, before_v, elapsed_s)
 
     assert second.drive_v == first.drive_v
 
@@ -80,14 +84,14 @@ def test_admitted_voltage_is_admitted_again(
 @pytest.mark.parametrize("asked_v", [nan, inf, -inf])
 def test_voltage_that_is_not_a_number_moves_nothing(asked_v: float) -> None:
     """The axis is reported as refused; the other axis continues."""
-    admitted = GUARD.admit(T_NS, T_NS, [asked_v, 40.1], [75.0, 40.0], PERIOD_S)
+    admitted = guard().admit(T_NS, T_NS, [asked_v, 40.1], [75.0, 40.0], PERIOD_S)
 
     assert admitted == ([75.0, 40.1], True, (0,), (), (), False)
 
 
 def test_unknown_voltage_in_force_forbids_a_write() -> None:
     """Without a known start no voltage is safe."""
-    admitted = GUARD.admit(T_NS, T_NS, [20.0, 40.1], [nan, 40.0], PERIOD_S)
+    admitted = guard().admit(T_NS, T_NS, [20.0, 40.1], [nan, 40.0], PERIOD_S)
 
     assert not admitted.writable
     assert admitted.refused == (0,)
@@ -97,16 +101,16 @@ def test_unknown_voltage_in_force_forbids_a_write() -> None:
 @pytest.mark.parametrize("planned_ns", [T_NS - 1_000_000, T_NS - 1, T_NS + 1, 0])
 def test_plan_for_another_cycle_moves_nothing(planned_ns: int) -> None:
     """Every voltage stays, and the result is marked as stale."""
-    admitted = GUARD.admit(planned_ns, T_NS, [20.0, 60.0], [30.0, 40.0], PERIOD_S)
+    admitted = guard().admit(planned_ns, T_NS, [20.0, 60.0], [30.0, 40.0], PERIOD_S)
 
     assert admitted == ([30.0, 40.0], True, (), (), (), True)
 
 
 def test_range_and_slew_rate_are_reported_separately() -> None:
     """A voltage can be out of range, too fast, or both."""
-    too_far = GUARD.admit(T_NS, T_NS, [160.0, 0.0], [149.0, 0.0], PERIOD_S)
-    too_fast = GUARD.admit(T_NS, T_NS, [0.0, 1.0], [0.0, 0.0], PERIOD_S)
-    both = GUARD.admit(T_NS, T_NS, [0.0, 200.0], [0.0, 0.0], PERIOD_S)
+    too_far = guard().admit(T_NS, T_NS, [160.0, 0.0], [149.0, 0.0], PERIOD_S)
+    too_fast = guard().admit(T_NS, T_NS, [0.0, 1.0], [0.0, 0.0], PERIOD_S)
+    both = guard().admit(T_NS, T_NS, [0.0, 200.0], [0.0, 0.0], PERIOD_S)
 
     assert too_far == ([150.0, 0.0], True, (), (0,), (), False)
     assert too_fast == ([0.0, 0.5], True, (), (), (1,), False)
@@ -116,7 +120,7 @@ def test_range_and_slew_rate_are_reported_separately() -> None:
 @pytest.mark.parametrize("elapsed_s", [LONGEST_S, 0.1, 10.0, 1e300])
 def test_no_step_catches_up_after_a_pause(elapsed_s: float) -> None:
     """After a pause of any length the step is that of two periods."""
-    admitted = GUARD.admit(T_NS, T_NS, [150.0, 100.0], [0.0, 0.0], elapsed_s)
+    admitted = guard().admit(T_NS, T_NS, [150.0, 100.0], [0.0, 0.0], elapsed_s)
 
     assert admitted.drive_v == [40.0, 1.0]
 
@@ -124,7 +128,7 @@ def test_no_step_catches_up_after_a_pause(elapsed_s: float) -> None:
 @pytest.mark.parametrize("elapsed_s", [0.0, -1.0, nan, inf, -inf])
 def test_nothing_moves_without_a_valid_time(elapsed_s: float) -> None:
     """A time that is not finite, or negative, counts as zero."""
-    admitted = GUARD.admit(T_NS, T_NS, [20.0, 60.0], [30.0, 40.0], elapsed_s)
+    admitted = guard().admit(T_NS, T_NS, [20.0, 60.0], [30.0, 40.0], elapsed_s)
 
     assert admitted.drive_v == [30.0, 40.0]
 
@@ -134,7 +138,7 @@ def test_stage_outside_its_range_returns_at_the_slew_rate(start_v: float, end_v:
     """It returns in four cycles without a step, and is reported as limited meanwhile."""
     in_force_v, limited = [start_v, 0.0], []
     for _ in range(4):
-        admitted = GUARD.admit(T_NS, T_NS, [end_v, 0.0], in_force_v, PERIOD_S)
+        admitted = guard().admit(T_NS, T_NS, [end_v, 0.0], in_force_v, PERIOD_S)
         limited.append(admitted.slew_limited)
         in_force_v = admitted.drive_v
 
@@ -148,8 +152,8 @@ def test_halved_slew_rate_acts_on_its_axis_only() -> None:
     step_v = LIMITS[0].slew_v_per_s * 1e-4
     asked_v = [100.0, LIMITS[1].drive_max_v]
     in_force_v, sent_v = [10.0, LIMITS[1].drive_min_v], [9.0, LIMITS[1].drive_min_v]
-    usual = GUARD.admit(0, 0, asked_v, in_force_v, 1e-4, sent_v)
-    halved = GUARD.admit(0, 0, asked_v, in_force_v, 1e-4, sent_v, (0,))
+    usual = guard().admit(0, 0, asked_v, in_force_v, 1e-4, sent_v)
+    halved = guard().admit(0, 0, asked_v, in_force_v, 1e-4, sent_v, (0,))
 
     assert usual.drive_v[0] == pytest.approx(9.0 + step_v)
     assert halved.drive_v[0] == pytest.approx(9.0 + step_v / 2.0)

@@ -11,12 +11,29 @@ from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.emulation.emulator import Emulator
 from piezod.devices.interface import Wiring
 from piezod.devices.player import PlayState, Progress, Table
+from piezod.errors import PlayCancelledError
 from piezod_drivers.serial_line.wave_arrays import FloatArray
 from tests.drivers.serial_line.linear_rig import LinearRig
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 
 STEP_NS: Final = 10 * MS
 """Time between two calls of `progress`."""
+
+
+class Cancelling:
+    """A `Check` that counts its calls, and cancels at one of them.
+
+    Args:
+        at: Number of that call, from 0; -1 for none.
+    """
+
+    def __init__(self, at: int = -1) -> None:
+        self._at, self.calls = at, 0
+
+    def __call__(self) -> None:
+        if self.calls == self._at:
+            raise PlayCancelledError("it was aborted")
+        self.calls += 1
 
 
 class Unplugged(Protocol):

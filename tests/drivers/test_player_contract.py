@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from piezod.devices.player import AtEnd, Player, PlayState
-from piezod.errors import DeviceError
+from piezod.errors import DeviceError, PlayCancelledError
+from tests.drivers.play_bench import Cancelling
 from tests.drivers.player_benches import BENCHES, OpenPlayer
 
 SETTLE_NS = 20_000_000
@@ -214,6 +215,43 @@ def test_a_second_play_follows_the_first(bench: OpenPlayer) -> None:
 
     assert bench.finish(table) == (PlayState.ENDED, 3, "")
     assert len(bench.device.recording().positions) >= len(table.lead_in) + 3 * len(table.period)
+
+
+def test_cancelled_load_leaves_nothing(bench: OpenPlayer) -> None:
+    """Nothing is loaded, the output stays and takes setpoints, and the next play is complete."""
+    device, table, counted = bench.device, bench.table(lead_in=60, period=400), Cancelling()
+    assert device.write([1.0], bench.now_ns())
+    before = read_back(bench)
+    device.load(table, counted)
+    for at in sorted({0, counted.calls // 2, counted.calls - 1}):
+        with pytest.raises(PlayCancelledError):
+            device.load(table, Cancelling(at))
+
+        assert device.abort(bench.now_ns()) == pytest.approx((before,), abs=bench.settled)
+        assert device.progress(bench.now_ns()).state is PlayState.IDLE
+        with pytest.raises(DeviceError):
+            device.arm()
+        assert device.write([1.0], bench.now_ns())
+    assert read_back(bench) == pytest.approx(before, abs=bench.settled)
+    bench.start(table)
+    assert bench.finish(table) == (PlayState.ENDED, 3, "")
+
+
+def test_cancelled_record_can_be_read_again(bench: OpenPlayer) -> None:
+    """The output stays at the end of the play, and the whole record is there afterwards."""
+    device, table, counted = bench.device, bench.table(period=400), Cancelling()
+    bench.start(table)
+    bench.finish(table)
+    record = device.recording(counted)
+    for at in sorted({0, counted.calls // 2, counted.calls - 1}):
+        with pytest.raises(PlayCancelledError):
+            device.recording(Cancelling(at))
+        assert device.abort(bench.now_ns()) == pytest.approx(
+            (table.period[-1, 0],), abs=bench.settled
+        )
+
+    again = device.recording()
+    assert np.array_equal(again.positions, record.positions)
 
 
 def test_deactivated_device_plays_nothing(bench: OpenPlayer) -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from piezod.devices.interface import Wiring
 from piezod.devices.player import PlayState
-from piezod.errors import DeviceError
+from piezod.errors import DeviceError, PlayCancelledError
 from tests.drivers.modbus import play_bench as modbus_bench
-from tests.drivers.play_bench import PlayBench, played
+from tests.drivers.play_bench import Cancelling, PlayBench, played
 from tests.drivers.serial_line import lc400_play_bench, nv200_play_bench, pi_play_bench
 from tests.drivers.serial_line.linear_rig import STEP_NS
 from tests.drivers.serial_line.scripted_line import MS
@@ -203,6 +203,27 @@ def test_a_start_without_an_answer_is_stopped(bench: PlayBench) -> None:
         bench.wait(100 * MS)
     assert_holds(bench, value)
     assert bench.device.write([value], bench.time.t_ns)
+
+
+def test_a_cancelled_load_or_record_leaves_the_bus_in_step(bench: PlayBench) -> None:
+    """It ends between two exchanges: the next reply is that of the next request; no fault."""
+    table, sent = bench.scale.sine(n=400, cycles=1), bench.line.sent
+    counted, before = Cancelling(), len(sent)
+    bench.device.load(table, counted)
+    whole, before = len(sent) - before, len(sent)
+    with pytest.raises(PlayCancelledError):
+        bench.device.load(table, Cancelling(counted.calls // 2))
+    assert len(sent) - before < 0.8 * whole
+    assert_holds(bench, bench.device.abort(bench.time.t_ns)[0])
+
+    bench.start(table)
+    assert bench.progress_to_end() == (PlayState.ENDED, 1, "")
+    counted = Cancelling()
+    bench.device.recording(counted)
+    with pytest.raises(PlayCancelledError):
+        bench.device.recording(Cancelling(counted.calls // 2))
+    assert_holds(bench, bench.device.abort(bench.time.t_ns)[0])
+    assert frozenset().union(*bench.device.status(bench.time.t_ns)) == frozenset()
 
 
 def test_a_cable_pulled_while_a_table_is_loaded_moves_nothing(bench: PlayBench) -> None:

@@ -9,6 +9,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, Self
 
+from tests.daemon.waiting import eventually
+
 ROOT: Final = Path(__file__).parents[2]
 PYTHON: Final = ROOT / "build" / "epics" / "bin" / "python"
 """Interpreter of the environment that `make epics` sets up."""
@@ -65,13 +67,17 @@ class Ioc:
         self.announced: list[str] = []
 
     def up(self, stages: int = 1) -> Self:
-        """Wait until it serves its stages."""
+        """Wait until it serves its stages; end it if it does not."""
         assert self.process.stdout is not None
-        while len(self.announced) < stages:
-            line = self.process.stdout.readline()
-            assert line, "the IOC has ended, see its errors above"
-            if line.startswith("EPICS: "):
-                self.announced.append(line.split()[1].removesuffix("STATE"))
+        try:
+            while len(self.announced) < stages:
+                line = self.process.stdout.readline()
+                assert line, "the IOC has ended, see its errors above"
+                if line.startswith("EPICS: "):
+                    self.announced.append(line.split()[1].removesuffix("STATE"))
+        except BaseException:
+            self.kill()
+            raise
         return self
 
     def kill(self) -> None:
@@ -117,6 +123,15 @@ class Peer:
     def put(self, name: str, value: Any) -> str:
         """Write with completion; return why it failed, empty if it did not."""
         answer: str = self._ask("put", name, value)
+        return answer
+
+    def until_taken(self, name: str, value: Any = 1) -> None:
+        """Write with completion until the daemon does not refuse it."""
+        eventually(lambda: self.put(name, value) == "")
+
+    def send(self, name: str, value: Any) -> str:
+        """Write without completion; return why it failed, empty if it did not."""
+        answer: str = self._ask("send", name, value)
         return answer
 
     def watch(self, name: str) -> None:

@@ -8,7 +8,7 @@ from piezod.devices import registry
 from piezod.plant.variants import VARIANTS
 
 EXPERIMENTS = Path(__file__).parents[2] / "config" / "experiments"
-_OTHER_FILES = {
+OTHER_FILES = {
     "afm": "beyond-afm.yaml",
     "flexure": "beyond-flexure.yaml",
     "stack-uncalibrated": "beyond-uncalibrated.yaml",
@@ -48,6 +48,9 @@ LIMITS: Final = (
     Limit("flexure", "no drift of the return points", {"effects": {"drift": False}}),
     Limit("flexure", "no drift, exact sensor", {"effects": {"drift": False}, **_EXACT}),
     Limit("afm", "exact sensor", _EXACT),
+    Limit("preisach-exponential", "exact sensor", _EXACT),
+    Limit("preisach-gaussian", "exact sensor", _EXACT),
+    Limit("preisach-asymmetric", "exact sensor", _EXACT),
     Limit("thermal-relays", "no creep, no drift", {"effects": {"creep": False, "drift": False}}),
     Limit("bouc-wen", "no hysteresis", {"effects": {"hysteresis": False}}),
     Limit("light-damping", "exact sensor", _EXACT),
@@ -65,7 +68,7 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
         seed: Seed of the specimen.
         rig: Further options of the rig, as in a configuration.
     """
-    path = EXPERIMENTS / _OTHER_FILES.get(variant, "beyond.yaml")
+    path = EXPERIMENTS / OTHER_FILES.get(variant, "beyond.yaml")
     config = load_experiment(path, registry)
     axis, device = config.axes["x"], config.devices["rig"]
     if variant == _LIGHTLY_DAMPED:

@@ -15,20 +15,26 @@ class FakeMotor:
         alarm: Its alarm.
         fields: The fields that are numbers.
         done: The values of DMOV, as a monitor sees them.
+        failed: Whether each movement that has ended has failed.
     """
 
     def __init__(self) -> None:
         self.alarm = DOWN
-        self.fields = {each.name: float(each.start) for each in FIELDS if each.name != "EGU"}
+        self.fields = {
+            each.name: float(each.start) for each in FIELDS if not isinstance(each.start, str)
+        }
         self.done: list[float] = []
+        self.failed: list[bool] = []
 
     def get(self, field: str) -> float:
         return self.fields[field]
 
-    def set(self, alarm: Alarm | None = None, **values: float) -> None:
+    def set(self, alarm: Alarm | None = None, *, failed: bool = False, **values: float) -> None:
         self.alarm = alarm or self.alarm
         if values.get("DMOV", self.fields["DMOV"]) != self.fields["DMOV"]:
             self.done.append(float(values["DMOV"]))
+            if values["DMOV"]:
+                self.failed.append(failed)
         self.fields.update(values)
 
     @contextmanager

@@ -24,6 +24,7 @@ def motor(record: FakeMotor) -> AxisMotor:
     motor.limit(LIMITS, 0.1)
     motor.feed("RUN", axis(on_target=True))
     record.done.clear()
+    record.failed.clear()
     return motor
 
 
@@ -68,6 +69,24 @@ def test_movement_that_ends_early_has_an_alarm(motor: AxisMotor, record: FakeMot
     assert held == (1, FAULTY)
     assert resumed == FAULTY
     assert record.alarm == OK
+
+
+def test_refused_write_on_the_way_does_not_fail_the_movement(
+    motor: AxisMotor, record: FakeMotor
+) -> None:
+    """Its alarm stays, and the movement arrives; the next one is held, and fails."""
+    motor.begin(5.0)
+    motor.accepted(5.0, answer(1))
+    motor.feed("RUN", axis(3.0, 5.0, motion=1))
+    motor.refused()
+    motor.feed("RUN", axis(5.0, 5.0, motion=1, on_target=True))
+    alarm = record.alarm
+    motor.begin(6.0)
+    motor.accepted(6.0, answer(2))
+    motor.feed("HOLD", axis(5.5, 6.0, motion=2))
+
+    assert alarm == REFUSED
+    assert record.failed == [False, True]
 
 
 def test_stop_of_its_own_has_no_alarm(motor: AxisMotor, record: FakeMotor) -> None:

@@ -4,8 +4,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from piezod.ioc.lists import archiver_list, autosave_list, screen, write_files
+from piezod.ioc.motor_fields import FIELDS
 from piezod.ioc.records import Names
 
+WIDGETS = {"label", "textupdate", "textentry", "combo", "action_button"}
+"""Types of widgets that Phoebus has, as its sources name them."""
 NAMES = Names("p:", ("x", "y"))
 
 
@@ -26,14 +29,20 @@ def test_autosave_stores_settings_and_no_commands() -> None:
 
 
 def test_screen_has_records_of_the_table() -> None:
-    """Every record on the screen exists; buttons write 1 to their own record."""
-    known = {name for name, _ in NAMES.all()} | {"p:x", "p:y"}
-    display = ElementTree.fromstring(screen(NAMES, "bench <1>"))  # noqa: S314 - made here
+    """Every record and field on the screen exists, without macros; buttons write 1 to their own."""
+    fields = {f"{NAMES.motor(axis)}.{each.name}" for axis in NAMES.axes for each in FIELDS}
+    known = {name for name, _ in NAMES.all()} | fields
+    text = screen(NAMES, "bench <1>")
+    display = ElementTree.fromstring(text)  # noqa: S314 - made here
     shown = {each.text or "" for each in display.iter("pv_name")}
     buttons = display.findall("./widget[@type='action_button']")
 
     assert {"p:STATE", "p:x.RBV", "p:y:HIST:POS", "p:ESTOP"} <= shown
-    assert {name.partition(".")[0] for name in shown} <= known
+    assert shown <= known
+    assert "$(" not in text
+    assert {each.get("type") for each in display.iter("widget")} == WIDGETS
+    for place in ("x", "y", "width", "height"):
+        assert all(int(each.findtext(place) or -1) >= 0 for each in display.iter("widget"))
     assert display.findtext("name") == "bench <1>"
     for button in buttons:
         assert button.findtext("pv_name") == button.findtext("./actions/action/pv_name")

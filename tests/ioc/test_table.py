@@ -1,6 +1,6 @@
 """The records as they are declared, and their documentation."""
 
-from piezod.ioc.motor_fields import FIELDS, definition
+from piezod.ioc.motor_fields import FIELDS, definition, derived
 from piezod.ioc.records import Names
 from piezod.ioc.server import names_of
 from piezod.ioc.table import AXIS, STAGE
@@ -38,10 +38,22 @@ def test_prefix() -> None:
 
 
 def test_definition_has_every_field() -> None:
-    """Each field is in the definition for EPICS, once, and every write to it is looked at."""
+    """Each field is in the definition for EPICS, once; others than those to write are fixed."""
     text = definition()
 
     for field in FIELDS:
         (line,) = (each for each in text.splitlines() if f"field({field.name}," in each)
-        assert "special(SPC_MOD)" in line
+        assert ("special(SPC_MOD)" if field.put else "special(SPC_NOMOD)") in line
     assert text.count("pp(TRUE)") == sum(field.put for field in FIELDS)
+
+
+def test_fields_that_follow_from_others() -> None:
+    """Dial, raw and status fields are those of target, position, limits and movement."""
+    values = {field.name: field.start for field in FIELDS}
+    now = derived({**values, "VAL": 5.0, "RBV": 4.5, "HLM": 26.0, "DMOV": 0, "MOVN": 1, "TDIR": 1})
+
+    assert all(not field.fixed for field in FIELDS if field.name in now)
+    assert now.keys() <= values.keys()
+    assert (now["DVAL"], now["DRBV"], now["DIFF"], now["DHLM"]) == (5.0, 4.5, 0.5, 26.0)
+    assert (now["RVAL"], now["RRBV"], now["RDIF"]) == (5000, 4500, 500)
+    assert (now["MSTA"], now["MIP"]) == (0x401, 0x20)

@@ -100,9 +100,11 @@ def test_nv200_library_plays_a_waveform() -> None:
     assert report["sources"] == [0, 2]
     voltages, positions = np.array(report["voltages"]), np.array(report["positions"])
     assert voltages.size == positions.size == 100.0 / report["sample_ms"]
-    # The amplifier of the rig lags a little behind its waveform, of two cycles.
-    points = (np.arange(voltages.size) * report["sample_ms"] / 0.5).astype(int) % wave.size
-    assert np.sqrt(np.mean((voltages - wave[points]) ** 2)) < 1.0
+    # The client makes the generator the source before it starts, so that the voltage falls to 0 V
+    # for a time that nobody knows. Later the amplifier lags a little behind the two cycles.
+    t_ms = np.arange(voltages.size) * report["sample_ms"]
+    errors_v = voltages - wave[(t_ms / 0.5).astype(int) % wave.size]
+    assert np.sqrt(np.mean(errors_v[t_ms > 5.0] ** 2)) < 1.0
     assert np.ptp(positions) > 5.0
     assert report["value"] == pytest.approx(voltages[0])
     # A generator that has ended holds, as emulated; the setpoint is the one before.

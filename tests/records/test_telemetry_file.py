@@ -55,6 +55,18 @@ def test_header_comes_back(file: Path) -> None:
     assert read_telemetry(file).header == written
 
 
+def test_names_of_axes_in_files_of_older_versions(file: Path) -> None:
+    """Where older versions have them is for data groups; such files can still be read."""
+    write(file, (0, 10), axes=("x", "y"))
+    with h5py.File(file, "r+") as root:
+        attributes = root["recording"].attrs
+        assert "axes" not in attributes
+        attributes["axes"] = attributes["axis_names"]
+        del attributes["axis_names"]
+
+    assert read_telemetry(file).header.axes == ("x", "y")
+
+
 def test_recording_of_a_part(file: Path) -> None:
     """A slice of time becomes the recording of an experiment, one for each axis."""
     write(file, (0, 3000), axes=("x", "y"))

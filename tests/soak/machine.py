@@ -35,6 +35,7 @@ from piezod.daemon.supervisor.heartbeat import BEAT_S, Heartbeat
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals
+from piezod.daemon.supervisor.source_file import SourceFile
 from piezod.daemon.supervisor.terms import RunOptions
 from piezod.devices.channels import Channels
 from piezod.devices.wiring import pairs_of
@@ -44,7 +45,7 @@ from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 from tests.soak.rig import CheckedRig
-from tests.soak.virtual_time import VirtualClock, run_virtually
+from tests.soak.virtual_time import AtOnce, VirtualClock, run_virtually
 
 T = TypeVar("T")
 KILLED = -9
@@ -79,12 +80,18 @@ class Machine:
         """Let the daemon's code in this process use this machine while the block runs."""
         now_s = partial(self._now_s)
         supervisor, run = "piezod.daemon.supervisor.supervisor", "piezod.daemon.supervisor.run"
+
+        class VirtualRateLimit(EventRateLimit):  # a class, because the daemon looks for its kind
+            def __init__(self) -> None:
+                super().__init__(now_s)
+
         replaced: dict[str, object] = {
             f"{supervisor}.Heartbeat": _VirtualHeartbeat,
             f"{supervisor}.create_app": partial(create_app, now_s=now_s),
             f"{run}.LoopRun": partial(VirtualRun, self),
             f"{run}.RampDown": partial(_VirtualRampDown, self),
-            "piezod.daemon.logging.EventRateLimit": partial(EventRateLimit, now_s),
+            "piezod.daemon.logging.EventRateLimit": VirtualRateLimit,
+            "piezod.daemon.service.roles.ThreadPoolExecutor": AtOnce,
             "piezod.daemon.safe.ramp_down.construct": lambda *_: {"rig": self.rig},
         }
         requests_codec.warm_up()
@@ -165,6 +172,7 @@ class VirtualRun(LoopRun):
         self.started = False
         self.due_ns = 0
         """Instant of the next cycle."""
+        self.source_file = SourceFile(source)
         self._machine, self._paths, self._source = machine, paths, source
         self._overdue_ns = 0
         self._lock: Lock | None = None

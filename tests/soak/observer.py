@@ -51,8 +51,9 @@ class Row(NamedTuple):
         blocks: Allocated blocks of the interpreter.
         weights_pct: Root mean square of the change of the weights since the identification, in % of
             their root mean square.
-        error_rms_pct: Error in mode adaptive while nothing is disturbed, root mean square, in % of
-            the range; NaN if there was no such cycle.
+        error_rms_pct: Error in mode adaptive while the stage moves and nothing is disturbed, root
+            mean square, in % of the range. A minute with less than half a minute of such cycles
+            has NaN; they count in the next one.
         error_max_pct: Largest such error, in %.
         run_share: Share of the cycles in RUN.
         faults: Faults that appeared since the start.
@@ -98,6 +99,7 @@ class Observer:
         self._calm_ns = 0
         self._asked: dict[State | Fault, int] = {}
         self._now_ns = self._row_ns = self._began_ns = 0
+        self._command_um = nan
         self._sum = self._largest = 0.0
         self._counted = self._row_cycles = self._row_runs = 0
 
@@ -139,7 +141,10 @@ class Observer:
         if state is State.RUN:
             self._row_runs += 1
             axis = record.axes[0]
-            if now_ns > self._calm_ns and axis.mode is Mode.ADAPTIVE:
+            # At rest nothing is learned, and the creep of the last movement remains.
+            moves = axis.command_um != self._command_um
+            self._command_um = axis.command_um
+            if moves and now_ns > self._calm_ns and axis.mode is Mode.ADAPTIVE:
                 self._count_error(axis.command_um - axis.position_um)
         if now_ns >= self._row_ns:
             self._end_row(now_ns)
@@ -185,13 +190,20 @@ class Observer:
         else:
             self._began_ns = now_ns
         self._row_ns = now_ns + ROW_NS
-        self._sum = self._largest = 0.0
-        self._counted = self._row_cycles = self._row_runs = 0
+        if self._judges_error:
+            self._sum = self._largest = 0.0
+            self._counted = 0
+        self._row_cycles = self._row_runs = 0
+
+    @property
+    def _judges_error(self) -> bool:
+        """Whether enough cycles count: one that lags at the start of a move is no minute."""
+        return 2 * self._counted >= self._row_cycles
 
     def _row(self, now_ns: int) -> Row:
         percent = 100.0 / self._range_um
         sizes = [each.stat().st_size for each in self._folder.rglob("*") if each.is_file()]
-        rms_um = sqrt(self._sum / self._counted) if self._counted else nan
+        judged = self._judges_error
         return Row(
             hour=(now_ns - self._began_ns) / NS_PER_S / 3600,
             rss_mb=_resident_mb(),
@@ -201,8 +213,8 @@ class Observer:
             files_mb=sum(sizes) / 1e6,
             blocks=sys.getallocatedblocks(),
             weights_pct=self.weights_pct,
-            error_rms_pct=rms_um * percent,
-            error_max_pct=self._largest * percent if self._counted else nan,
+            error_rms_pct=sqrt(self._sum / self._counted) * percent if judged else nan,
+            error_max_pct=self._largest * percent if judged else nan,
             run_share=self._row_runs / self._row_cycles,
             faults=self.seen.total(),
             daemons=self.daemons,

@@ -89,7 +89,8 @@ def soak(
             while not commands.over and not found:
                 found += _run(machine, commands)
                 progress(machine.clock.elapsed_s, observer.rows)
-    violations = found + observer.violations + machine.rig.violations + grown(observer.rows)
+    found += observer.violations + machine.rig.violations + grown(observer.rows)
+    violations = found + logged(log.read_text(encoding="utf-8"))
     took_s = perf_counter() - began_s, process_time() - began_cpu_s
     rig = machine.rig
     return Result(
@@ -107,6 +108,15 @@ def _run(machine: Machine, commands: Commands) -> list[str]:
         what = "ended in order" if in_order else "was lost"
         return [f"at {machine.clock.t_ns / 1e9:.2f} s: the daemon {what} unexpectedly"]
     return []
+
+
+def logged(text: str) -> list[str]:
+    """Return what the log of the daemons must not have: an exception that nobody expected."""
+    _, *tracebacks = text.split("Traceback (most recent call last):\n")
+    if not tracebacks:
+        return []
+    first = next(line for line in tracebacks[0].splitlines() if not line.startswith(" "))
+    return [f"the log has {len(tracebacks)} tracebacks, the first with {first}"]
 
 
 def grown(rows: list[Row]) -> list[str]:

@@ -1,6 +1,7 @@
 """Short soaks, and the judgement of a soak."""
 
-from math import nan
+import traceback
+from math import isnan, nan, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from tests.daemon.daemons import configuration
 from tests.soak.figure import soak_figure
 from tests.soak.observer import Observer, Row
 from tests.soak.rig import CheckedRig
-from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, grown, soak
+from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, grown, logged, soak
 
 HOUR_S = 3600.0
 
@@ -106,6 +107,27 @@ def test_states_and_faults_need_a_reason(
     assert found in "".join(violations)
 
 
+def test_error_of_few_cycles_counts_in_the_next_minute(tmp_path: Path) -> None:
+    """Ten seconds of a minute are calm; their error of 1 µm is judged with those of the next.
+
+    In the third minute the stage rests. Its error is not judged.
+    """
+    observer = Observer(10.0, tmp_path)
+    observer.disturbed(20 * NS_PER_S)  # calm 30 s later
+    for t_s in range(181):
+        command_um = min(t_s, 120) / 100
+        error_um = 0.0 if 60 < t_s <= 120 else 1.0
+        moving = record(State.RUN, 0, t_s)
+        axis = moving.axes[0]._replace(command_um=command_um, position_um=command_um - error_um)
+        observer.take(moving._replace(axes=(axis,)))
+    first, second, third = observer.rows
+
+    assert isnan(first.error_rms_pct)
+    assert second.error_rms_pct == pytest.approx(10.0 * sqrt(10 / 70))
+    assert second.error_max_pct == pytest.approx(10.0)
+    assert isnan(third.error_rms_pct)
+
+
 def rows(count: int, **changed: float) -> list[Row]:
     """Return quiet minutes; a given field rises to its value in the last one."""
     quiet = Row(0.0, 200.0, 20, 4, 10, 1.0, 1000, 5.0, 0.1, 0.3, 0.9, 0, 1)
@@ -149,3 +171,14 @@ def test_chart_has_every_minute() -> None:
     lines = [line for axes in figure.axes for line in axes.lines]
     points = [np.asarray(line.get_xdata()).size for line in lines]
     assert points.count(30) == len(Row._fields) - 4  # without hour, files_mb, blocks, run_share
+
+
+def test_exception_in_the_log_is_found() -> None:
+    """The daemon goes on after an exception in its housekeeping; the soak does not pass."""
+    trace = "".join(traceback.format_exception(OSError("no space")))
+    trace = f"Traceback (most recent call last):\n{trace}"
+
+    assert logged("fault: driver failed\n") == []
+    assert logged(f"one\n{trace}two\n{trace}") == [
+        "the log has 2 tracebacks, the first with OSError: no space"
+    ]

@@ -81,7 +81,7 @@ class _Selector(selectors.DefaultSelector):
         return ready
 
 
-class _AtOnce(ThreadPoolExecutor):
+class AtOnce(ThreadPoolExecutor):
     """Runs each call in the thread that submits it: no virtual time passes meanwhile."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> "Future[T]":
@@ -104,7 +104,7 @@ def run_virtually(main: Coroutine[Any, Any, T], pass_ns: Callable[[int | None], 
 
     def make() -> asyncio.AbstractEventLoop:
         loop = asyncio.SelectorEventLoop(_Selector(pass_ns))
-        loop.set_default_executor(_AtOnce(1))
+        loop.set_default_executor(AtOnce(1))
         return loop
 
     with asyncio.Runner(loop_factory=make) as runner:

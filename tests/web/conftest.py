@@ -53,7 +53,8 @@ def shared_web(shared_daemon: Served) -> Iterator[Web]:
 
 @pytest.fixture
 def daemon(shared_daemon: Served, tmp_path: Path) -> Served:
-    """Return the daemon with a new stage, which moves in time."""
+    """Return the daemon with a new stage, which moves in time; nobody asks for the one before."""
+    eventually(lambda: not shared_daemon.server.server_state.connections)
     shared_daemon.renew(tmp_path)
     shared_daemon.stage.reader = ClockReader()
     return shared_daemon

@@ -209,7 +209,8 @@ def test_viewer_looks_and_stops_in_an_emergency(
     monkeypatch.setenv("PIEZOD_TOKEN_FILE", token_file)
 
     with StageClient() as viewer:
-        assert viewer.status().state == "SAFE"
+        status = viewer.status()
+        assert (status.state, status.role) == ("SAFE", "viewer")
         for refused in (viewer.arm, viewer.hold, viewer.save_params, viewer.reload):
             with pytest.raises(NotAllowedError, match="for looking only"):
                 refused()

@@ -20,7 +20,7 @@ from piezod.config.endpoints import Role
 from piezod.control.stage.answer import Answer
 from piezod.errors import NotAllowedError, RefusedError
 from piezod.telemetry.arrays import record_dtype
-from piezod.web import connections, protocol
+from piezod.web import connections, messages, protocol
 from piezod.web import tab as tab_module
 from piezod.web.stage import AT_MOST_EACH_S
 from piezod.web.tab import MOST_CALLS
@@ -29,6 +29,9 @@ from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
 from tests.web.browser import Tab, Web, close_code
 from tests.web.conftest import new_daemon
+
+NEVER_S = 1000.0
+"""No call that hangs ends before its test, however slow the machine is."""
 
 
 def streams(served: Served) -> int:
@@ -53,6 +56,7 @@ def test_stages_are_listed(web: Web) -> None:
         result = tab.ask(do="stages")["result"]
 
     assert result["client"].startswith(f"web:{web.port}:tab")
+    assert result["role"] == "engineer"
     assert [each["stage"] for each in result["stages"]] == ["bench"]
     assert result["stages"][0]["up"]
     assert result["stages"][0]["status"]["state"] == "SAFE"
@@ -120,12 +124,15 @@ def test_restless_stage_is_not_asked_all_the_time(web: Web, daemon: Served) -> N
     asked = Mock(wraps=daemon.stage.status)
     daemon.stage.status = asked  # type: ignore[method-assign]
     daemon.stage.reader.waiting = [moving(motion) for motion in range(60)]
+    began_s = time.monotonic()
     with web.tab() as tab:
         tab.ask(do="watch", stage="bench")
-        rows = [tab.event("telemetry") for _ in range(40)]
-        lasted_s = rows[-1]["t_s"][-1] - rows[0]["t_s"][0]
+        for _ in range(40):
+            tab.event("telemetry")
+        requests, lasted_s = asked.call_count, time.monotonic() - began_s
 
-    assert asked.call_count <= lasted_s / AT_MOST_EACH_S + 5
+    # The rows have the times of the stage; requests are limited in the time of this machine.
+    assert 2 <= requests <= lasted_s / AT_MOST_EACH_S + 1
 
 
 def moving(motion: int) -> Any:
@@ -184,14 +191,16 @@ def test_emergency_stop_with_six_busy_tabs(
     """Six tabs wait for all their calls and send messages without pause; a stop is answered."""
     hanging = HangingStage(daemon)
     monkeypatch.setattr(daemon.stage, "request", hanging.request)
+    monkeypatch.setattr(messages, "ANSWER_WITHIN_S", NEVER_S)
+    monkeypatch.setattr(messages, "TIMEOUT_S", (NEVER_S,) * 4)
     call = {"do": "call", "stage": "bench", "method": "POST", "path": "/v1/stop"}
     with ExitStack() as stack:
         tabs = [stack.enter_context(web.tab()) for _ in range(6)]
+        stack.callback(hanging.ended.set)
         for tab in tabs:
             tab.ask(do="watch", stage="bench")
             for _ in range(MOST_CALLS):
                 tab.send(**call)
-        stack.callback(hanging.ended.set)
         eventually(lambda: hanging.waiting >= 6)
         for tab in tabs:
             assert tab.ask(**call)["error"]["code"] == "too_many"
@@ -307,7 +316,8 @@ def test_abandoned_download_ends_at_the_daemon(web: Web, daemon: Served) -> None
         opened.truncate(2**30)
     url = f"http://{web.host}/recordings/bench/scan"
     with httpx.stream("GET", url, headers={"Cookie": web.cookie()}, verify=NO_TLS) as response:
-        assert len(next(response.iter_raw()))
+        first = next(response.iter_raw())
+        assert response.status_code == 200, first
         assert daemon.app.state.service.downloads
 
     eventually(lambda: not daemon.app.state.service.downloads)

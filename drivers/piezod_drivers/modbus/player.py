@@ -13,6 +13,7 @@ from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.player import (
     AtEnd,
+    Check,
     PlayedRecord,
     PlayerCapabilities,
     PlayState,
@@ -117,12 +118,13 @@ class LabJackPlayer:
             at_end=AtEnd.HOLDS,
         )
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check) -> Table:
         """Load a table; return it with the steps of the converters.
 
         Raises:
             DeviceError: If a stream is running, or the device refuses.
             LineFault: If an exchange fails.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.modbus import stream_arrays  # noqa: PLC0415 - numpy, see there
 
@@ -130,7 +132,7 @@ class LabJackPlayer:
             raise DeviceError("a stream of another program is running: stop it")
         columns = stream_arrays.columns_of(table)
         for i, (address, values) in enumerate(zip(self._outputs, columns, strict=True)):
-            self.setup.load(i, address, values, len(table.period))
+            self.setup.load(i, address, values, len(table.period), check)
         self._table = stream_arrays.quantised(table, self._highest_v, self._plan.n_steps)
         return self._table
 
@@ -203,12 +205,14 @@ class LabJackPlayer:
         self._take_outputs(self._in_force)
         return self._in_force
 
-    def recording(self) -> PlayedRecord:
-        """Return the record; the device measures no outputs.
+    def recording(self, check: Check) -> PlayedRecord:
+        """Return the record, which has come during the play; the device measures no outputs.
 
         Raises:
             DeviceError: If scans are missing that the device does not report as lost.
+            PlayCancelledError: If `check` has raised it.
         """
+        check()
         from piezod_drivers.modbus import stream_arrays  # noqa: PLC0415 - numpy, see there
 
         table, n_scans = self._require_table(), 0

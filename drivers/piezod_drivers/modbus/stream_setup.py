@@ -5,6 +5,7 @@ from struct import Struct, pack, unpack
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
+from piezod.devices.player import Check
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
@@ -81,7 +82,9 @@ class StreamSetup:
             if fault.flag not in _REFUSALS or self._last_error() != registers.NOT_RUNNING:
                 raise
 
-    def load(self, out: int, target: int, values: Sequence[float], n_looped: int) -> None:
+    def load(
+        self, out: int, target: int, values: Sequence[float], n_looped: int, check: Check
+    ) -> None:
         """Give a stream-out its values, from the first one on.
 
         The values are played once, then the last ones are repeated.
@@ -91,9 +94,11 @@ class StreamSetup:
             target: Address of its output.
             values: The values, in V.
             n_looped: How many of them are repeated.
+            check: Called between two exchanges.
 
         Raises:
             DeviceError: If the device does not hold them afterwards.
+            PlayCancelledError: If `check` has raised it.
         """
         step = registers.OUT_STEP * out
         # Without this a stream-out goes on where an earlier stream has stopped.
@@ -104,6 +109,7 @@ class StreamSetup:
         self.write(registers.OUT_ENABLE + step, 1)
         self.write(registers.OUT_LOOP_VALUES + step, n_looped)
         for first in range(0, len(values), _PER_REQUEST):
+            check()
             part = values[first : first + _PER_REQUEST]
             self._write(registers.OUT_VALUES + step, pack(f">{len(part)}f", *part))
         self.write(registers.OUT_SET_LOOP + step, 1)

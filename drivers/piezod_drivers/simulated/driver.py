@@ -9,10 +9,12 @@ import numpy as np
 import piezod
 from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample, Wiring
 from piezod.devices.player import (
+    Check,
     PlayedRecord,
     PlayerCapabilities,
     Progress,
     Table,
+    go_on,
 )
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
@@ -188,9 +190,10 @@ class SimulatedRig:
         self._require_open()
         return self._player.capabilities
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check = go_on) -> Table:
         """Load a table; return it as the converters will output it."""
         self._require_active()
+        check()
         return self._player.load(table)
 
     def arm(self) -> None:
@@ -223,9 +226,10 @@ class SimulatedRig:
         self._playing = False
         return tuple(axis_model.plant.command_v for axis_model in self._driven_axes)
 
-    def recording(self) -> PlayedRecord:
+    def recording(self, check: Check = go_on) -> PlayedRecord:
         """Return the record of the play that has ended."""
         self._require_active()
+        check()
         return self._player.recording()
 
     def true_recording(self) -> FloatArray:

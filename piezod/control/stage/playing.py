@@ -133,9 +133,11 @@ class StagePlay:
         if outcome is None:
             return None
         in_force_v = [axis.law.in_force_v for axis in axes]
-        in_force_v[self._axis] = outcome.drive_v
         if self._boundary.reads_back:
             in_force_v = list(read_back_v)
+        # The read-back of a device behind a worker may be from before the play.
+        if isfinite(outcome.drive_v) or not self._boundary.reads_back:
+            in_force_v[self._axis] = outcome.drive_v
         if not all(map(isfinite, in_force_v)):
             self._silent_cycles += 1
             if self._boundary.reads_back and self._silent_cycles < SILENT_CYCLES:

@@ -1,6 +1,7 @@
 """The loop on one screen: wait, run a cycle, publish its record, take a request."""
 
 from collections.abc import Callable, Sequence
+from os import getppid
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
@@ -23,7 +24,9 @@ from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.units import NS_PER_S
 
 SUPERVISOR_LOST_NS: Final = NS_PER_S
-"""If the beat of the supervisor stays unchanged for longer, the supervisor is lost."""
+"""If the beat of a supervisor whose process has ended stays unchanged for longer, it is lost."""
+SUPERVISOR_LATE_NS: Final = 3 * NS_PER_S
+"""The same while its process lives: on a busy machine it beats late, though nothing is wrong."""
 _COUNTERS_PERIOD_NS: Final = NS_PER_S
 _OF_SUPERVISOR: Final = tuple(enumerate(map(Detection, SUPERVISOR_FAULTS)))
 _ESTOP: Final = Estop()  # made once, because validation costs time in the cycle
@@ -131,8 +134,8 @@ class Loop:
                 self.publisher.learned_all(self._controller)
             self._to_answer.append((self._mailbox.answer, number, answer))
         # Without a supervisor, do what it would request: ramp down and end.
-        if self._supervisor.lost(t_ns, skipped):
-            limit_s = SUPERVISOR_LOST_NS / NS_PER_S
+        if limit_ns := self._supervisor.lost(t_ns, skipped):
+            limit_s = limit_ns / NS_PER_S
             self._controller.report(Detection(Fault.H1, measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
         if found := self._words[_SUPERVISOR_FAULTS]:
@@ -173,21 +176,29 @@ class SupervisorWatch:
         self._beat_ns = -1  # differs from every beat, so that the first call sees a change
         self._seen_ns: int | None = 0  # None after the loss, which is reported once
 
-    def lost(self, t_ns: int, skipped: int) -> bool:
-        """Return True in the one cycle that detects the loss. Call once per cycle. Real-time safe.
+    def lost(self, t_ns: int, skipped: int) -> int:
+        """Return the limit that a silence exceeds in this cycle, in ns; 0 in all other cycles.
 
-        Skipped periods do not count: what stopped the loop stopped the supervisor too.
+        Call once per cycle. Skipped periods do not count: what stopped the loop stopped the
+        supervisor too. Real-time safe.
         """
         beat_ns = self._words[_SUPERVISOR_BEAT]
         if beat_ns != self._beat_ns:
             self._beat_ns, self._seen_ns = beat_ns, t_ns
         elif self._seen_ns is not None:
             self._seen_ns += skipped * self._period_ns
-            if t_ns - self._seen_ns > SUPERVISOR_LOST_NS:
+            silent_ns = t_ns - self._seen_ns
+            if silent_ns <= SUPERVISOR_LOST_NS:  # no system call in a usual cycle
+                return 0
+            # The supervisor has started this process; another parent means that it has ended.
+            alive = getppid() == self._words[_SUPERVISOR_PID]
+            limit_ns = SUPERVISOR_LATE_NS if alive else SUPERVISOR_LOST_NS
+            if silent_ns > limit_ns:
                 self._seen_ns = None
-                return True
-        return False
+                return limit_ns
+        return 0
 
 
+_SUPERVISOR_PID: Final = int(Word.SUPERVISOR_PID)
 _SUPERVISOR_BEAT: Final = int(Word.SUPERVISOR_BEAT_NS)
 _SUPERVISOR_FAULTS: Final = int(Word.SUPERVISOR_FAULTS)

@@ -22,7 +22,7 @@ from piezod.devices.interface import Identity
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
 from piezod.devices.player import AtEnd, PlayerCapabilities, PlayState
 from piezod.devices.wiring import pairs_of
-from piezod.errors import DeviceError, PiezodError
+from piezod.errors import DeviceError, PiezodError, PlayCancelledError
 from piezod.records.atomic import replacing
 from piezod.units import NS_PER_S
 
@@ -111,10 +111,22 @@ class _PlayThread(threading.Thread):
         try:
             self._wait_until_idle()
             self.outcome = self._play()
+        except PlayCancelledError as cancelled:
+            self.outcome = PlayOutcome(self._axis.abort(self._now_ns()))
+            self._store(self._job.table, None, str(cancelled))
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             why = str(error) if isinstance(error, PiezodError) else repr(error)
             self.outcome = PlayOutcome(self._axis.abort(self._now_ns()), why)
             self._store(self._job.table, None, why)
+
+    def _check(self) -> None:
+        """End the play here if it is to be aborted.
+
+        Raises:
+            PlayCancelledError: If it is.
+        """
+        if self.aborted.is_set():
+            raise PlayCancelledError("it was aborted")
 
     def _wait_until_idle(self) -> None:
         """Wait for the last round of a worker, which may still be under way."""
@@ -124,17 +136,15 @@ class _PlayThread(threading.Thread):
             seen = seen + 1 if self._idle() else 0
 
     def _play(self) -> PlayOutcome:
-        taken = self._axis.load(self._job.table, self._now_ns())
-        if not self.aborted.is_set():
-            self._axis.player.arm()
-            self._wait_for_start(taken)
-        if not self.aborted.is_set():
-            self._axis.player.start(self._now_ns())
-            self._wait(taken)
-        if self.aborted.is_set():
-            self._store(taken, None, "it was aborted")
-            return PlayOutcome(self._axis.abort(self._now_ns()))
-        self._store(taken, self._axis.recording(), "")
+        taken = self._axis.load(self._job.table, self._now_ns(), self._check)
+        self._check()
+        self._axis.player.arm()
+        self._wait_for_start(taken)
+        self._check()
+        self._axis.player.start(self._now_ns())
+        self._wait(taken)
+        self._check()
+        self._store(taken, self._axis.recording(self._check), "")
         return PlayOutcome(self._end_v(taken))
 
     def _wait_for_start(self, taken: AxisTable) -> None:

@@ -31,8 +31,9 @@ router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 @endpoint(router, "status")
 async def status(context: ContextOf) -> JsonAnswer:
-    """Return state, mode, faults, the lease, and each axis in the newest cycle."""
-    return JsonAnswer({**context.stage.status(), "lease": context.state.lease.document})
+    """Return state, mode, faults, each axis in the newest cycle, the lease, and the user's role."""
+    lease, role = context.state.lease.document, context.peer.role.name.lower()
+    return JsonAnswer({**context.stage.status(), "lease": lease, "role": role})
 
 
 class HealthDocument(BaseModel):

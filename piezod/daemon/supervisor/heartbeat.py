@@ -8,7 +8,8 @@ from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.units import s_to_ns
 
 BEAT_S: Final = 0.1
-"""Period of the beat, in s; the loop takes its supervisor for lost after 1 s without one."""
+"""Period of the beat, in s; the loop takes its supervisor for lost after 3 s without one, or
+after 1 s if its process has ended."""
 BUSY_S: Final = 3.0
 """If the event loop does not tick for longer, in s, the beat stops: the supervisor hangs. Equal to
 WatchdogSec= of the unit."""

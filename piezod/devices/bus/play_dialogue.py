@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from piezod.devices.bus.dialogue import Reading
-from piezod.devices.player import PlayedRecord, PlayerCapabilities, Progress, Table
+from piezod.devices.player import Check, PlayedRecord, PlayerCapabilities, Progress, Table
 
 
 class PlayDialogue(Protocol):
@@ -18,8 +18,11 @@ class PlayDialogue(Protocol):
         """Return the capabilities; may ask the device."""
         ...
 
-    def load(self, table: Table) -> Table:
-        """Load a checked table; return it as the device will play it."""
+    def load(self, table: Table, check: Check) -> Table:
+        """Load a checked table; return it as the device will play it.
+
+        Calls `check` between two exchanges; what it raises ends the loading.
+        """
         ...
 
     def arm(self) -> None:
@@ -41,8 +44,11 @@ class PlayDialogue(Protocol):
         """
         ...
 
-    def recording(self) -> PlayedRecord:
-        """Return the record of the play that has ended."""
+    def recording(self, check: Check) -> PlayedRecord:
+        """Return the record of the play that has ended.
+
+        Calls `check` between two exchanges; what it raises ends the reading.
+        """
         ...
 
     def sample(self, now_ns: int) -> Reading:

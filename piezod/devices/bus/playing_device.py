@@ -11,7 +11,15 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.bus.play_dialogue import PlayDialogue
 from piezod.devices.bus.table_check import check_table
 from piezod.devices.interface import Identity, Sample
-from piezod.devices.player import PlayedRecord, PlayerCapabilities, PlayState, Progress, Table
+from piezod.devices.player import (
+    Check,
+    PlayedRecord,
+    PlayerCapabilities,
+    PlayState,
+    Progress,
+    Table,
+    go_on,
+)
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
 
@@ -76,18 +84,19 @@ class PlayingBusDevice(BusDevice):
             self._player_able = self._do("report its memory", self._play.capabilities)
         return self._player_able
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check = go_on) -> Table:
         """Load a table; return it as the device will play it. The outputs do not change.
 
         Raises:
             DeviceError: If it does not fit, or a play is going on.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         able = self.player_capabilities()
         if self._may_play:
             raise DeviceError(f"{self._name} may still be playing: abort the play before")
         self._progress, self._table = Progress(PlayState.IDLE, 0), None
         check_table(table, able, self._ranges)
-        loaded = self._do("load a table", self._play.load, table)
+        loaded = self._do("load a table", self._play.load, table, check)
         self._table, self._progress = loaded, Progress(PlayState.LOADED, 0)
         return loaded
 
@@ -162,15 +171,16 @@ class PlayingBusDevice(BusDevice):
             self._progress = Progress(PlayState.IDLE, 0)
         return tuple(self.read_back(now_ns))
 
-    def recording(self) -> PlayedRecord:
+    def recording(self, check: Check = go_on) -> PlayedRecord:
         """Return the record of the play that has ended.
 
         Raises:
             DeviceError: If none has ended, or it cannot be read.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         self._require_active()
         self._require(PlayState.ENDED, "read a record")
-        return self._do("read the record", self._play.recording)
+        return self._do("read the record", self._play.recording, check)
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Return a sample of each input; during a play the newest of its record. Real-time safe.

@@ -10,7 +10,7 @@ class PlayedStage(Protocol):
     """An axis that plays tables; a virtual or a running one."""
 
     def rest(self) -> float:
-        """Bring the axis to rest; return the voltage in force, read back, in V.
+        """Bring the axis to rest; return the voltage at which a table begins, in V.
 
         Raises:
             PiezodError: If that failed.

@@ -37,7 +37,7 @@ class ZeroedAxis:
         self._true_zero_um = _mean(record.true_um)
 
     def rest(self) -> float:
-        """Bring the axis to rest; return the voltage in force, in V."""
+        """Bring the axis to rest; return the voltage at which a table begins, in V."""
         return self._axis.rest()
 
     def play(self, table: AxisTable) -> AxisRecord:

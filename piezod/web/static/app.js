@@ -20,6 +20,7 @@ const stages = new Map(); // STAGE documents by name
 const handlers = new Set(); // of the mounted page: called with each change of its stage
 let route = { name: "", view: "overview", file: "" };
 let watched = ""; // name of the stage whose telemetry arrives
+let me = { client: "", role: "" }; // this tab, as the server knows it
 let shows = 0; // how often a page was shown
 let mounted = null; // promise of the function that ends the mounted page
 
@@ -30,6 +31,8 @@ const context = {
   /** Return the STAGE document of the stage that is shown: `stage` (its name), `up`, `since`, `status`. */
   stage: () => stages.get(route.name) ?? { stage: route.name, up: false, since: null, status: null },
   stages: () => [...stages.values()],
+  /** This tab: `client`, its name for the lease, and `role`, the largest that it may use. */
+  me: () => me,
   /** The recording that the address names, or "". */
   file: () => route.file,
   /** Send a request of the public HTTP interface to the stage; return a promise of its document. */
@@ -113,7 +116,8 @@ function take(change) {
 }
 
 async function list() {
-  const { stages: found } = await socket.request({ do: "stages" });
+  const { stages: found, ...tab } = await socket.request({ do: "stages" });
+  me = tab;
   for (const stage of found) take(stage);
   if (!location.hash && found.length === 1) location.replace(`#/stage/${encodeURIComponent(found[0].stage)}`);
   watch();

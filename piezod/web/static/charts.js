@@ -1,11 +1,13 @@
 /** The charts over time, on uPlot: at most two series each, in the colours of the theme. */
 
-import { el } from "./dom.js";
+import { el, setText } from "./dom.js";
 import { clockTime, fixed } from "./format.js";
 import { colour, onTheme } from "./theme.js";
 
 /* global uPlot */
 const SCALE_PX = 54; // of the left scale: numbers of any length fit, so that nothing moves
+/** In place of an error. */
+export const NO_ERROR = "nothing is commanded";
 const FONT = "11px system-ui, sans-serif";
 
 /** Return the options that all charts share: scales in quiet colours, and no legend by uPlot. */
@@ -76,13 +78,13 @@ export function frame(title, unit, series, note = "") {
 export class TimeChart {
   /**
    * @param {object} options `title`, `unit`, `series` (each `label`, `ink`, `column`), `least` (smallest
-   *   height of the scale, in the unit), `fromZero`, `wide`.
+   *   height of the scale, in the unit), `fromZero`, `wide`, `empty` (what no known value means).
    * @param {() => object} view Returns `ring`, `span_s` and `now_s`.
    */
   constructor(options, view) {
-    const { figure, plot } = frame(options.title, options.unit, options.series);
+    const { figure, plot, noteLine } = frame(options.title, options.unit, options.series);
     figure.classList.toggle("wide", Boolean(options.wide));
-    Object.assign(this, { options, view, figure, element: plot, width: 0, chart: null });
+    Object.assign(this, { options, view, figure, element: plot, noteLine, width: 0, chart: null });
     this.range = steadyRange(options.least, options.fromZero);
     this.forget = onTheme(() => this.chart?.redraw(false, true));
   }
@@ -103,7 +105,12 @@ export class TimeChart {
     if (!this.chart) return;
     const { ring, span_s, now_s } = this.view();
     const columns = this.options.series.map(({ column }) => column);
-    this.chart.setData(ring.lines.since(now_s - span_s - 1, ["time_s", ...columns]));
+    const data = ring.lines.since(now_s - span_s - 1, ["time_s", ...columns]);
+    this.chart.setData(data);
+    if (!this.options.empty) return;
+    const known = data[1].some((each) => each != null);
+    this.figure.classList.toggle("unknown", !known);
+    setText(this.noteLine, known ? "" : this.options.empty);
   }
 
   close() {

@@ -1,6 +1,6 @@
 /** A group of controls, with the answer of the stage beside them: what was refused, and what helps. */
 
-import { el, newId, withCode } from "./dom.js";
+import { el, newId, setText, withCode } from "./dom.js";
 
 /** A card of controls. `run` sends a request and shows its refusal in the card. */
 export class CommandCard {
@@ -11,10 +11,37 @@ export class CommandCard {
   constructor(title, ...children) {
     const id = newId("card");
     this.said = "";
+    this.barred = "";
+    this.why = el("span", { class: "why", id: newId("why") });
     this.refusal = el("p", { class: "refusal", role: "status" });
     this.element = el(
-      "section", { class: "control-card", "aria-labelledby": id }, el("h2", { id }, title), ...children, this.refusal,
+      "section", { class: "control-card", "aria-labelledby": id },
+      el("div", { class: "card-head" }, el("h2", { id }, title), this.why), ...children, this.refusal,
     );
+    this.element.addEventListener("click", (event) => this.#stopAtBar(event), { capture: true });
+  }
+
+  /**
+   * Bar controls for which there is a reason, and free the others.
+   *
+   * @param {Array<[HTMLElement, string]>} reasons Controls and reasons; "" is none.
+   * @param {string} shown The reason that stands beside the heading.
+   */
+  bar(reasons, shown) {
+    for (const [control, reason] of reasons) bar(control, reason, reason === shown ? this.why.id : null);
+    setText(this.why, shown && `Not now: ${shown}`);
+    const barred = reasons.map(([, reason]) => reason).join();
+    if (barred !== this.barred) this.say("");
+    this.barred = barred;
+  }
+
+  /** Say why a barred control does nothing; fields send their form by a click on its button. */
+  #stopAtBar(event) {
+    const control = event.target.closest("[aria-disabled]");
+    if (!control) return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.say(control.title);
   }
 
   /** Show a text that says why something is not possible; "" removes it. */
@@ -35,6 +62,23 @@ export class CommandCard {
       return null;
     }
   }
+}
+
+/**
+ * Bar a control while there is a reason, which its title tells; "" frees it.
+ *
+ * A barred button keeps the focus, so that the keyboard stays where it is and the reason is read.
+ *
+ * @param {string|null} describedBy Id of the element that shows the reason.
+ */
+export function bar(control, reason, describedBy = null) {
+  control.dataset.title ??= control.title;
+  control.title = reason ? `Not now: ${reason}` : control.dataset.title;
+  if (control.tagName !== "BUTTON") control.disabled = Boolean(reason);
+  else if (reason) control.setAttribute("aria-disabled", "true");
+  else control.removeAttribute("aria-disabled");
+  if (reason && describedBy) control.setAttribute("aria-describedby", describedBy);
+  else control.removeAttribute("aria-describedby");
 }
 
 /** Return a button that calls a function. */

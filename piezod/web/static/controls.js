@@ -1,5 +1,6 @@
 /** The controls of a stage, as cards. The stage decides what is allowed; a card shows its refusal. */
 
+import { barrier, objection } from "./availability.js";
 import { CommandCard, button } from "./command_card.js";
 import { el } from "./dom.js";
 import { positionCard } from "./position_card.js";
@@ -59,6 +60,7 @@ function powerCard(context) {
   );
   const show = ({ up, status }) => {
     for (const [verb, each] of Object.entries(buttons)) each.classList.toggle("primary", up && NEXT[status?.state] === verb);
+    card.bar(Object.entries(buttons).map(([verb, each]) => [each, objection(verb, context)]), barrier("arm", context));
   };
   return { card, show };
 }
@@ -75,18 +77,19 @@ function modeCard(context, axis) {
     return el("label", { class: "choice", title: text }, input, el("span", {}, mode));
   });
   const send = (verb) => card.run(context.call("POST", `/v1/${verb}`, { axis: axis.name() }));
+  const zero = button("Zero the sensor", () => send("zero"), { title: "Make the displacement at the rest voltage the sensor zero" });
+  const condition = button("Condition", () => send("condition"), { title: "Drive a decaying swing, which makes the hysteresis memory known" });
   const card = new CommandCard(
     "Mode",
     el("div", { class: "choices", role: "radiogroup", "aria-label": "Mode" }, radios),
-    el(
-      "div", { class: "buttons" },
-      button("Zero the sensor", () => send("zero"), { title: "Make the displacement at the rest voltage the sensor zero" }),
-      button("Condition", () => send("condition"), { title: "Drive a decaying swing, which makes the hysteresis memory known" }),
-    ),
+    el("div", { class: "buttons" }, zero, condition),
   );
   const show = ({ status }) => {
     const mode = performance.now() < asked.until_ms ? asked.mode : status?.axes?.[axis.name()]?.mode;
-    for (const input of card.element.querySelectorAll("input")) input.checked = input.value === mode;
+    const inputs = [...card.element.querySelectorAll("input")];
+    for (const input of inputs) input.checked = input.value === mode;
+    const why = objection("mode", context);
+    card.bar([...inputs.map((input) => [input, why]), [zero, objection("zero", context)], [condition, objection("condition", context)]], why);
   };
   return { card, show };
 }

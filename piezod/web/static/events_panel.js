@@ -16,7 +16,7 @@ export function eventsPanel(context) {
   if (!logs.has(name)) logs.set(name, { entries: [], known: new Set(), state: "", faults: [] });
   const log = logs.get(name);
   const list = el("ol", { class: "events", tabindex: "0", "aria-label": "Events, the newest first" });
-  const element = el("section", { class: "panel" }, el("h2", {}, "Events"), list);
+  const element = el("section", { class: "panel event-panel" }, el("h2", {}, "Events"), list);
   let [timer, refused] = [0, false];
 
   const draw = () => list.replaceChildren(...log.entries.map(({ when, text, kind, times }) => el(

@@ -24,7 +24,7 @@ export function bannerPanel() {
   return { element, show };
 }
 
-/** Return all other faults, in a place that keeps its size while they come and go. */
+/** Return all other faults. */
 export function faultsPanel() {
   const list = el("ul", { class: "faults" });
   const element = el("section", { class: "panel fault-panel" }, el("h2", {}, "Warnings"), list);

@@ -1,5 +1,7 @@
 /** A dialog for something that runs for minutes: its form, its progress, and its result. */
 
+import { objection } from "./availability.js";
+import { bar } from "./command_card.js";
 import { el, newId, setText, withCode } from "./dom.js";
 
 const KINDS = { identify: "identification", learn: "learning" };
@@ -25,7 +27,9 @@ export class JobDialog {
   async open() {
     const id = newId("dialog");
     this.problem = el("p", { class: "refusal", role: "alert" });
-    this.form_ = el("form", {}, this.form(), el("div", { class: "buttons" }, el("button", { type: "submit", class: "primary" }, "Start")));
+    this.startButton = el("button", { type: "submit", class: "primary" }, "Start");
+    this.why = el("span", { class: "why", id: newId("why") });
+    this.form_ = el("form", {}, this.form(), el("div", { class: "buttons" }, this.startButton, this.why));
     this.activity = el("p", { role: "status" });
     this.bar = el("progress", { max: 1, value: 0, "aria-label": "Progress" });
     this.running = el(
@@ -40,7 +44,7 @@ export class JobDialog {
     );
     this.form_.addEventListener("submit", (event) => {
       event.preventDefault();
-      this.start();
+      if (!this.#allow()) this.start();
     });
     this.element.addEventListener("keydown", (event) => event.key === "Escape" && this.close());
     document.body.append(this.element);
@@ -48,7 +52,10 @@ export class JobDialog {
     this.element.querySelector("h2").focus();
     const ours = ({ stage, job }) => stage === this.stage && this.show(job);
     const leave = () => this.close();
-    const forget = [this.context.socket.on("job", ours), this.context.socket.on("open", () => this.look())];
+    const forget = [
+      this.context.socket.on("job", ours), this.context.socket.on("open", () => this.look()), this.context.onStage(() => this.#allow()),
+    ];
+    this.#allow();
     window.addEventListener("hashchange", leave);
     this.forget = () => {
       for (const each of forget) each();
@@ -123,6 +130,14 @@ export class JobDialog {
       this.done.replaceChildren(...this.result(job));
       this.#sections(this.done);
     }
+  }
+
+  /** Bar the start while there is a reason, which stands beside it; return the reason. */
+  #allow() {
+    const reason = objection(this.kind, this.context);
+    bar(this.startButton, reason, this.why.id);
+    setText(this.why, reason && `Not now: ${reason}`);
+    return reason;
   }
 
   #sections(shown) {

@@ -1,5 +1,6 @@
 /** What a stage reports in words and numbers: its state, large values, and its details. */
 
+import { nameOf } from "./availability.js";
 import { el, setText } from "./dom.js";
 import { clockTime, duration, fixed, microns, short, volts } from "./format.js";
 import { announce } from "./notices.js";
@@ -29,7 +30,7 @@ export function headPanel(context) {
     const why = up && status ? reason(status) : "";
     setText(meaning, up ? [MEANINGS[state] ?? "", why && `Cause: ${why}.`].filter(Boolean).join(" ") : "");
     setText(title, status?.title ?? "");
-    setText(lease, leaseText(status));
+    setText(lease, leaseText(status, context.me().client));
     const said = `${stage}: ${state}`;
     if (announced && said !== announced) announce(said);
     announced = said;
@@ -45,10 +46,11 @@ function showAway(away, stage, up, since, lost) {
   setText(away, `${what}${when}. Values are missing from then on. The page goes on by itself.`);
 }
 
-function leaseText(status) {
+function leaseText(status, client) {
   const holder = status?.lease?.holder;
   if (!status || !("lease" in status)) return "";
-  return holder ? `lease: ${holder.user}${holder.client ? ` (${holder.client})` : ""}` : "lease: free";
+  if (!holder) return "lease: free";
+  return holder.client === client ? "lease: this page" : `lease: ${nameOf(holder)}`;
 }
 
 /** Return the values that a person reads from a distance. */
@@ -57,8 +59,8 @@ export function readoutsPanel(view) {
     const output = el("span", { class: "value" }, "–");
     const note = el("span", { class: "note" }, " ");
     const item = el(
-      "div", { class: "readout" }, el("dt", {}, el("i", { class: `swatch ${ink}` }), label),
-      el("dd", {}, output, el("span", { class: "unit" }, unit), note),
+      "div", { class: "readout" }, el("dt", {}, el("i", { class: `swatch ${ink}` }), label, el("span", { class: "unit" }, unit)),
+      el("dd", {}, output, note),
     );
     return { item, output, note };
   };

@@ -1,5 +1,6 @@
 /** Go to a position: by a number, a slider that drags the set-point, and steps. */
 
+import { objection } from "./availability.js";
 import { CommandCard, NewestOnly, button } from "./command_card.js";
 import { el, field } from "./dom.js";
 import { fixed } from "./format.js";
@@ -19,10 +20,8 @@ export function positionCard(context, axis) {
   };
   const number = el("input", { type: "number", step: "any", required: true, value: "0" });
   const speed = el("input", { type: "number", step: "any", min: "0" });
-  const form = el(
-    "form", { class: "fields" },
-    field("Position", number, "µm"), field("Speed", speed, "µm/s"), el("button", { type: "submit", class: "primary" }, "Go"),
-  );
+  const submit = el("button", { type: "submit", class: "primary" }, "Go");
+  const form = el("form", { class: "fields" }, field("Position", number, "µm"), field("Speed", speed, "µm/s"), submit);
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     jogged = null;
@@ -59,17 +58,17 @@ export function positionCard(context, axis) {
     slider.value = jogged;
     jogs.put(jogged);
   };
+  const down = button("−", (event) => jog(-1, event), { "aria-label": "One step down", "aria-keyshortcuts": "ArrowLeft ArrowDown" });
+  const up = button("+", (event) => jog(1, event), { "aria-label": "One step up", "aria-keyshortcuts": "ArrowRight ArrowUp" });
   const jogGroup = el(
     "div", { class: "jog", role: "group", "aria-label": "Steps" },
-    button("−", (event) => jog(-1, event), { "aria-label": "One step down", "aria-keyshortcuts": "ArrowLeft ArrowDown" }),
-    el("span", { class: "with-unit" }, step, el("span", { class: "unit" }, "µm")),
-    button("+", (event) => jog(1, event), { "aria-label": "One step up", "aria-keyshortcuts": "ArrowRight ArrowUp" }),
+    down, el("span", { class: "with-unit" }, step, el("span", { class: "unit" }, "µm")), up,
     el("span", { class: "hint", title: "With Shift, a step is ten times as large" }, "or arrow keys"),
   );
   jogGroup.addEventListener("keydown", (event) => {
     if (!(event.key in KEYS) || event.target === step) return;
     event.preventDefault();
-    jog(KEYS[event.key], event);
+    if (!objection("goto", context)) jog(KEYS[event.key], event);
   });
 
   const say = (position_um) => {
@@ -83,7 +82,8 @@ export function positionCard(context, axis) {
   const show = () => {
     const range = axis.range_um();
     speed.placeholder = axis.config()?.axes?.[axis.name()]?.speed_um_per_s ?? "";
-    slider.disabled = !range;
+    const why = objection("goto", context);
+    card.bar([submit, slider, down, up].map((control) => [control, why || (range ? "" : "the range is not known yet")]), why);
     if (!range) return;
     [slider.min, slider.max] = range;
     slider.step = niceStep((range[1] - range[0]) / 2000); // `any` has no steps for the keyboard

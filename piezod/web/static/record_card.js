@@ -1,5 +1,6 @@
 /** Start and stop a recording of every cycle. */
 
+import { objection } from "./availability.js";
 import { CommandCard, button } from "./command_card.js";
 import { el } from "./dom.js";
 
@@ -32,8 +33,8 @@ export function recordCard(context) {
   };
   const show = () => {
     const on = Boolean(running?.recording);
-    start.disabled = on;
-    stop.disabled = !on;
+    const why = objection("record", context);
+    card.bar([[start, why || (on ? "a recording is in progress" : "")], [stop, why || (on ? "" : "nothing is recorded")]], why);
     stop.classList.toggle("primary", on);
     state.classList.toggle("recording", on);
     const cycles = on ? `${running.records.toLocaleString("en-GB")} cycles` : "";

@@ -1,6 +1,6 @@
 /** The page of one stage: charts, controls, and what the stage reports. */
 
-import { TimeChart } from "./charts.js";
+import { NO_ERROR, TimeChart } from "./charts.js";
 import { controls } from "./controls.js";
 import { el } from "./dom.js";
 import { eventsPanel } from "./events_panel.js";
@@ -19,7 +19,7 @@ const CHARTS = [
     title: "Command and displacement", unit: "µm", least: 0.5, wide: true,
     series: [{ label: "command", ink: "command", column: "command_um", wide: true }, { label: "displacement", ink: "position", column: "position_um" }],
   },
-  { title: "Error", unit: "µm", least: 0.02, series: [{ label: "command − displacement", ink: "error", column: "error_um" }] },
+  { title: "Error", unit: "µm", least: 0.02, empty: NO_ERROR, series: [{ label: "command − displacement", ink: "error", column: "error_um" }] },
   { title: "Drive voltage", unit: "V", least: 2, series: [{ label: "drive", ink: "drive", column: "drive_v" }] },
   {
     title: "Lateness of cycles", unit: "µs", least: 20, fromZero: true,
@@ -87,7 +87,7 @@ export function mount(element, context) {
         "section", { class: "middle", "aria-label": "Measured values" },
         readouts.element, spanChoice(clock, painter), charts[0].figure, el("div", { class: "charts" }, charts.slice(1).map(({ figure }) => figure)),
       ),
-      el("section", { class: "side", "aria-label": "Details" }, faults.element, details.element, model.element, events.element),
+      el("section", { class: "side", "aria-label": "Details" }, details.element, model.element, faults.element, events.element),
     ),
   );
 

@@ -1,6 +1,6 @@
 /** Charts of what the error is made of: its distribution and its spectrum. */
 
-import { baseOptions, frame, scaleText } from "./charts.js";
+import { NO_ERROR, baseOptions, frame, scaleText } from "./charts.js";
 import { setText } from "./dom.js";
 import { fixed, short } from "./format.js";
 import { SEGMENT, histogram, rms, spectrum } from "./signals.js";
@@ -70,7 +70,7 @@ export class HistogramChart extends StatisticsChart {
     this.width = width;
     this.chart?.setData([centres, shares]);
     const known = errors_nm.filter((each) => each != null);
-    const text = known.length ? `rms ${fixed(rms(errors_nm), 1)} nm · ${known.length} samples` : "no error: nothing is commanded";
+    const text = known.length ? `rms ${fixed(rms(errors_nm), 1)} nm · ${known.length} samples` : NO_ERROR;
     setText(this.noteLine, text);
   }
 }
@@ -99,10 +99,9 @@ export class SpectrumChart extends StatisticsChart {
     const rate_hz = rateOf(times_s);
     const { frequencies_hz, density, segments } = spectrum(errors_nm, rate_hz);
     this.chart?.setData([frequencies_hz, density]);
-    const text = segments
-      ? `up to ${fixed(rate_hz / 2, 0)} Hz; faster errors are folded in`
-      : `needs ${Math.ceil(SEGMENT / RATE_HZ)} s without a gap`;
-    setText(this.noteLine, text);
+    const known = errors_nm.some((each) => each != null);
+    const without = known ? `needs ${Math.ceil(SEGMENT / RATE_HZ)} s without a gap` : NO_ERROR;
+    setText(this.noteLine, segments ? `up to ${fixed(rate_hz / 2, 0)} Hz; faster errors are folded in` : without);
   }
 }
 

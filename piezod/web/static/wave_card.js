@@ -1,5 +1,6 @@
 /** Start a waveform. Its curve is drawn before it starts, with the range that the stage allows. */
 
+import { objection } from "./availability.js";
 import { CommandCard } from "./command_card.js";
 import { el, field, svg } from "./dom.js";
 import { fixed, short } from "./format.js";
@@ -20,7 +21,7 @@ export function speed_um_per_s({ kind, low, high, frequency_hz }) {
 }
 
 /** Return why a waveform cannot be started; "" if the page sees no reason. */
-export function objection({ low, high, frequency_hz, duration_s }, range) {
+export function mistake({ low, high, frequency_hz, duration_s }, range) {
   if (![low, high, frequency_hz, duration_s].every(Number.isFinite)) return "Fill in all fields.";
   if (low >= high) return `Low must be below high: ${short(low)} µm and ${short(high)} µm.`;
   if (range && (low < range[0] || high > range[1])) {
@@ -53,11 +54,12 @@ export function waveCard(context, axis) {
   const show = () => {
     const wave = values();
     const range = axis.range_um();
+    const why = objection("wave", context);
+    card.bar([[start, why || mistake(wave, range)]], why);
     const key = JSON.stringify([wave, range]);
     if (key === drawn) return;
     drawn = key;
-    const problem = objection(wave, range);
-    start.disabled = Boolean(problem);
+    const problem = mistake(wave, range);
     facts.classList.toggle("problem", Boolean(problem));
     facts.textContent = problem || `largest speed ${short(speed_um_per_s(wave))} µm/s · ${short(wave.frequency_hz * wave.duration_s)} periods`;
     draw(preview, wave, range, problem);

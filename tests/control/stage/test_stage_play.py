@@ -117,6 +117,17 @@ def test_request_aborts_a_play(request_: rq.Request) -> None:
     assert set(stage.faults()) <= {"D10", "E1"}
 
 
+def test_ramp_begins_where_the_device_says_that_it_stopped() -> None:
+    """A device behind a worker may read back a voltage from before the play: 20 V here."""
+    stage = PlayingStage()
+    stage.channels.writes.clear()
+    stage.do(rq.Estop())
+    stage.runner.end(60.0)
+    stage.until("FAULT")
+
+    assert stage.channels.writes[0][1][0] == pytest.approx(60.0, abs=0.8)
+
+
 def test_failed_play_is_reported() -> None:
     """The reason of the device is an event, and the axis returns to rest."""
     stage = PlayingStage()

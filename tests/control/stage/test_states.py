@@ -85,11 +85,11 @@ def rarely_bad_facts() -> Iterator[Facts]:
             yield GOOD._replace(no_entry="the disk is full" * ("no_entry" in names), **changed)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def outcomes() -> Outcomes:
     """Return the results of each state and event.
 
-    Not in a `functools.cache`, because `make mutants` runs the tests again in forked processes.
+    For each test anew, because `make mutants` runs for a change the tests that have called it.
     """
     return frozenset(
         (state, event, step(state, event, facts))

@@ -1,3 +1,4 @@
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +11,7 @@ from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
 from piezod.config.states import State
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop.device_counters import DeviceCounters
-from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS, Loop
+from piezod.daemon.loop.loop import SUPERVISOR_LATE_NS, SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.loop.pacer import Pacer
 from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.daemon.loop.worker import DeviceWorker
@@ -290,20 +291,35 @@ def test_loop_ends_when_the_controller_has_finished(rig: Rig) -> None:
     assert rig.controller.requests == [Shutdown()]
 
 
+NO_PROCESS = 0
+"""Id that no supervisor has."""
+
+
+@pytest.mark.parametrize(
+    ("supervisor", "limit_ns"),
+    [(NO_PROCESS, SUPERVISOR_LOST_NS), (os.getppid(), SUPERVISOR_LATE_NS)],
+    ids=["ended", "silent"],
+)
 @pytest.mark.fault("H1")
-def test_loop_without_supervisor_shuts_down(rig: Rig, reaction: Reaction) -> None:
-    """A second after the last beat the loop shuts down, once, and reports H1."""
-    rig.run(2000, rig.beat)
+def test_loop_without_supervisor_shuts_down(
+    rig: Rig, reaction: Reaction, supervisor: int, limit_ns: int
+) -> None:
+    """A second after the last beat the loop shuts down, once, and reports H1.
+
+    If the process of the supervisor still lives, the loop waits for 3 s.
+    """
+    rig.shared.words[Word.SUPERVISOR_PID] = supervisor
+    rig.run(100, rig.beat)
     before = list(rig.controller.requests)
 
-    rig.run(SUPERVISOR_LOST_NS // PERIOD_NS - 1)
+    rig.run(limit_ns // PERIOD_NS - 1)
     shortly_before = list(rig.controller.requests)
     further = 0
     while not rig.controller.requests:
         rig.run(1)
         further += 1
-    reaction("H1", cycles=SUPERVISOR_LOST_NS // PERIOD_NS - 1 + further + 1)
-    rig.run(2000)
+    reaction("H1", cycles=further)
+    rig.run(4000)
 
     assert before == shortly_before == []
     assert rig.controller.requests == [Shutdown()]
@@ -326,17 +342,6 @@ def test_faults_of_the_supervisor_are_reported_in_each_cycle(rig: Rig) -> None:
     rig.run(2, rig.beat)
 
     assert [found.fault for found in rig.controller.detections] == [*SUPERVISOR_FAULTS] * 2
-
-
-def test_pause_of_the_machine_is_not_taken_for_a_lost_supervisor(rig: Rig) -> None:
-    """After a pause of the loop the supervisor has a full second to beat again."""
-    rig.run(10, rig.beat)
-    rig.clock.spend_ns(5 * SUPERVISOR_LOST_NS)
-
-    rig.run(500)
-    rig.run(500, rig.beat)
-
-    assert rig.controller.requests == []
 
 
 def test_process_counters_are_published(rig: Rig) -> None:

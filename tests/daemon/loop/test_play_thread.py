@@ -17,6 +17,7 @@ from piezod.devices.interface import Capabilities, Device, Identity
 from piezod.devices.played_axis import AxisTable, PlayedAxis
 from piezod.devices.player import (
     AtEnd,
+    Check,
     PlayedRecord,
     PlayerCapabilities,
     PlayState,
@@ -46,6 +47,15 @@ class FakePlayer:
         self.state, self.reason, self.at_end = PlayState.LOADED, "", at_end
         self.loaded: Table | None = None
         self.refuses = ""
+        self.slow = ""
+        """The exchange that does not end before it is cancelled: load or record."""
+        self.under_way = ""
+
+    def step(self, name: str, check: Check) -> None:
+        """Stay in a slow exchange until its check ends it."""
+        self.under_way = name
+        while name == self.slow:
+            check()
 
     def capabilities(self) -> Capabilities:
         return Capabilities(("x",), ("x",), read_back=True, max_rate_hz=1000.0)
@@ -58,7 +68,8 @@ class FakePlayer:
             *(1000, 1000, 10**9, 100), False, (0.001,), 10, False, 100, True, 0, self.at_end
         )
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check) -> Table:
+        self.step("load", check)
         if self.refuses:
             raise DeviceError(self.refuses)
         self.loaded = table
@@ -80,7 +91,8 @@ class FakePlayer:
         self.state = PlayState.IDLE
         return (2.5,)
 
-    def recording(self) -> PlayedRecord:
+    def recording(self, check: Check) -> PlayedRecord:
+        self.step("record", check)
         positions = np.array([[1.0], [np.nan], [2.0]])
         return PlayedRecord(1_000_000, positions, 0, np.empty((3, 0)))
 
@@ -149,6 +161,22 @@ def test_abort_ends_a_play(tmp_path: Path) -> None:
 
     assert played.outcome().drive_v == pytest.approx(25.0)
     assert player.state is PlayState.IDLE
+    assert played.document()["failed"] == "it was aborted"
+
+
+@pytest.mark.parametrize("slow", ["load", "record"])
+def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
+    """It ends loading and reading in their middle; the voltage is the one that is then reported."""
+    player = FakePlayer()
+    player.slow = slow
+    played = Played(tmp_path, player)
+    if slow == "record":
+        eventually(lambda: player.state is PlayState.PLAYING)
+        player.state = PlayState.ENDED
+    eventually(lambda: player.under_way == slow)
+    played.threads.abort()
+
+    assert played.outcome().drive_v == pytest.approx(25.0)
     assert played.document()["failed"] == "it was aborted"
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from piezod.config.endpoints import Role
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.route_table import ROUTES
 from piezod.daemon.service.server import bind, make_server
@@ -22,7 +23,14 @@ def test_status_has_null_where_there_is_no_number(client: httpx.Client) -> None:
         "skipped_cycles": 0,
         "axes": {"x": {"position_um": None, "command_um": 1.5, "drive_v": 20.0}},
         "lease": None,
+        "role": "engineer",
     }
+
+
+def test_status_tells_the_role_of_the_client(client: httpx.Client, served: Served) -> None:
+    """A program learns what it may do before it is refused."""
+    served.roles.role = Role.VIEWER
+    assert client.get("status").json()["role"] == "viewer"
 
 
 def test_documents_of_the_stage_are_passed_on(client: httpx.Client) -> None:

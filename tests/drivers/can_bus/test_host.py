@@ -8,7 +8,7 @@ import pytest
 from piezod.devices.emulation.faults import WireFaults, parse
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.cia401.emulator import Cia401Node
-from piezod_drivers.can_bus.emulation.ends import AdapterEnd, GroupEnd, end_at
+from piezod_drivers.can_bus.emulation.ends import AdapterEnd, LibraryEnd, end_at
 from piezod_drivers.can_bus.emulation.host import NodeHost
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.slcan_codec import encode
@@ -187,7 +187,7 @@ def test_group_end_is_a_member() -> None:
     """In its group an end sends and receives frames unless it is off the bus."""
     where = f"udp:{GROUP}:{free_port()}"
     one, other = end_at(where, "any"), end_at(where, "any")
-    assert isinstance(one, GroupEnd)
+    assert isinstance(one, LibraryEnd)
     assert one.place() == where
     one.appear()
     other.appear()
@@ -223,3 +223,24 @@ def test_group_that_is_none_is_refused() -> None:
     """An invalid group is refused with the expected format."""
     with pytest.raises(DeviceUnavailableError, match="expected GROUP:PORT"):
         end_at("udp:239.1.1.1:many", "any")
+
+
+def test_interface_that_is_not_named_is_refused() -> None:
+    """`socketcan:` alone is refused, with the expected form."""
+    with pytest.raises(DeviceUnavailableError, match="expected socketcan:can1"):
+        end_at("socketcan:", "any")
+
+
+def test_interface_of_the_kernel_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`socketcan:CHANNEL` opens that interface, for all frames."""
+    opened: list[tuple[str, str, object]] = []
+
+    def bus(channel: str, interface: str, can_filters: object, **_settings: object) -> None:
+        opened.append((interface, channel, can_filters))
+
+    monkeypatch.setattr("can.Bus", bus)
+    end = end_at("socketcan:can1", "any")
+    end.appear()
+
+    assert end.place() == "socketcan:can1"
+    assert opened == [("socketcan", "can1", [])]

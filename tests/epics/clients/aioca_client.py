@@ -25,8 +25,8 @@ class Aioca:
             answer |= {"low": value.lower_ctrl_limit, "high": value.upper_ctrl_limit}
         return answer
 
-    def put(self, name: str, value: Any) -> None:
-        self._do(caput(name, value, wait=True, timeout=20))
+    def put(self, name: str, value: Any, *, wait: bool) -> None:
+        self._do(caput(name, value, wait=wait, timeout=20))
 
     def watch(self, name: str, seen: list[dict[str, Any]]) -> None:
         async def begin() -> None:
@@ -40,7 +40,11 @@ class Aioca:
         self._do(begin())
 
     def _do(self, work: Coroutine[Any, Any, Any]) -> Any:
-        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+        future = asyncio.run_coroutine_threadsafe(work, self._loop)
+        error = future.exception()
+        if error is not None:  # `result` does not raise an error that is false, as CANothing is
+            raise error
+        return future.result()
 
 
 if __name__ == "__main__":

@@ -24,9 +24,11 @@ class Caproto:
             answer |= {"high": plain(about.upper_ctrl_limit)}
         return answer
 
-    def put(self, name: str, value: Any) -> None:
+    def put(self, name: str, value: Any, *, wait: bool) -> None:
         values = value if isinstance(value, list) else [value]
-        self._pv(name).write(values, wait=True, timeout=20)
+        answer = self._pv(name).write(values, wait=wait, timeout=20)
+        if answer and not answer.status.success:
+            raise RuntimeError(answer.status.description)
 
     def watch(self, name: str, seen: list[dict[str, Any]]) -> None:
         subscription = self._pv(name).subscribe(data_type="time")

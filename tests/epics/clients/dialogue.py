@@ -14,8 +14,8 @@ class Client(Protocol):
         """Return value, severity, unit, digits and limits of a record."""
         ...
 
-    def put(self, name: str, value: Any) -> None:
-        """Write with completion; raise an exception if the write is refused."""
+    def put(self, name: str, value: Any, *, wait: bool) -> None:
+        """Write, with or without completion; raise an exception if the write is refused."""
         ...
 
     def watch(self, name: str, seen: "list[dict[str, Any]]") -> None:
@@ -53,7 +53,7 @@ def converse(client: Client) -> None:
             answer = list(seen[name])
         else:
             try:
-                client.put(name, value)
+                client.put(name, value, wait=do == "put")
                 answer = ""
             except Exception as error:  # noqa: BLE001 - each library has its own
                 answer = repr(error)

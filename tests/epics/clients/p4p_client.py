@@ -24,8 +24,8 @@ class P4p:
             answer |= {"low": raw.control.limitLow, "high": raw.control.limitHigh}
         return answer
 
-    def put(self, name: str, value: Any) -> None:
-        self._context.put(name, {"value": value}, wait=True, timeout=20)
+    def put(self, name: str, value: Any, *, wait: bool) -> None:
+        self._context.put(name, {"value": value}, wait=wait, timeout=20)
 
     def watch(self, name: str, seen: list[dict[str, Any]]) -> None:
         def take(raw: Any) -> None:

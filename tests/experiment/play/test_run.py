@@ -1,6 +1,7 @@
 """An experiment with `play`: from its file to errors, figures and tables."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from piezod.config.experiment import load_experiment
 from piezod.devices import registry
 from piezod.errors import ConfigError
+from piezod_drivers.simulated.driver import SimulatedRig
 from tests.cli.conftest import Command, folder, piezod
 from tests.experiment.play.rig_axis import CONFIG
 
@@ -103,6 +105,23 @@ def test_text_and_a_second_run_that_begins_with_the_stored_table(
     assert "stored table" in out
     assert "begins with table_x_01.yaml" in out
     assert "inverse model" not in out
+
+
+def test_noise_of_the_read_back_at_rest_refuses_no_table(
+    piezod: Command, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At rest at 0 V, the lowest voltage, a read-back below 0 V is noise."""
+    read_back = SimulatedRig.read_back
+
+    def too_low(rig: SimulatedRig, now_ns: int) -> Sequence[float]:
+        return [voltage_v - 0.001 for voltage_v in read_back(rig, now_ns)]
+
+    monkeypatch.setattr(SimulatedRig, "read_back", too_low)
+    file.write_text(SHORT.replace("passes: 3", "passes: 0"), encoding="utf-8")
+
+    code, _, err = piezod("experiment", file, "--out", "out")
+
+    assert (code, err) == (0, "")
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ test at the same places. It has two CAN controllers on one bus, and a USB contro
 and unplugs USB serial adapters.
 """
 
-import json
 import os
 import shutil
 import socket
@@ -15,10 +14,10 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from tests.daemon.waiting import eventually
 from tests.system.guest.kernel import Kernel
+from tests.system.guest.monitor import Monitor, connected
 
 _HERE: Final = Path(__file__).parent
 _REPOSITORY: Final = _HERE.parents[2]
@@ -46,22 +45,18 @@ class Guest:
     Args:
         share: Folder that it can write to.
         control: Connection for commands to the guest, and for its requests.
-        monitor: Connection to QEMU.
+        monitor: Monitor of QEMU.
     """
 
-    def __init__(self, share: Path, control: socket.socket, monitor: socket.socket) -> None:
+    def __init__(self, share: Path, control: socket.socket, monitor: Monitor) -> None:
         self._share = share
         control.settimeout(_COMMAND_S)
-        monitor.settimeout(60)
         self._control = control.makefile("rw", encoding="utf-8", newline="\n")
-        self._monitor = monitor.makefile("rw", encoding="utf-8", newline="\n")
-        self._monitor.readline()
-        self._qemu("qmp_capabilities")
+        self._monitor = monitor
 
     def close(self) -> None:
-        """Close the connections."""
+        """Close the connection for commands."""
         self._control.close()
-        self._monitor.close()
 
     def wait_until_booted(self) -> None:
         """Wait until it accepts commands."""
@@ -95,41 +90,14 @@ class Guest:
                     return int(rest)
                 case "plug":
                     identity, _, chardev = rest.partition(" ")
-                    self._send(self._plug(identity, chardev))
+                    self._send(self._monitor.plug(identity, chardev))
                 case "unplug":
-                    self._send(self._qemu("device_del", id=rest))
+                    self._send(self._monitor.unplug(rest))
         raise AssertionError("the guest has ended")
 
     def _send(self, line: str) -> None:
         self._control.write(line + "\n")
         self._control.flush()
-
-    def _plug(self, identity: str, chardev: str) -> str:
-        return self._qemu(
-            "device_add",
-            driver="usb-serial",
-            bus="usb.0",
-            id=identity,
-            serial=identity,
-            chardev=chardev,
-        )
-
-    def _qemu(self, command: str, **arguments: str) -> str:
-        """Send QEMU a command; return `ok`, or the reason of its failure."""
-        document: dict[str, Any] = {"execute": command}
-        if arguments:
-            document["arguments"] = arguments
-        self._monitor.write(json.dumps(document) + "\n")
-        self._monitor.flush()
-        awaited = {"return", "DEVICE_DELETED"} if command == "device_del" else {"return"}
-        for line in self._monitor:
-            answer = json.loads(line)
-            if "error" in answer:
-                return str(answer["error"]["desc"])
-            awaited -= {*answer, answer.get("event")}
-            if not awaited:
-                return "ok"
-        raise AssertionError("QEMU has ended")
 
 
 @contextmanager
@@ -149,8 +117,8 @@ def booted(kernel: Kernel, console: Path, far_end: str) -> Iterator[Guest]:
         command = _command(kernel, folder, console, far_end)
         process = stack.enter_context(subprocess.Popen(command, stdin=subprocess.DEVNULL))
         stack.callback(process.kill)
-        control = stack.enter_context(_connected(process, folder / "control"))
-        monitor = stack.enter_context(_connected(process, folder / "monitor"))
+        control = stack.enter_context(connected(process, folder / "control"))
+        monitor = stack.enter_context(Monitor(connected(process, folder / "monitor")))
         guest = Guest(share, control, monitor)
         stack.callback(guest.close)
         control.settimeout(_BOOT_S)
@@ -159,14 +127,6 @@ def booted(kernel: Kernel, console: Path, far_end: str) -> Iterator[Guest]:
         code, output = guest.run(f"modprobe --dirname={kernel.modules} --all {' '.join(_MODULES)}")
         assert code == 0, output
         yield guest
-
-
-def _connected(process: "subprocess.Popen[bytes]", path: Path) -> socket.socket:
-    eventually(lambda: path.exists() or process.poll() is not None)
-    assert process.poll() is None, "QEMU does not start, see its errors above"
-    wire = socket.socket(socket.AF_UNIX)
-    wire.connect(str(path))
-    return wire
 
 
 def _command(kernel: Kernel, folder: Path, console: Path, far_end: str) -> list[str]:

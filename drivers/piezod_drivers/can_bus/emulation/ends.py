@@ -10,7 +10,7 @@ from piezod.devices.emulation.places import make_own_folder
 from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.frame import Frame
-from piezod_drivers.can_bus.library_bus import LibraryBus
+from piezod_drivers.can_bus.library_bus import SOCKETCAN, LibraryBus
 from piezod_drivers.can_bus.slcan_codec import (
     BEL,
     BIT_RATES,
@@ -23,6 +23,7 @@ from piezod_drivers.can_bus.slcan_codec import (
 )
 
 UDP: Final = "udp:"
+SOCKETCAN_PREFIX: Final = f"{SOCKETCAN}:"
 DEFAULT_GROUP: Final = "239.74.163.2"
 DEFAULT_PORT: Final = 43_113
 
@@ -47,34 +48,43 @@ class BusEnd(End, Protocol):
         ...
 
 
-class GroupEnd:
-    """Implements `BusEnd` in a UDP multicast group that does not leave this machine.
+class LibraryEnd:
+    """Implements `BusEnd` by a bus of python-can.
 
     Args:
-        where: "GROUP:PORT", only one of them, or "" for the default group and port.
+        where: "udp:GROUP:PORT", with only one of them or none for the default ones: a multicast
+            group that does not leave this machine. Or "socketcan:CHANNEL": an interface of the
+            kernel.
+
+    Raises:
+        DeviceUnavailableError: If `where` is invalid.
     """
 
     def __init__(self, where: str) -> None:
-        group, _, port = where.rpartition(":") if ":" in where else (where, "", "")
-        try:
-            self._group, self._port = group or DEFAULT_GROUP, int(port or DEFAULT_PORT)
-        except ValueError as error:
-            what = f"{where!r} is no group, expected GROUP:PORT, {DEFAULT_GROUP}:{DEFAULT_PORT}"
-            raise DeviceUnavailableError(what) from error
-        settings = {"port": self._port, "hop_limit": 0, "fd": False}
-        self._bus = LibraryBus("udp_multicast", self._group, settings)
+        kind, _, channel = where.partition(":")
+        if f"{kind}:" == SOCKETCAN_PREFIX:
+            if not channel:
+                raise DeviceUnavailableError(
+                    f"{where!r} names no interface, expected socketcan:can1"
+                )
+            self._place, self._bus = where, LibraryBus(SOCKETCAN, channel, {})
+        else:
+            group, port = _group(channel)
+            settings = {"port": port, "hop_limit": 0, "fd": False}
+            self._place = f"{UDP}{group}:{port}"
+            self._bus = LibraryBus("udp_multicast", group, settings)
         self._away = False
 
     def place(self) -> str:
-        """Group and port."""
-        return f"{UDP}{self._group}:{self._port}"
+        """What `where` was, in full."""
+        return self._place
 
     def appear(self) -> None:
-        """Join the group."""
+        """Join the bus."""
         self._bus.open(())
 
     def vanish(self) -> None:
-        """Leave the group."""
+        """Leave the bus."""
         self._bus.close()
 
     def receive(self, within_ns: int) -> list[Frame]:
@@ -87,13 +97,13 @@ class GroupEnd:
         return [] if frame is None or self._away else [frame]
 
     def send(self, frame: Frame) -> None:
-        """Send a frame to the group."""
+        """Send a frame to the bus."""
         if not self._away:
             with suppress(LineFault):  # the frame is lost, and the host's request times out
                 self._bus.send(frame)
 
     def noise(self, data: bytes) -> None:
-        """Send nothing: a packet of the group always is a frame."""
+        """Send nothing: the library carries only frames."""
 
     def leave(self, away: bool) -> None:
         """Go off the bus, or back on it."""
@@ -198,13 +208,23 @@ def end_at(where: str, name: str) -> BusEnd:
     """Construct the connection of a node to a bus.
 
     Args:
-        where: "udp:GROUP:PORT", or the path of an slcan adapter's port, or "" for a path in the
-            user's own folder.
+        where: "udp:GROUP:PORT", "socketcan:CHANNEL", or the path of an slcan adapter's port, or ""
+            for a path in the user's own folder.
         name: Name of the profile, for the path in the user's own folder.
 
     Raises:
         DeviceUnavailableError: If `where` is invalid, or the folder belongs to another user.
     """
-    if where.startswith(UDP):
-        return GroupEnd(where.removeprefix(UDP))
+    if where.startswith((UDP, SOCKETCAN_PREFIX)):
+        return LibraryEnd(where)
     return AdapterEnd(Path(where) if where else make_own_folder() / f"{name}.tty")
+
+
+def _group(where: str) -> tuple[str, int]:
+    """Return group and port of "GROUP:PORT", of only one of them, or of ""."""
+    group, _, port = where.rpartition(":") if ":" in where else (where, "", "")
+    try:
+        return group or DEFAULT_GROUP, int(port or DEFAULT_PORT)
+    except ValueError as error:
+        what = f"{where!r} is no group, expected GROUP:PORT, {DEFAULT_GROUP}:{DEFAULT_PORT}"
+        raise DeviceUnavailableError(what) from error

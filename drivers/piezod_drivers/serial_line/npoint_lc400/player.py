@@ -12,6 +12,7 @@ from typing import Final
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.player import (
     AtEnd,
+    Check,
     PlayedRecord,
     PlayerCapabilities,
     PlayState,
@@ -94,12 +95,13 @@ class Lc400Player:
             at_end=AtEnd.HOLDS,
         )
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check) -> Table:
         """Write the wavetables and read them back; return them as the controller holds them.
 
         Raises:
             DeviceError: If they do not fit, or the controller holds other values.
             LineFault: If an exchange fails.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -116,7 +118,7 @@ class Lc400Player:
         if len(wave) > WAVE_POINTS:
             raise DeviceError(_too_long(n_play, WAVE_POINTS - (len(wave) - n_play), table))
         for i, channel in enumerate(self._host.outputs):
-            self._requests.write_wave(channel, [int(value) for value in wave[:, i]])
+            self._requests.write_wave(channel, [int(value) for value in wave[:, i]], check)
         self._n_points, self._n_play, self._n_hold = len(wave), n_play, n_hold
         self._last = [int(value) for value in wave[n_play]]
         self._table = table._replace(
@@ -186,18 +188,19 @@ class Lc400Player:
         """
         return [count * (100.0 / FULL_SCALE) for count in self._requests.stop()]
 
-    def recording(self) -> PlayedRecord:
+    def recording(self, check: Check) -> PlayedRecord:
         """Read the record.
 
         Raises:
             DeviceError: If it is cut off, or the loop inputs do not follow the table.
             LineFault: If an exchange fails.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         table, n_inputs = self._require_table(), len(self._host.inputs)
         columns = [
-            self._requests.recorded(buffer, self._n_play)
+            self._requests.recorded(buffer, self._n_play, check)
             for buffer in range(n_inputs + len(self._host.outputs))
         ]
         rows = wave_arrays.columns_of(columns)

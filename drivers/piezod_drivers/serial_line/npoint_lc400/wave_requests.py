@@ -5,6 +5,7 @@ from typing import Final, NamedTuple, Protocol
 
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
+from piezod.devices.player import Check
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
@@ -162,14 +163,16 @@ class WaveRequests:
         """Return loop inputs in counts of the command. Real-time safe."""
         return [word * scale for word, scale in zip(words, self._scales, strict=True)]
 
-    def write_wave(self, channel: int, counts: Sequence[int]) -> None:
+    def write_wave(self, channel: int, counts: Sequence[int], check: Check) -> None:
         """Write a wavetable, and read it back.
 
         Raises:
             DeviceError: If the controller holds other values.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         begin = codec.wave_address(channel)
         for first in range(0, len(counts), PER_EXCHANGE):
+            check()
             part = tuple(counts[first : first + PER_EXCHANGE])
             address = begin + 4 * first
             writes = codec.write_array(address, part)
@@ -245,14 +248,16 @@ class WaveRequests:
             raise LineFault(DeviceFlag.LOCAL_MODE, what)
         return counts
 
-    def recorded(self, buffer: int, n_samples: int) -> list[int]:
+    def recorded(self, buffer: int, n_samples: int, check: Check) -> list[int]:
         """Return the samples of a buffer.
 
         Raises:
             DeviceError: If the recorder has not filled it.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         samples: list[int] = []
         while len(samples) < n_samples:
+            check()
             n = min(PER_EXCHANGE, n_samples - len(samples))
             address = codec.record_buffer(buffer) + 4 * len(samples)
             samples += self._host.ask_array(b"", address, n, self._within_ns(n))

@@ -12,6 +12,7 @@ from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.player import (
     AtEnd,
+    Check,
     PlayedRecord,
     PlayerCapabilities,
     PlayState,
@@ -107,12 +108,13 @@ class Gcs2Player:
             at_end=self._at_end,
         )
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check) -> Table:
         """Write the waves and read them back; return them as the controller holds them.
 
         Raises:
             DeviceError: If they do not fit, or the controller holds other values.
             LineFault: If an exchange fails.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -126,7 +128,7 @@ class Gcs2Player:
             raise DeviceError("a wave generator is running: stop it")
         wave = wave_arrays.wave_of(table)
         held = [
-            self._requests.write_wave(number, [float(value) for value in wave[:, i]])
+            self._requests.write_wave(number, [float(value) for value in wave[:, i]], check)
             for i, number in enumerate(self._host.numbers)
         ]
         self._table = wave_arrays.table_of(table, held)
@@ -210,12 +212,13 @@ class Gcs2Player:
                 raise
             return [float(value) for value in values]
 
-    def recording(self) -> PlayedRecord:
+    def recording(self, check: Check) -> PlayedRecord:
         """Read the record.
 
         Raises:
             DeviceError: If it is too short, or the voltages do not follow the table.
             LineFault: If an exchange fails.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -225,7 +228,7 @@ class Gcs2Player:
         length = self._requests.record_length()
         if length < n_points:
             raise DeviceError(f"the record has {length} points, expected {n_points}")
-        rows = wave_arrays.rows_of(self._requests.read_array("DRR?", n_points, tables))
+        rows = wave_arrays.rows_of(self._requests.read_array("DRR?", n_points, tables, check))
         positions, outputs = rows[:, :n_inputs], rows[:, n_inputs:]
         differences = outputs - wave_arrays.first_points(table, n_points)
         wave_arrays.check_followed(differences, self._host.ranges())

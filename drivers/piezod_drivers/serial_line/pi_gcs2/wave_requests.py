@@ -8,6 +8,7 @@ from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
+from piezod.devices.player import Check
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.gcs.reply import GcsReply
@@ -128,20 +129,22 @@ class WaveRequests:
         """Send commands without reply."""
         self._host.ask_slowly(command, GcsReply())
 
-    def write_wave(self, number: str, values: Sequence[float]) -> list[float]:
+    def write_wave(self, number: str, values: Sequence[float], check: Check) -> list[float]:
         """Write a wave; return it as the controller holds it.
 
         Raises:
             DeviceError: If it holds other values.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         texts = [f"{value:.4f}" for value in values]
         self.do(f"WCL {number}\n".encode())
         for first in range(0, len(texts), PER_LINE):
+            check()
             part = texts[first : first + PER_LINE]
             append = "&" if first else "X"
             line = f"WAV {number} {append} PNT {first + 1} {len(part)} {' '.join(part)}\n"
             self.do(line.encode())
-        held = [value for (value,) in self.read_array("GWD?", len(texts), [number])]
+        held = [value for (value,) in self.read_array("GWD?", len(texts), [number], check)]
         for point, (text, value) in enumerate(zip(texts, held, strict=True)):
             if abs(float(text) - value) > _NEAR:
                 what = f"wave {number} holds {value:g} at point {point} instead of {text}"
@@ -153,10 +156,17 @@ class WaveRequests:
         (length,) = self._host.ask_slowly(b"DRL? 1\n", GcsReply(f"1={NUMBER}\n"))
         return int(float(length))
 
-    def read_array(self, query: str, n_rows: int, tables: Sequence[str]) -> list[list[float]]:
-        """Return the first rows of some tables."""
+    def read_array(
+        self, query: str, n_rows: int, tables: Sequence[str], check: Check
+    ) -> list[list[float]]:
+        """Return the first rows of some tables.
+
+        Raises:
+            PlayCancelledError: If `check` has raised it between two exchanges.
+        """
         rows: list[list[float]] = []
         while len(rows) < n_rows:
+            check()
             n = min(PER_REPLY, n_rows - len(rows))
             request = f"{query} {1 + len(rows)} {n} {' '.join(tables)}\n".encode() + ASK_ERROR
             # Twice the time of a long reply on a slow line.

@@ -12,6 +12,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.player import (
     AtEnd,
+    Check,
     PlayedRecord,
     PlayerCapabilities,
     PlayState,
@@ -111,12 +112,13 @@ class Nv200Player:
             at_end=self._at_end,
         )
 
-    def load(self, table: Table) -> Table:
+    def load(self, table: Table, check: Check) -> Table:
         """Write the waveform point by point and read it back; return it as the device holds it.
 
         Raises:
             DeviceError: If it does not fit, or the device holds other values.
             LineFault: If an exchange fails.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -136,7 +138,7 @@ class Nv200Player:
             round(100.0 * (value - low_v) / (high_v - low_v), 3)
             for value in [points[0]] * n_held + points
         ]
-        held = self._requests.write_points(percents)
+        held = self._requests.write_points(percents, check)
         self._voltages = [low_v + percent / 100.0 * (high_v - low_v) for percent in held]
         self._n_held = n_held
         self._table = wave_arrays.table_of(table, [self._voltages[n_held:]])
@@ -204,12 +206,13 @@ class Nv200Player:
         """
         return [self._requests.stop()]
 
-    def recording(self) -> PlayedRecord:
-        """Read the record, without the held points.
+    def recording(self, check: Check) -> PlayedRecord:
+        """Read the record, without the held points. The record of a channel is one reply.
 
         Raises:
             DeviceError: If it is too short, or does not fit the table.
             LineFault: If an exchange fails.
+            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -217,7 +220,10 @@ class Nv200Player:
         n_samples = min(self._n_held + wave_arrays.n_points_of(table), N_SAMPLES)
         n_inputs = len(self._host.wiring.inputs)
         channels = [0] * n_inputs + [1]
-        columns = [self._requests.recorded(channel, n_samples) for channel in channels]
+        columns = []
+        for channel in channels:
+            check()
+            columns.append(self._requests.recorded(channel, n_samples))
         rows = wave_arrays.columns_of(columns)[self._n_held :]
         positions, outputs = rows[:, :n_inputs], rows[:, n_inputs:]
         differences = outputs - wave_arrays.first_points(table, len(rows))

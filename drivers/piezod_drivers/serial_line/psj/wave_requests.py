@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
+from piezod.devices.player import Check
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
@@ -75,14 +76,16 @@ class WaveRequests:
         """Return the index of the present point. Real-time safe."""
         return int(codec.number(self._session.value("giarb")))
 
-    def write_points(self, percents: Sequence[float]) -> list[float]:
+    def write_points(self, percents: Sequence[float], check: Check) -> list[float]:
         """Write a waveform; return it as the device holds it, in %.
 
         Raises:
             DeviceError: If it holds other values.
+            PlayCancelledError: If `check` has raised it between two points.
         """
         held = []
         for i, percent in enumerate(percents):
+            check()
             self._session.ask("gbarb", None, i, float(percent))
             values = self._session.indexed("gbarb", i)
             value = codec.number(values[0] if len(values) == 1 else "")

@@ -13,6 +13,8 @@ from piezod_drivers.serial_line.psj.emulation.waveforms import (
 
 _MOST: Final = 65_535
 _SOURCES: Final = range(8)
+_LINE_NS: Final = 1_000_000
+"""Time that a request for a sample takes at least on a line of 115,200 baud."""
 
 
 class WrongValueError(Exception):
@@ -93,6 +95,7 @@ class WaveformCommands:
         if len(values) < 3:
             raise WrongValueError("missing")
         channel, index = _whole(values[0], range(N_CHANNELS)), _whole(values[1], range(N_SAMPLES))
+        self._waveforms.advance(_LINE_NS)  # a client asks at once for what was recorded meanwhile
         rows = self._waveforms.rows
         return f"{channel},{index},{rows[index][channel] if index < len(rows) else 0.0:.3f}"
 

@@ -1,6 +1,6 @@
 """The arbitrary waveform generator and the data recorder of an emulated NV200/D, on one clock."""
 
-from math import gcd, isfinite
+from math import isfinite
 from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
@@ -63,17 +63,20 @@ class Waveforms:
         self._next_ns = self._tick = self._done = self._run_tick = self._record_tick = 0
         bench.plays_from(None)
 
-    def advance(self) -> None:
-        """Run all ticks that are due; between plays nothing happens in them."""
-        now_ns = self._bench.now_ns()
+    def advance(self, ahead_ns: int = 0) -> None:
+        """Run all ticks that are due; between plays nothing happens in them.
+
+        Args:
+            ahead_ns: Time beyond now for which they are due too, in ns.
+        """
+        until_ns = self._bench.now_ns() + ahead_ns
         if not self._is_busy():
             return
-        while self._is_busy() and self._next_ns <= now_ns:
+        while self._is_busy() and self._next_ns <= until_ns:
             self._do_tick(self._next_ns)
-            # Ticks at which nothing is due are skipped.
-            skipped = gcd(self.factor if self.running else 0, self.stride if self.recording else 0)
-            self._next_ns += max(skipped, 1) * CLOCK_NS
-            self._tick += max(skipped, 1)
+            ticks = self._ticks_to_next()
+            self._next_ns += ticks * CLOCK_NS
+            self._tick += ticks
         self._bench.plays_from(self._next_ns if self._is_busy() else None)
 
     def drive(self) -> bool:
@@ -124,6 +127,15 @@ class Waveforms:
 
     def _is_busy(self) -> bool:
         return self.running or self.recording
+
+    def _ticks_to_next(self) -> int:
+        """Return the number of ticks until a point or a sample is due."""
+        dues = []
+        if self.running:
+            dues.append(self.factor - (self._tick - self._run_tick) % self.factor)
+        if self.recording:
+            dues.append(self.stride - (self._tick - self._record_tick) % self.stride)
+        return min(dues, default=1)
 
     def _do_tick(self, t_ns: int) -> None:
         records = self.recording and (self._tick - self._record_tick) % self.stride == 0

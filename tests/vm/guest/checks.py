@@ -1,0 +1,37 @@
+"""The table of the checks, in their order: most need what the ones before have left."""
+
+from collections.abc import Callable
+from functools import partial
+
+from tests.vm.guest import buses, install, memory, others, service
+from tests.vm.guest.host import Host
+
+
+def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
+    """Return the facts and the functions that check them.
+
+    Args:
+        host: The host, which plugs and unplugs.
+    """
+    return (
+        ("install-service writes units that systemd accepts", install.service_is_installed),
+        ("the unit starts, and the daemon reports that it is ready", service.unit_starts),
+        ("the loop is real-time, with locked memory", service.loop_is_real_time),
+        ("an engineer moves the stage", service.operator_moves),
+        ("the journal has structured messages", service.journal_has_fields),
+        ("a full memory swaps out nothing of the loop", memory.loop_stays_in_memory),
+        ("a hung supervisor is ended by the watchdog, at 0 V", service.watchdog_restarts),
+        ("a killed supervisor starts again, at 0 V", service.kill_restarts),
+        ("an amplifier behind a USB adapter is driven", partial(buses.usb_stage_drives, host)),
+        ("the service opens the adapter and not the disk", buses.devices_are_restricted),
+        ("the adapter is unplugged and plugged in again", partial(buses.usb_unplugged, host)),
+        ("a node at the other CAN controller is driven", buses.can_stage_drives),
+        ("the node's controller is taken down", buses.can_other_end_down),
+        ("the stage's controller is taken down", buses.can_down),
+        ("the stage's controller is removed", buses.can_removed),
+        ("the unit of the page serves it", others.page_is_served),
+        ("the unit of the IOC serves the stages", others.ioc_serves),
+        ("uninstall is refused while something runs", others.uninstall_is_refused),
+        ("`systemctl stop` ends at 0 V", service.stop_ends_at_rest),
+        ("uninstall leaves nothing", others.uninstall_removes_all),
+    )

@@ -1,0 +1,108 @@
+"""The side of the host: what it needs, what it downloads, what it prints of the guest's results."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.vm import image, wheels
+from tests.vm.report import Result, serve, verdict
+
+LOCK = """\
+# made by make lock
+bitstruct==8.24.0 \\
+    --hash=sha256:aaaa \\
+    --hash=sha256:bbbb
+    # via cantools
+networkx==3.6.1 ; python_full_version < '3.12' \\
+    --hash=sha256:cccc
+"""
+
+
+def no_answer(_text: str) -> None:
+    """Take an answer for a guest that asked for nothing."""
+    raise AssertionError
+
+
+def line(**document: object) -> str:
+    """Return a line of the guest."""
+    return json.dumps(document) + "\n"
+
+
+def check(name: str, reason: str = "") -> str:
+    """Return the line of the guest about a check."""
+    return line(name=name, reason=reason, detail="seen", duration_s=1.5)
+
+
+def test_results_are_printed_one_by_one(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each check has a line with its verdict and its reason, and a failure makes the exit code."""
+    results = serve([check("starts"), check("stops", "hangs"), line(end=True)], no_answer, {})
+
+    printed = capsys.readouterr().out.splitlines()
+    assert printed == ["ok        1.5 s  starts: seen", "failed    1.5 s  stops: hangs"]
+    assert verdict(results) == ("1 ok, 1 failed", 1)
+
+
+def test_all_ok_is_exit_code_0() -> None:
+    """The exit code is 0 if every check passed, and 1 if none was made."""
+    assert verdict([Result("starts", "", "", 1.0)]) == ("1 ok, 0 failed", 0)
+    assert verdict([])[1] == 1
+
+
+def test_requests_of_the_guest_are_carried_out() -> None:
+    """The guest gets the answer of what it has asked for."""
+    answers: list[str] = []
+    requests = {"plug": lambda identity: f"no {identity}"}
+
+    assert (
+        serve([line(request="plug", argument="A"), line(end=True)], answers.append, requests) == []
+    )
+    assert answers == ["no A"]
+
+
+def test_guest_that_ends_early_has_failed() -> None:
+    """A guest that ends before its last check makes the run fail."""
+    results = serve([check("starts")], no_answer, {})
+
+    assert verdict(results) == ("1 ok, 1 failed", 1)
+    assert results[-1].reason == "it ended before its last check"
+
+
+def test_guest_that_hangs_has_failed() -> None:
+    """So does a guest that sends nothing any more."""
+
+    def lines() -> Iterator[str]:
+        yield check("starts")
+        raise TimeoutError
+
+    assert serve(lines(), no_answer, {})[-1].reason == "it hangs"
+
+
+def test_pins_keep_their_markers() -> None:
+    """The constraints have versions and markers of a lock file, and no hashes."""
+    assert wheels.pins(LOCK) == [
+        "bitstruct==8.24.0",
+        "networkx==3.6.1 ; python_full_version < '3.12'",
+    ]
+
+
+def test_wheel_that_no_lock_file_names_is_refused(tmp_path: Path) -> None:
+    """A downloaded file must have one of the hashes of the lock files."""
+    (tmp_path / "a.whl").write_bytes(b"a")
+    wheels.check_hashes(tmp_path, f"--hash=sha256:{hashlib.sha256(b'a').hexdigest()}")
+
+    with pytest.raises(ValueError, match=r"a\.whl: its SHA-256 \w+ is in no lock file"):
+        wheels.check_hashes(tmp_path, LOCK)
+
+
+def test_missing_programs_are_named_with_their_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is missing is said with the command that installs it; nothing is skipped."""
+    monkeypatch.setattr("shutil.which", lambda name: None if "qemu" in name else f"/bin/{name}")
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+
+    assert image.missing() == [
+        "not installed: sudo apt install qemu-system-x86 qemu-utils",
+        "only root can unpack a system with its owners: run it with sudo",
+    ]
