@@ -1,5 +1,6 @@
 """Waits for other processes, with a deadline."""
 
+import threading
 import time
 from collections.abc import Callable
 from typing import TypeVar
@@ -22,3 +23,13 @@ def eventually(condition: Callable[[], T], within_s: float = 20.0) -> T:
         assert time.monotonic() < end_s, f"not within {within_s:g} s, last: {found!r}"
         time.sleep(0.005)
     return found
+
+
+def join(thread: threading.Thread, within_s: float = 20.0) -> None:
+    """Wait for the end of a thread.
+
+    Raises:
+        AssertionError: If the time is over.
+    """
+    thread.join(within_s)
+    assert not thread.is_alive(), f"{thread.name} does not end within {within_s:g} s"

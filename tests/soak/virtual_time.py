@@ -2,6 +2,7 @@
 
 import asyncio
 import selectors
+import threading
 import time
 from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -47,7 +48,15 @@ class VirtualClock:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Replace the clocks of the module `time` in this process while the block runs."""
+        """Replace the clocks of the module `time` in this process while the block runs.
+
+        Raises:
+            RuntimeError: If other threads run: they would wait until the real clock has reached the
+                virtual one.
+        """
+        if threading.active_count() > 1:
+            names = ", ".join(thread.name for thread in threading.enumerate())
+            raise RuntimeError(f"other threads run: {names}; use a process of its own")
         replaced: dict[str, Callable[..., float]] = {
             "monotonic_ns": self.now_ns,
             "monotonic": lambda: self.t_ns / NS_PER_S,

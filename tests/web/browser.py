@@ -19,6 +19,7 @@ from piezod.web.encryption import Certificate
 from piezod.web.server import bind, make_server
 from piezod.web.stages import Stages
 from tests.daemon.daemons import NO_TLS
+from tests.daemon.waiting import join
 
 Document = dict[str, Any]
 
@@ -106,7 +107,7 @@ class Web(Browser):
             ready.set()
             await self.server.serve(sockets=[self.endpoint])
 
-        thread = threading.Thread(target=lambda: asyncio.run(serve()))
+        thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
         with self.endpoint:
             thread.start()
             ready.wait()
@@ -114,7 +115,7 @@ class Web(Browser):
                 yield
             finally:
                 self.server.should_exit = True
-                thread.join()
+                join(thread)
 
 
 class Tab:

@@ -33,6 +33,7 @@ from piezod.daemon.service.stage_service import (
 from piezod.daemon.service.urgent_notes import UrgentNotes
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.daemons import NO_TLS
+from tests.daemon.waiting import join
 
 NAN = float("nan")
 
@@ -211,7 +212,7 @@ class Served:
         """Serve until the end of the block."""
         with bind(self.socket) as endpoint:
             thread = threading.Thread(
-                target=lambda: asyncio.run(self.server.serve(sockets=[endpoint]))
+                target=lambda: asyncio.run(self.server.serve(sockets=[endpoint])), daemon=True
             )
             endpoint.listen()
             thread.start()
@@ -219,7 +220,7 @@ class Served:
                 yield
             finally:
                 self.server.should_exit = True
-                thread.join()
+                join(thread)
         os.unlink(self.socket)  # noqa: PTH108 - as the supervisor does
 
     @contextmanager
