@@ -1,5 +1,8 @@
 /** Draws what has changed and can be seen, once for each frame of the screen. */
 
+const FRAME_MS = 17;
+const EARLY_MS = 8; // that is in time: frames come every 16 ms
+
 /** Draws charts: objects with `element`, `draw(now_s)` and `each_ms`, the shortest time between two drawings. */
 export class Painter {
   #charts = new Map(); // chart: { visible, dirty, drawn_ms }
@@ -33,7 +36,7 @@ export class Painter {
   /** There are new data: draw all charts with the next frame. */
   touch() {
     for (const entry of this.#charts.values()) entry.dirty = true;
-    if (!this.#frame) this.#frame = requestAnimationFrame((now_ms) => this.#paint(now_ms));
+    this.#ask();
   }
 
   close() {
@@ -44,11 +47,19 @@ export class Painter {
     this.#charts.clear();
   }
 
+  #ask() {
+    if (!this.#frame) this.#frame = requestAnimationFrame((now_ms) => this.#paint(now_ms));
+  }
+
   #paint(now_ms) {
     this.#frame = 0;
     for (const [chart, entry] of this.#charts) {
-      // A few ms early is in time: frames come every 16 ms.
-      if (!entry.visible || !entry.dirty || now_ms - entry.drawn_ms < chart.each_ms - 8) continue;
+      if (!entry.visible || !entry.dirty) continue;
+      const left_ms = entry.drawn_ms + chart.each_ms - EARLY_MS - now_ms;
+      if (left_ms > 0) {
+        if (left_ms < FRAME_MS) this.#ask(); // else the next data ask for it
+        continue;
+      }
       entry.dirty = false;
       entry.drawn_ms = now_ms;
       chart.draw();
