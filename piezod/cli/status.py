@@ -21,6 +21,7 @@ def status(
 ) -> None:
     """Print the state, a table of the axes, and the faults."""
     from piezod.cli.output import new_console, print_json
+    from piezod.control.faults.unlisted import NEVER_SHOWN
 
     with closing(connect(stage, socket)) as client:  # without what only commands need
         found = client.status()
@@ -43,6 +44,10 @@ def status(
         )
     if found.faults:
         console.print(_faults(found.faults))
+    console.print(
+        f"Never shown: {', '.join(NEVER_SHOWN)}; `piezod faults --undetected` has the reasons.",
+        style="dim",
+    )
 
 
 def faults(

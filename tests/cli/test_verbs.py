@@ -134,6 +134,7 @@ def test_status(piezod: Command) -> None:
     assert " ".join(out.split()).count("12.400 12.500 0.100 60.00 on target") == 1
     assert "S5" in out
     assert "look at it" in out
+    assert "Never shown: L9, D3, D4, D7, D9; `piezod faults --undetected` has the reasons" in out
 
 
 def test_status_without_positions(piezod: Command, daemon: FakeDaemon) -> None:
