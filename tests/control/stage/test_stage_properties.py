@@ -56,6 +56,7 @@ TIMINGS: Final = [
     CycleTiming(0, 500, 10_000, 0, 0),
     CycleTiming(0, 0, 10_000, 0, HOUR_NS),  # the machine slept, and its monotonic clock, too
     CycleTiming(0, 0, 10_000, -HOUR_NS, 0),  # somebody set the clock
+    CycleTiming(0, 0, 10_000, HOUR_NS, 0),
 ]
 SIZES: Final = (nan, inf, -inf, 1e9, -1.0, 0.5, 30.0)
 SETPOINTS_UM: Final = st.floats(0.0, 30.0) | st.sampled_from([nan, inf, -1.0])
@@ -66,7 +67,7 @@ class AnyHistory(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.stage, self.killed = CommandedStage(), False
+        self.stage, self.restarts = CommandedStage(), 0
         self.stage.cycle()
 
     @rule(person=st.sampled_from(PEOPLE), request=st.sampled_from(REQUESTS))
@@ -115,14 +116,14 @@ class AnyHistory(RuleBasedStateMachine):
         """The control law asks for any voltage, or for one that belongs to another instant."""
         self.stage.run_broken_law(drive_v, early_ns, cycles)
 
-    @precondition(lambda self: not self.killed)
+    @precondition(lambda self: self.restarts < 3)
     @rule()
     def restart(self) -> None:
         """The loop process is killed, and another one takes over."""
-        self.killed = True
+        self.restarts += 1
         self.stage.restart()
 
-    @precondition(lambda self: not self.killed)
+    @precondition(lambda self: self.restarts < 3)
     @rule()
     def shut_down(self) -> None:
         """The daemon ends; the next one starts."""
