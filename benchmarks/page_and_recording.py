@@ -2,15 +2,21 @@
 
 A simulated stage follows a sine at 1 kHz. Spans with three tabs at 30 Hz and a recording alternate
 with spans without. Prints for each span the skipped and the late cycles, what supervisor and server
-take, and their memory; at the end the sums, and whether a cycle is missing in a file.
+take, and their memory; at the end the sums, how many more cycles are late with a page, and a
+verdict: it fails, with exit code 1, if a cycle is missing in a file, or if supervisor and server
+take too much of a core.
 """
 
 import argparse
 import asyncio
+import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import AsyncExitStack, ExitStack
+from math import nan, sqrt
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import Final, NamedTuple
 
 import h5py
@@ -20,6 +26,11 @@ from benchmarks.bench_page import RATE_HZ, STAGE, cpu_s, opened_tabs, resident_m
 from piezod.client import StageClient
 from piezod.config.waveforms import Sine
 
+LARGEST_PART: Final = 0.15
+"""Supervisor and server together take less than this part of a core."""
+WITHOUT: Final = "none"
+WITH: Final = "page, recording"
+"""Titles of the spans."""
 SINE: Final = Sine(kind="sine", low=2.0, high=20.0, frequency_hz=1.0)
 
 
@@ -94,9 +105,9 @@ def span_of(
     return Span(after[0] - before[0], after[1] - before[1], part, megabytes), missing
 
 
-def measure(pids: dict[str, int], url: str, span_s: float, spans: int) -> None:
-    """Alternate spans with and without page and recording; print all."""
-    found: dict[str, list[Span]] = {"none": [], "page, recording": []}
+def measure(pids: dict[str, int], url: str, span_s: float, spans: int) -> list[str]:
+    """Alternate spans with and without page and recording; print all, and return what fails."""
+    found: dict[str, list[Span]] = {WITHOUT: [], WITH: []}
     missing = 0
     with StageClient(STAGE) as stage, tempfile.TemporaryDirectory() as folder:
         while stage.status().state == "BOOT":
@@ -106,7 +117,7 @@ def measure(pids: dict[str, int], url: str, span_s: float, spans: int) -> None:
         stage.wave({"x": SINE}, 4 * span_s * spans + 600.0)
         for _ in range(spans):
             for title, spans_so_far in found.items():
-                where = Path(folder) if title != "none" else None
+                where = Path(folder) if title == WITH else None
                 span, lacking = span_of(stage, pids, span_s, url, where)
                 spans_so_far.append(span)
                 missing += lacking
@@ -123,7 +134,34 @@ def measure(pids: dict[str, int], url: str, span_s: float, spans: int) -> None:
             f"{title:16} sum: skipped {sum(s.skipped for s in each)}, late "
             f"{sum(s.late for s in each)}, at most {max(s.part for s in each):.1%} of a core"
         )
+    more, error = difference([s.late for s in found[WITHOUT]], [s.late for s in found[WITH]])
+    print(f"late cycles in a span: {more:+.1f} ± {error:.1f} with page and recording")
     print(f"missing in the recordings: {missing} cycles; the stage is in {state}")
+    return failures(missing, max(each.part for each in found[WITH]))
+
+
+def difference(without: Sequence[int], with_page: Sequence[int]) -> tuple[float, float]:
+    """Return how many more of a count spans with a page have, and the standard error of that.
+
+    Args:
+        without: The count in each span without a page.
+        with_page: That in the span after it.
+    """
+    more = [b - a for a, b in zip(without, with_page, strict=True)]
+    return fmean(more), stdev(more) / sqrt(len(more)) if len(more) > 1 else nan
+
+
+def failures(missing: int, part: float) -> list[str]:
+    """Return what is worse than promised, a sentence each.
+
+    Args:
+        missing: Cycles that the files lack.
+        part: Largest part of a core that supervisor and server took with a page.
+    """
+    found = [f"cycles missing in the recordings: {missing}"] if missing else []
+    if part >= LARGEST_PART:
+        found.append(f"supervisor and server take {part:.1%} of a core, not < {LARGEST_PART:.0%}")
+    return found
 
 
 def main() -> None:
@@ -134,7 +172,9 @@ def main() -> None:
     options = parser.parse_args()
     with ExitStack() as stack:
         pids, url = started(stack)
-        measure(pids, url, options.span_s, options.spans)
+        failed = measure(pids, url, options.span_s, options.spans)
+    print("failed: " + "; ".join(failed) if failed else "passed")
+    sys.exit(bool(failed))
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ def _entry(name: str, target: str) -> dict[str, Any]:
     return {name: [uri, *(str(page.relative_to(DOCS)) for page in pages)]}
 
 
-def listed() -> set[Path]:
+def listed() -> list[Path]:
     """Return the files and folders that the table of contents links, relative to the repository."""
     text = CONTENTS.read_text(encoding="utf-8")
-    return {(DOCS / target).resolve().relative_to(ROOT) for _, target in _ROW.findall(text)}
+    return [(DOCS / target).resolve().relative_to(ROOT) for _, target in _ROW.findall(text)]

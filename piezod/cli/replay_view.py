@@ -28,6 +28,7 @@ def as_document(
         "repeats": compared.repeats,
         "stand_in_rms_um": compared.stand_in_um,
         "modes": [row._asdict() for row in compared.rows],
+        "verdict": _verdict(model, mode, compared),
         "warnings": compared.warnings,
         "figure": str(figure) if figure else None,
     }

@@ -15,6 +15,7 @@ from starlette.websockets import WebSocket
 from piezod.web.access import METRICS, Access, Door, role_of
 from piezod.web.api import Api
 from piezod.web.download import DownloadAnswer
+from piezod.web.export import ExportAnswer, Exports
 from piezod.web.metrics import PLAIN_TEXT, joined
 from piezod.web.stages import Stages
 from piezod.web.tab import Tab
@@ -31,7 +32,7 @@ def create_app(stages: Stages, access: Access) -> Starlette:
         stages: All stages.
         access: The secrets.
     """
-    numbers = count(1)
+    numbers, exports = count(1), Exports(stages)
 
     async def index(_request: Request) -> Response:
         return FileResponse(_FILES / "index.html")
@@ -46,6 +47,10 @@ def create_app(stages: Stages, access: Access) -> Starlette:
 
     async def recording(request: Request) -> Response:
         return DownloadAnswer(stages, request.path_params["stage"], request.path_params["name"])
+
+    async def table(request: Request) -> Response:
+        wanted = request.path_params
+        return ExportAnswer(exports, wanted["stage"], wanted["name"], wanted["ending"])
 
     async def metrics(_request: Request) -> Response:
         return PlainTextResponse(joined(await stages.metrics()), media_type=PLAIN_TEXT)
@@ -64,6 +69,7 @@ def create_app(stages: Stages, access: Access) -> Starlette:
             Route("/", index),
             Route(METRICS, metrics),
             Route("/recordings/{stage}/{name}", recording),
+            Route("/recordings/{stage}/{name}/{ending}", table),
             Route("/jobs/{stage}.png", figure),
             WebSocketRoute("/ws", socket),
             Mount("/static", StaticFiles(directory=_FILES)),

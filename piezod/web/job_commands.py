@@ -2,15 +2,21 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
+from piezod.client.results import Document
 from piezod.web.message import Message, MessagePart
 
 MODEL: Final = "model.yaml"
+RECORDING: Final = r"[A-Za-z0-9][A-Za-z0-9_-]{0,199}"
+"""Names of recordings: neither a path nor an option of a command."""
+PRESENT_MODEL: Final = "present-model.yaml"
+_REPLAY: Final = "replay.png"
 _SLOWEST_HZ, _SWINGS = 0.7, 8
 """Frequency of the swings of a chosen drive, and their least number."""
 
@@ -46,11 +52,39 @@ class Learn(Message):
     record_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
 
 
+class Replay(Message):
+    """Run the control law again on a recording, with the present model of its axis."""
+
+    do: Literal["replay"]
+    stage: str
+    axis: Annotated[str, Field(max_length=100, pattern=r"^[^-]")]
+    recording: Annotated[str, Field(pattern=f"^{RECORDING}$")]
+
+
 class LookAtJob(Message):
     """Return the newest job of a stage, or end it."""
 
     do: Literal["job", "end_job"]
     stage: str
+
+
+JobMessage: TypeAlias = Identify | Learn | Replay
+
+
+def command_of(wanted: JobMessage, model: Document | None) -> Callable[[Path], list[str]]:
+    """Return a function that writes the files of a command into a folder; it returns the arguments.
+
+    Args:
+        wanted: What to do.
+        model: The present model of the axis, for a replay.
+    """
+    match wanted:
+        case Identify():
+            return partial(identify_command, wanted)
+        case Learn():
+            return partial(learn_command, wanted)
+        case Replay():
+            return partial(replay_command, wanted, model)
 
 
 def identify_command(wanted: Identify, folder: Path) -> list[str]:
@@ -85,6 +119,21 @@ def learn_command(wanted: Learn, folder: Path) -> list[str]:
         "--interval-us", f"{wanted.interval_us:.10g}", "--settle-s", f"{wanted.settle_s:.10g}",
         "--record-s", f"{wanted.record_s:.10g}", "--tables", str(tables),
     ]  # fmt: skip
+
+
+def replay_command(wanted: Replay, model: Document | None, folder: Path) -> list[str]:
+    """Return the arguments of `piezod`; write the file of the model.
+
+    Args:
+        wanted: What to do.
+        model: The present model of the axis; None for that of the recording.
+        folder: Folder of its files, in which the command runs.
+    """
+    arguments = ["replay", wanted.recording, "--axis", wanted.axis, "--out", _REPLAY]
+    if model is not None:
+        (folder / PRESENT_MODEL).write_text(json.dumps(model))
+        arguments += ["--model", PRESENT_MODEL]
+    return arguments
 
 
 def tables_folder(stage: str, environ: Mapping[str, str] = os.environ) -> Path:

@@ -1,8 +1,8 @@
-"""Identification and learning: commands of piezod that run for minutes, one for each stage.
+"""Identification, learning, replays: commands of piezod that run for minutes, one for each stage.
 
-Each runs in a process of its own, as in a shell, and drives the stage in a session. It goes on when
-a tab is closed; every tab sees it and can end it. If this server is killed, the process ends with
-the next progress that it prints, and the daemon stops the stage.
+Each runs in a process of its own, as in a shell; the first two drive the stage in a session. A job
+goes on when a tab is closed; every tab sees it and can end it. If this server is killed, a process
+that drives the stage ends with the next progress that it prints, and the daemon stops the stage.
 """
 
 import asyncio
@@ -19,7 +19,7 @@ from piezod.client.results import Document
 from piezod.config.yaml_loader import load_yaml
 from piezod.errors import PiezodError
 from piezod.web.errors import PageError
-from piezod.web.job_commands import MODEL, Identify, Learn, identify_command, learn_command
+from piezod.web.job_commands import MODEL, JobMessage, command_of
 from piezod.web.rows import encoded
 
 _LONGEST_LINE: Final = 16 * 1024 * 1024
@@ -33,6 +33,7 @@ class Job:
 
     Args:
         wanted: What to do.
+        model: The present model of the axis, for a replay.
         socket: Socket of the stage's daemon.
         changed: Called after each change.
 
@@ -40,7 +41,13 @@ class Job:
         figure: The figure of the result, a PNG; None if there is none.
     """
 
-    def __init__(self, wanted: Identify | Learn, socket: Path, changed: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        wanted: JobMessage,
+        model: Document | None,
+        socket: Path,
+        changed: Callable[[], None],
+    ) -> None:
         self._changed = changed
         self._document: Document = {
             "kind": wanted.do,
@@ -55,7 +62,9 @@ class Job:
         self.figure: bytes | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._ending = False
-        self._task = asyncio.get_running_loop().create_task(self._run(wanted, socket))
+        self._task = asyncio.get_running_loop().create_task(
+            self._run(command_of(wanted, model), socket)
+        )
 
     @property
     def running(self) -> bool:
@@ -77,22 +86,21 @@ class Job:
         """Wait for the end of the command."""
         await asyncio.wait((self._task,))
 
-    async def _run(self, wanted: Identify | Learn, socket: Path) -> None:
+    async def _run(self, command: Callable[[Path], list[str]], socket: Path) -> None:
         with TemporaryDirectory(prefix=_FOLDER) as name:
             folder = Path(name)
             try:
-                await self._run_in(folder, wanted, socket)
+                await self._run_in(folder, command(folder), socket)
             except (PiezodError, OSError, ValueError) as error:
                 self._document["error"] = str(error)
             finally:
                 self._document.update(running=False, activity="")
                 self._changed()
 
-    async def _run_in(self, folder: Path, wanted: Identify | Learn, socket: Path) -> None:
-        command = identify_command if isinstance(wanted, Identify) else learn_command
+    async def _run_in(self, folder: Path, arguments: list[str], socket: Path) -> None:
         pipe = asyncio.subprocess.PIPE
         self._process = process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "piezod", *command(wanted, folder),  # type: ignore[arg-type]
+            sys.executable, "-m", "piezod", *arguments,
             "--json", "--socket", str(socket),
             stdin=asyncio.subprocess.DEVNULL, stdout=pipe, stderr=pipe, limit=_LONGEST_LINE,
             env={**os.environ, "PIEZOD_PROGRESS": "json"}, cwd=folder,
@@ -110,8 +118,8 @@ class Job:
         model = folder / MODEL
         if model.exists():
             self._document["result"]["model"] = load_yaml(model).data
-            figure = model.with_suffix(".png")
-            self.figure = figure.read_bytes() if figure.exists() else None
+        for figure in folder.glob("*.png"):
+            self.figure = figure.read_bytes()
 
     async def _follow(self, lines: asyncio.StreamReader | None) -> list[str]:
         """Take over progress until the command ends; return the last lines of other text."""
@@ -141,8 +149,8 @@ class Jobs:
         self._publish = publish
         self._jobs: dict[str, Job] = {}
 
-    def start(self, wanted: Identify | Learn, socket: Path) -> Document:
-        """Start a job; return its document.
+    def start(self, wanted: JobMessage, model: Document | None, socket: Path) -> Document:
+        """Start a job; return its document. See `Job`.
 
         Raises:
             PageError: If one of this stage is running.
@@ -151,7 +159,7 @@ class Jobs:
         if (running := self._jobs.get(stage)) and running.running:
             what = f"stage {stage} is busy: {running.document['kind']}"
             raise PageError("busy", what, "wait for its end, or end it")
-        job = self._jobs[stage] = Job(wanted, socket, lambda: self._tell(stage, job))
+        job = self._jobs[stage] = Job(wanted, model, socket, lambda: self._tell(stage, job))
         self._tell(stage, job)
         return job.document
 

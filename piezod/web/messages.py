@@ -13,7 +13,7 @@ from piezod.config.endpoints import LARGE_BODY, Endpoint
 from piezod.config.messages import describe
 from piezod.config.requests import TABLE
 from piezod.web.errors import NOT_FOUND, PageError
-from piezod.web.job_commands import Identify, Learn, LookAtJob
+from piezod.web.job_commands import Identify, Learn, LookAtJob, Replay
 from piezod.web.message import Message
 from piezod.web.rows import RATE_HZ
 
@@ -87,6 +87,7 @@ AnyMessage: TypeAlias = (
     | ReadRecording
     | Identify
     | Learn
+    | Replay
     | LookAtJob
 )
 _READ: Final[TypeAdapter[AnyMessage]] = TypeAdapter(

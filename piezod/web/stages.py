@@ -37,7 +37,7 @@ class Stages:
         find: Returns the sockets of the running daemons, by the names of their stages.
 
     Attributes:
-        jobs: Identification and learning, which go on when a tab is closed.
+        jobs: Identification, learning and replays, which go on when a tab is closed.
     """
 
     def __init__(self, client: str, find: Callable[[], dict[str, Path]] = running_stages) -> None:

@@ -13,8 +13,8 @@ from piezod.client.wire import http_request
 from piezod.config.endpoints import Role
 from piezod.config.requests import TABLE
 from piezod.web import messages
-from piezod.web.errors import PageError, require
-from piezod.web.job_commands import Identify, Learn, LookAtJob
+from piezod.web.errors import NOT_FOUND, PageError, require
+from piezod.web.job_commands import Identify, JobMessage, Learn, LookAtJob, Replay
 from piezod.web.rows import Pacer, Row, encoded, telemetry_event
 from piezod.web.stage import WebStage
 from piezod.web.stages import Stages
@@ -126,7 +126,7 @@ class Tab:
                     self._start(self._calls, message.id, self._call(message))
                 case messages.ReadRecording():
                     self._start(self._calls, message.id, self._stages.read(message))
-                case Identify() | Learn():
+                case Identify() | Learn() | Replay():
                     self._start(self._calls, message.id, self._start_job(message))
                 case LookAtJob():
                     require(self._role, Role.VIEWER if message.do == "job" else Role.OPERATOR)
@@ -168,11 +168,29 @@ class Tab:
             self._leased.add(call.stage)
         return await stage.connections.call(request)
 
-    async def _start_job(self, wanted: Identify | Learn) -> Document:
-        stage = self._stages.named(wanted.stage)
-        require(self._role, Role.ENGINEER)
-        await self._release_lease(stage)  # the command needs it
-        return self._stages.jobs.start(wanted, stage.connections.socket)
+    async def _start_job(self, wanted: JobMessage) -> Document:
+        stage, model = self._stages.named(wanted.stage), None
+        if isinstance(wanted, Replay):
+            require(self._role, Role.OPERATOR)
+            model = await self._present_model(stage, wanted.axis)
+        else:
+            require(self._role, Role.ENGINEER)
+            await self._release_lease(stage)  # the command needs it
+        return self._stages.jobs.start(wanted, model, stage.connections.socket)
+
+    async def _present_model(self, stage: WebStage, axis: str) -> Document | None:
+        """Return the model of an axis with its learned weights; None if it has none.
+
+        Raises:
+            PageError: If the stage has no such axis, or the daemon does not answer.
+        """
+        row = TABLE["params"]
+        answer = await stage.connections.call(http_request(row.method, row.path, self.name))
+        if axis not in answer["axes"]:
+            axes = ", ".join(answer["axes"]) or "none"
+            raise PageError(NOT_FOUND, f"stage {stage.name} has no axis {axis!r}", f"axes: {axes}")
+        model: Document | None = answer["axes"][axis]["model"]
+        return model
 
     def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]

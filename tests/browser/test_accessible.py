@@ -2,7 +2,9 @@
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
+
+from tests.browser.machine import Machine
 
 pytestmark = pytest.mark.browser
 
@@ -40,6 +42,50 @@ def test_axe_finds_nothing(page: Page, scheme: str) -> None:
     page.get_by_role("link", name="piezod, all stages").click()
     expect(page.get_by_role("heading", name="Stages of this machine")).to_be_visible()
     found += violations(page)
+
+    assert not found
+
+
+def problems_of_tablet(page: Page, width_px: int) -> list[str]:
+    """Return what axe-core finds, and how much wider than the screen the page is, if it is."""
+    wide_px = page.evaluate("document.documentElement.scrollWidth")
+    wider = [f"{page.url}: {wide_px} px on {width_px} px"] if wide_px > width_px else []
+    return [*violations(page), *wider]
+
+
+@pytest.mark.parametrize(("width_px", "height_px"), [(768, 1024), (1024, 768)])
+def test_tablet_shows_the_whole_width(
+    browser: Browser, machine: Machine, width_px: int, height_px: int
+) -> None:
+    """On a tablet nothing is beside the screen, and axe finds nothing: SAFE, RUN, FAULT, viewer."""
+    machine.start_stage()
+    screen = {"width": width_px, "height": height_px}
+    with browser.new_context(viewport=screen, has_touch=True, is_mobile=True) as context:
+        page = context.new_page()
+        page.goto(machine.start_web())
+        state = page.locator("#state")
+        expect(state).to_contain_text("SAFE")
+        found = problems_of_tablet(page, width_px)
+
+        page.get_by_role("button", name="Arm", exact=True).tap()
+        page.get_by_role("button", name="Start the wave").tap()
+        page.get_by_role("button", name="Record", exact=True).tap()
+        expect(state).to_contain_text("RUN")
+        found += problems_of_tablet(page, width_px)
+        page.get_by_role("button", name="Emergency stop").tap()
+        expect(state).to_contain_text("FAULT")
+        page.get_by_role("button", name="Identify").tap()
+        expect(page.get_by_role("dialog")).to_be_visible()
+        found += problems_of_tablet(page, width_px)
+
+        machine.run("record", "stop")
+        page.get_by_role("link", name="Recordings").tap()
+        row = page.get_by_role("row").filter(has_text="Download")
+        expect(row).to_be_visible()
+        found += problems_of_tablet(page, width_px)
+        row.get_by_role("link").first.tap()
+        expect(page.get_by_role("region", name="List of marks")).to_contain_text("FAULT")
+        found += problems_of_tablet(page, width_px)
 
     assert not found
 

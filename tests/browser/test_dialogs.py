@@ -1,5 +1,6 @@
 """Somebody identifies an axis, and lets a waveform be learned."""
 
+import json
 import re
 
 import pytest
@@ -28,6 +29,11 @@ def start_identification(page: Page, seconds: int) -> Locator:
     return found
 
 
+def model_of(machine: Machine) -> object:
+    """Return the source of the model that the stage uses, which tells it from another one."""
+    return json.loads(machine.run("params", "list", "--json"))["axes"]["x"]["model"]["source"]
+
+
 def test_an_identified_model_is_used_and_saved(page: Page, machine: Machine) -> None:
     """The result has errors and a figure; the stage uses the model when it is accepted."""
     found = start_identification(page, 5)
@@ -44,6 +50,19 @@ def test_an_identified_model_is_used_and_saved(page: Page, machine: Machine) -> 
     found.get_by_role("button", name="Save the parameters").click()
     expect(page.get_by_text("The parameters are saved.").first).to_be_visible()
     assert '"method": "least-squares"' in machine.run("params", "list", "--json")
+
+
+def test_a_rejected_model_changes_nothing(page: Page, machine: Machine) -> None:
+    """Reject leads back to the form, and the stage keeps its model."""
+    before = model_of(machine)
+    found = start_identification(page, 5)
+    reject = found.get_by_role("button", name="Reject it")
+    reject.wait_for(timeout=DRIVEN_WITHIN_MS)
+    reject.click()
+
+    expect(found.get_by_role("button", name="Start")).to_be_visible()
+    expect(found.get_by_role("table")).to_be_hidden()
+    assert model_of(machine) == before
 
 
 def test_an_identification_is_seen_by_a_new_tab_and_stopped_there(

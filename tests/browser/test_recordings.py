@@ -50,6 +50,29 @@ def test_a_recording_is_found_looked_at_and_downloaded(page: Page, machine: Mach
         assert file["recording/cycles/t_s"].shape[0] > 0
 
 
+def test_a_recording_is_exported_and_replayed(page: Page, machine: Machine) -> None:
+    """The viewer saves the table, and replays with the present model: errors, verdict, figure."""
+    record(machine, "scan")
+    page.get_by_role("link", name="Recordings").click()
+    row = page.get_by_role("row").filter(has_text="-scan")
+    row.get_by_role("link", name="-scan", exact=False).first.click()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Export as CSV").click()
+    lines = download.value.path().read_text().splitlines()
+    assert "position_um" in lines[0]
+    assert len(lines) > 10
+
+    page.get_by_role("button", name="Replay").click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("button", name="Start").click()
+    expect(dialog.get_by_role("table")).to_contain_text("feedforward", timeout=60_000)
+    expect(dialog).to_contain_text("The errors of the replay, with present-model.yaml")
+    figure = dialog.get_by_role("img", name="Recorded and replayed error")
+    expect(figure).to_be_visible()
+    assert figure.evaluate("image => image.decode().then(() => image.naturalWidth)") > 500
+    assert not violations(page)
+
+
 def test_a_recording_in_progress_grows_as_it_is_looked_at(page: Page, machine: Machine) -> None:
     """The viewer shows what is added meanwhile."""
     machine.run("record", "start", "long")

@@ -18,6 +18,20 @@ HIDE = """hidden => {
     document.dispatchEvent(new Event("visibilitychange"));
 }"""
 
+INKED = """figure => {
+    const canvas = figure.querySelector("canvas");
+    if (!canvas || !canvas.width) return 0;
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    const ink = getComputedStyle(document.documentElement).getPropertyValue("--position").trim();
+    const wanted = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) {
+        count += data[i + 3] > 200 && wanted.every((each, k) => Math.abs(each - data[i + k]) < 8);
+    }
+    return count;
+}"""
+"""Returns how many pixels of a chart have the colour of the displacement."""
+
 
 def test_refusal_stands_beside_its_control(page: Page) -> None:
     """The card of a control shows what was refused and what helps, until a request is accepted."""
@@ -54,6 +68,29 @@ def test_wave_outside_the_range_is_not_started(page: Page) -> None:
     wave.get_by_label("High").fill("20")
     expect(wave).to_contain_text("largest speed 56.5 µm/s")
     expect(start).to_be_enabled()
+
+
+def test_displacement_is_drawn_against_drive_and_against_command(page: Page) -> None:
+    """Two charts side by side: the loop of the hysteresis, and the compensated line."""
+    loop, line = (
+        page.locator("figure").filter(has=page.get_by_text(f"Displacement against {name}"))
+        for name in ("drive", "command")
+    )
+    loop.scroll_into_view_if_needed()
+    expect(line).to_contain_text("nothing is commanded")
+    assert line.evaluate(INKED) == 0
+
+    page.get_by_role("button", name="Arm", exact=True).click()
+    page.get_by_role("button", name="Start the wave").click()
+    expect(page.locator("#state")).to_contain_text("RUN")
+    line.scroll_into_view_if_needed()
+
+    eventually(lambda: all(each.evaluate(INKED) > 100 for each in (loop, line)), 20.0)
+    expect(line).not_to_contain_text("nothing is commanded")
+    left, right = loop.bounding_box(), line.bounding_box()
+    assert left is not None
+    assert right is not None
+    assert (left["y"], left["x"] < right["x"]) == (right["y"], True)
 
 
 def test_slider_drags_the_set_point(page: Page, machine: Machine) -> None:

@@ -222,6 +222,7 @@ def test_replay_repeats_and_compares(piezod: Command, recording: Path) -> None:
     assert "The errors of the replay, in mode trimmed, are estimates." in other.out
     assert Path("fig.png").read_bytes().startswith(b"\x89PNG")
     assert document["repeats"] is False
+    assert document["verdict"] in " ".join(other.out.split())
     assert document["stand_in_rms_um"] < 0.1
     assert [row["replayed"] for row in document["modes"]] == ["trimmed", "trimmed"]
     assert document["modes"][0]["rms_um"] < 0.1 < document["modes"][0]["recorded_rms_um"]

@@ -103,14 +103,16 @@ def test_links_within_a_page_lead_somewhere(pages: dict[str, str]) -> None:
 
 
 def test_all_pages_are_in_the_navigation(pages: dict[str, str]) -> None:
-    """The table of contents and the generated pages are the navigation; no page is left out."""
+    """The table of contents and the generated pages are the navigation: each page, once."""
     text = str(navigation())
     all_pages = {page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md")}
 
     assert [
         uri for uri in (*REFERENCE.values(), UPGRADE, *all_pages) if f"'{uri}'" not in text
     ] == []
-    assert [path for path in listed() if not (ROOT / path).exists()] == []
+    contents = listed()
+    assert [path for path in contents if not (ROOT / path).exists()] == []
+    assert len(contents) == len(set(contents))
     assert set(pages) == {*REFERENCE.values(), UPGRADE}
 
 

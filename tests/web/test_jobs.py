@@ -15,8 +15,10 @@ from piezod.web.job_commands import (
     ChosenDrive,
     Identify,
     Learn,
+    Replay,
     identify_command,
     learn_command,
+    replay_command,
     tables_folder,
 )
 from tests.web.browser import Tab, Web
@@ -63,6 +65,17 @@ def test_a_waveform_is_one_that_the_command_takes(
     assert tables_folder("bench").is_dir()
     assert tables_folder("bench") != tables_folder("other")
     assert arguments[arguments.index("--tables") + 1] == str(tables_folder("bench"))
+
+
+def test_a_replay_uses_the_present_model(tmp_path: Path) -> None:
+    """The command gets the model as a file; without one it uses that of the recording."""
+    wanted = Replay(id=1, do="replay", stage="bench", axis="x", recording="20240501T120000Z")
+    arguments = replay_command(wanted, {"method": "lms"}, tmp_path)
+    model = tmp_path / arguments[arguments.index("--model") + 1]
+
+    assert load_yaml(model).data == {"method": "lms"}
+    assert arguments[:2] == ["replay", "20240501T120000Z"]
+    assert "--model" not in replay_command(wanted, None, tmp_path)
 
 
 def test_tables_of_the_service_are_in_its_folder() -> None:

@@ -1,8 +1,10 @@
 """What the page gets of recordings, and how they are read."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
@@ -12,7 +14,8 @@ from piezod.web.recording_cache import RecordingCache
 from piezod.web.recording_worker import RecordingWorker
 from tests.daemon.service.fakes import Served
 from tests.records.telemetry import START_NS, header
-from tests.web.browser import Web
+from tests.web.browser import Tab, Web
+from tests.web.test_jobs import last_job
 
 NAME = "20240501T120000Z-scan"
 SPIKE_UM = 9.0
@@ -105,3 +108,94 @@ def test_the_oldest_copies_make_room(tmp_path: Path) -> None:
     for path in paths:
         cache.add(path, lambda file: file.write_bytes(bytes(100)))
     assert [path.exists() for path in paths] == [False, True, True]
+
+
+@pytest.mark.usefixtures("recording")
+def test_a_recording_is_exported_as_a_table(web: Web) -> None:
+    """The table is that of `piezod export`, and a download; the token is needed as for the file."""
+    path = f"/recordings/bench/{NAME}/csv"
+    file = web.request("GET", path, Cookie=web.cookie())
+    head, *rows = file.text.splitlines()
+
+    assert web.request("GET", path).status_code == 401
+    assert file.headers["content-disposition"] == f'attachment; filename="{NAME}.csv"'
+    assert file.headers["content-type"].startswith("text/csv")
+    assert len(rows) == 2000
+    position = head.split(",").index("position_um")
+    assert max(float(row.split(",")[position]) for row in rows) == SPIKE_UM
+
+
+@pytest.mark.usefixtures("recording")
+def test_an_export_ends_when_the_browser_leaves(
+    web: Web, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One table is made at a time; one that nobody waits for holds up no other."""
+    endless = tmp_path / "endless"
+    endless.write_text("#!/bin/sh\nexec sleep 1000\n")
+    endless.chmod(0o755)
+    path, cookie = f"/recordings/bench/{NAME}/csv", web.cookie()
+    with monkeypatch.context() as during:
+        during.setattr("sys.executable", str(endless))
+        with pytest.raises(httpx.ReadTimeout):
+            httpx.get(f"http://{web.host}{path}", headers={"Cookie": cookie}, timeout=0.5)
+
+    assert web.request("GET", path, Cookie=cookie).status_code == 200
+
+
+@pytest.mark.usefixtures("recording")
+def test_parquet_needs_its_library(web: Web) -> None:
+    """Where pyarrow is missing, the answer says how to install it."""
+    file = web.request("GET", f"/recordings/bench/{NAME}/parquet", Cookie=web.cookie())
+
+    if find_spec("pyarrow"):
+        assert file.content.startswith(b"PAR1")
+    else:
+        assert file.status_code == 503
+        assert "pip install 'piezod[parquet]'" in file.json()["error"]["what"]
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [("bench/20240501T120000Z-none/csv", 503), (f"bench/{NAME}/xlsx", 404),
+     (f"other/{NAME}/csv", 404), ("bench/--help/csv", 404), ("bench/../csv", 404)],
+)  # fmt: skip
+def test_what_cannot_be_exported_is_refused(
+    web: Web, recording: Path, path: str, status: int
+) -> None:
+    """Only recordings of a stage that runs are exported, and only as the two formats."""
+    assert recording.is_file()
+    assert web.request("GET", f"/recordings/{path}", Cookie=web.cookie()).status_code == status
+
+
+def test_a_replay_is_a_job(
+    web: Web, daemon: Served, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the command says about a recording that it cannot replay is the error of the job."""
+
+    async def params() -> dict[str, Any]:
+        return {"axes": {"x": {"model": None}}}
+
+    monkeypatch.setattr(daemon.stage, "params", params)
+    wanted = {"do": "replay", "stage": "bench", "recording": recording.stem}
+    with web.tab() as tab:
+        unknown = tab.ask(**wanted, axis="y")
+        tab.send(**{**wanted, "axis": "x", "recording": "../a"})
+        invalid = tab.answer(None)
+        started = tab.ask(**wanted, axis="x")
+        job = last_job(tab)
+
+    assert unknown["error"]["remedy"] == "axes: x"
+    assert invalid["error"]["code"] == "invalid"
+    assert started["result"]["kind"] == "replay"
+    assert "the file has no configuration of the stage" in str(job["error"])
+
+
+def test_a_viewer_replays_nothing(web: Web, recording: Path) -> None:
+    """A replay takes a processor of the stage's machine: it needs the role of an operator."""
+    answer = web.request("GET", f"/?token={web.access.tokens.viewer}")
+    cookie = answer.headers["set-cookie"].partition(";")[0]
+    with web.socket(cookie=cookie) as connection:
+        refused = Tab(connection).ask(
+            do="replay", stage="bench", axis="x", recording=recording.stem
+        )
+    assert refused["error"]["code"] == "forbidden"

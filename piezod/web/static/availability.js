@@ -2,7 +2,7 @@
 
 const ROLES = ["viewer", "operator", "engineer"];
 const FOR_ENGINEERS = ["identify", "learn"];
-const WITHOUT_LEASE = ["hold", "stop", "record"];
+const WITHOUT_LEASE = ["hold", "stop", "record", "replay"];
 /** The states in which a command does something: a hold by a person also ends one that would end by itself. */
 const STATES = {
   "arm": ["SAFE"],

@@ -1,6 +1,7 @@
-/** Displacement against drive voltage: the loop of the hysteresis, older parts fainter. */
+/** Displacement against another quantity: the loop of the hysteresis, older parts fainter. */
 
 import { baseOptions, frame, scaleText, steadyRange } from "./charts.js";
+import { setText } from "./dom.js";
 import { colour, onTheme } from "./theme.js";
 
 /* global uPlot */
@@ -11,11 +12,15 @@ const JOINED_PART = 0.12; // neighbours closer than this part of the picture are
 export class LoopChart {
   each_ms = 66;
 
-  /** @param {() => object} view Returns `ring`, `span_s`, `now_s` and `drive_v`, the range of the drive. */
-  constructor(view) {
-    const { figure, plot } = frame("Displacement against drive", "µm over V", []);
-    Object.assign(this, { view, figure, element: plot, chart: null });
-    this.ranges = [steadyRange(4), steadyRange(0.5)];
+  /**
+   * @param {object} options `title`, `column` (against which the displacement is drawn), its `unit`,
+   *   `least` (smallest width of its scale, in the unit), `empty` (what no known value means).
+   * @param {() => object} view Returns `ring`, `span_s` and `now_s`.
+   */
+  constructor(options, view) {
+    const { figure, plot, noteLine } = frame(options.title, `µm over ${options.unit}`, []);
+    Object.assign(this, { options, view, figure, element: plot, noteLine, chart: null });
+    this.ranges = [steadyRange(options.least), steadyRange(0.5)];
     this.forget = onTheme(() => this.chart?.redraw(false, true));
   }
 
@@ -26,8 +31,9 @@ export class LoopChart {
 
   draw() {
     const { ring, span_s, now_s } = this.view();
-    const columns = ring.samples.since(now_s - span_s, ["drive_v", "position_um"]);
+    const columns = ring.samples.since(now_s - span_s, [this.options.column, "position_um"]);
     this.chart?.setData([null, columns]);
+    setText(this.noteLine, columns[0].some((each) => each != null) ? "" : this.options.empty ?? "");
   }
 
   close() {
@@ -37,7 +43,7 @@ export class LoopChart {
 
   #create(width, height) {
     const base = baseOptions({ width, height });
-    base.axes[0].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} V`);
+    base.axes[0].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} ${this.options.unit}`);
     base.axes[1].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} µm`);
     base.axes[1].size = 64;
     this.chart = new uPlot({
@@ -62,14 +68,14 @@ export class LoopChart {
   }
 
   #paint(u) {
-    const { ctx, bbox, data: [, [drive, position]] } = u;
+    const { ctx, bbox, data: [, [across, position]] } = u;
     ctx.save();
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
     ctx.strokeStyle = ctx.fillStyle = colour("--position");
     ctx.lineWidth = 1.5 * devicePixelRatio;
-    const x = drive.map((each) => each == null ? null : u.valToPos(each, "x", true));
+    const x = across.map((each) => each == null ? null : u.valToPos(each, "x", true));
     const y = position.map((each) => each == null ? null : u.valToPos(each, "y", true));
     for (let part = 0; part < PARTS; part += 1) {
       ctx.globalAlpha = (part + 1) / PARTS;

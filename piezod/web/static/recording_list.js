@@ -33,6 +33,14 @@ export function downloadLink(stage, name) {
   return el("a", { class: "button", href, download: `${name}.h5`, "aria-label": `Download ${name}` }, "Download");
 }
 
+const FORMATS = { csv: "Export as CSV", parquet: "Export as Parquet" };
+
+/** Return links to a recording as a table. A refusal has a tab of its own, so that this page stays. */
+export function exportLinks(stage, name) {
+  const file = `/recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
+  return Object.entries(FORMATS).map(([ending, text]) => el("a", { class: "button", href: `${file}/${ending}`, target: "_blank" }, text));
+}
+
 /** Return a box that marks a recording as kept. */
 export function keepBox(context, name, kept) {
   const box = el("input", { type: "checkbox", checked: kept, "aria-label": `Keep ${name}` });

@@ -1,9 +1,10 @@
 /** The viewer of one recording: two columns over time, marks, and displacement against drive. */
 
+import { button } from "./command_card.js";
 import { el, setText } from "./dom.js";
 import { duration, short } from "./format.js";
 import { BandChart, columnLabel } from "./recording_chart.js";
-import { dateText, downloadLink, insideText } from "./recording_list.js";
+import { dateText, downloadLink, exportLinks, insideText } from "./recording_list.js";
 import { LoopChart } from "./recording_loop.js";
 import { MarkList } from "./recording_marks.js";
 import { Span } from "./recording_span.js";
@@ -35,9 +36,13 @@ export async function mountView(element, context) {
   const loop = new LoopChart();
   const marks = new MarkList(span);
   const about = el("p", { class: "quiet about" });
+  const replay = async () => (await import("./replay.js")).open(context, of.recording, contents.axes);
   const range = el("output", { class: "numbers", "aria-live": "off" });
   element.replaceChildren(
-    el("nav", { class: "viewer-head" }, el("a", { href: `#/stage/${encodeURIComponent(stage)}/recordings` }, "All recordings"), downloadLink(stage, of.recording)),
+    el(
+      "div", { class: "viewer-head" }, el("nav", { "aria-label": "Back" }, el("a", { href: `#/stage/${encodeURIComponent(stage)}/recordings` }, "All recordings")),
+      el("div", { class: "buttons" }, downloadLink(stage, of.recording), exportLinks(stage, of.recording), button("Replay…", replay)),
+    ),
     el("h1", {}, of.recording), about,
     el(
       "div", { class: "toolbar", role: "group", "aria-label": "What is shown" },

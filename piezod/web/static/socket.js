@@ -98,6 +98,10 @@ export class Socket {
     for (const { reject } of this.#waiting.values()) reject(new RequestError(NO_CONNECTION));
     this.#waiting.clear();
     this.#emit("close", this.#lostAt);
+    this.#later();
+  }
+
+  #later() {
     setTimeout(() => this.#again(), this.#waitMs);
     this.#waitMs = Math.min(2 * this.#waitMs, LONGEST_WAIT_MS);
   }
@@ -105,7 +109,11 @@ export class Socket {
   /** Connect again; a server that was started again asks for its new token first. */
   async #again() {
     const answer = await fetch("/static/icon.svg", { cache: "no-store" }).catch(() => null);
-    if (answer?.status === 401) this.#emit("locked");
-    this.#connect();
+    if (answer?.status !== 401) {
+      this.#connect();
+      return;
+    }
+    this.#emit("locked");
+    this.#later(); // another tab may get the cookie
   }
 }

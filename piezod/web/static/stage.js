@@ -26,6 +26,11 @@ const CHARTS = [
     series: [{ label: "largest", ink: "timing", column: "late_us" }],
   },
 ];
+/** Side by side: the loop that the compensation follows, and the line that it makes of it. */
+const LOOPS = [
+  { title: "Displacement against drive", column: "drive_v", unit: "V", least: 4 },
+  { title: "Displacement against command", column: "command_um", unit: "µm", least: 0.5, empty: NO_ERROR },
+];
 
 /** The axis that is shown, with its part of the configuration. */
 class ShownAxis {
@@ -75,7 +80,8 @@ export function mount(element, context) {
   const model = modelPanel(context, axis);
   const events = eventsPanel(context);
   const time = (options) => new TimeChart(options, view);
-  const charts = [...CHARTS.map(time), new LoopChart(view), new HistogramChart(view), new SpectrumChart(view)];
+  const loops = LOOPS.map((options) => new LoopChart(options, view));
+  const charts = [...CHARTS.map(time), ...loops, new HistogramChart(view), new SpectrumChart(view)];
   charts.forEach((chart) => painter.add(chart));
   const axes = el("div", { class: "choices", role: "radiogroup", "aria-label": "Axis", hidden: true });
   element.append(

@@ -1,0 +1,123 @@
+"""A recording as a table: `piezod export` in a process of its own, and its file as a download."""
+
+import asyncio
+import re
+import sys
+from collections.abc import AsyncGenerator
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.types import Receive, Scope, Send
+
+from piezod.web.errors import NOT_FOUND, PageError
+from piezod.web.job_commands import RECORDING
+from piezod.web.stages import Stages
+
+MEDIA_TYPES: Final = {"csv": "text/csv", "parquet": "application/vnd.apache.parquet"}
+"""The formats of a table, which are the endings of its file, and their media types."""
+_FOLDER: Final = "piezod-export-"
+_REMEDY: Final = "`piezod export` in a shell has more options"
+
+
+class Exports:
+    """Makes tables, one after the other: a long recording takes a processor and room on the disk.
+
+    Args:
+        stages: All stages.
+    """
+
+    def __init__(self, stages: Stages) -> None:
+        self._stages = stages
+        self._one_at_a_time = asyncio.Lock()
+
+    @asynccontextmanager
+    async def table(self, stage: str, name: str, ending: str) -> AsyncGenerator[Path, None]:
+        """Yield the file of a table, which is removed afterwards.
+
+        Args:
+            stage: Name of the stage.
+            name: Name of the recording.
+            ending: Its format.
+
+        Raises:
+            PageError: If there is no such stage, recording or format, or it cannot be exported.
+        """
+        if ending not in MEDIA_TYPES or not re.fullmatch(RECORDING, name):
+            raise PageError(NOT_FOUND, f"no table {name[:64]!r} as {ending[:16]!r}", _REMEDY)
+        async with self._one_at_a_time, self._stages.visiting(stage) as connections:
+            with TemporaryDirectory(prefix=_FOLDER) as folder:
+                path = Path(folder) / f"{name}.{ending}"
+                await _export(connections.socket, name, path)
+                yield path
+
+
+class ExportAnswer(Response):
+    """The file of a table, or the document of an error.
+
+    Args:
+        exports: Makes the table.
+        stage: Name of the stage.
+        name: Name of the recording.
+        ending: Its format.
+    """
+
+    def __init__(self, exports: Exports, stage: str, name: str, ending: str) -> None:
+        super().__init__()
+        self._exports, self._wanted = exports, (stage, name, ending)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Make the table and send it; stop that if the browser leaves."""
+        serving = asyncio.create_task(self._serve(scope, receive, send))
+        watching = asyncio.create_task(_wait_for_end(receive))
+        try:
+            await asyncio.wait((serving, watching), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            serving.cancel()  # the browser has gone, or it has ended
+            watching.cancel()
+            ended = await asyncio.gather(serving, watching, return_exceptions=True)
+        for each in ended:
+            if isinstance(each, Exception):
+                raise each
+
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        stage, name, ending = self._wanted
+        async with AsyncExitStack() as stack:
+            answer: Response
+            try:
+                path = await stack.enter_async_context(self._exports.table(stage, name, ending))
+                answer = FileResponse(path, media_type=MEDIA_TYPES[ending], filename=path.name)
+            except PageError as error:
+                status = 404 if error.document["code"] == NOT_FOUND else 503
+                answer = JSONResponse({"error": error.document}, status)
+            await answer(scope, receive, send)
+
+
+async def _wait_for_end(receive: Receive) -> None:
+    """Wait until the browser disconnects."""
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+async def _export(socket: Path, name: str, path: Path) -> None:
+    """Run the command.
+
+    Raises:
+        PageError: If it fails; with what it prints.
+    """
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "piezod", "export", name, "--out", str(path), "--socket", str(socket),
+        stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE, cwd=path.parent, start_new_session=True,
+    )  # fmt: skip
+    try:
+        _, text = await process.communicate()
+    finally:
+        if process.returncode is None:
+            with suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+    if process.returncode:
+        raise PageError("recording", text.decode(errors="replace").strip()[-1000:], _REMEDY)
