@@ -11,13 +11,12 @@ from typing import Final
 
 import pytest
 
+from tests.addresses import ELSEWHERE, address_outside
 from tests.client.fake_daemon import FakeDaemon
 from tests.daemon.waiting import eventually
 from tests.forked import Forked
 
 LOOPBACK: Final = "127.0.0.1"
-ELSEWHERE: Final = "198.51.100.7"
-"""An address for documentation, which no computer has."""
 
 
 class Server:
@@ -77,13 +76,7 @@ def port_in(printed: Path) -> int:
 @pytest.fixture
 def outside() -> str:
     """Return the address of this computer in its network; a connection from it is no loopback."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect((ELSEWHERE, 9))  # sends nothing
-        except OSError:
-            pytest.skip("this computer is in no network")
-        address: str = probe.getsockname()[0]
-        return address
+    return address_outside()
 
 
 def test_address_that_is_not_allowed_gets_nothing(outside: str) -> None:
