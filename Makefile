@@ -6,6 +6,7 @@ PEERS := build/peers/.installed
 BROWSER := build/browser/.installed
 BLUESKY := build/bluesky/.installed
 EPICS := build/epics/.installed
+PYMODAQ := build/pymodaq/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 MUTANTS := build/mutants/.installed
@@ -24,7 +25,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak vm peers epics \
-	bluesky browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
+	bluesky pymodaq browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
@@ -70,6 +71,9 @@ bluesky: $(STAMP) $(BLUESKY) ## scan simulated stages with Bluesky's RunEngine
 
 epics: $(STAMP) $(EPICS) ## run the IOC and EPICS clients by others against it
 	$(BIN)/python -m pytest -rs -m epics tests/epics
+
+pymodaq: $(STAMP) $(PYMODAQ) ## move a simulated stage with the example plug-in of PyMoDAQ
+	$(BIN)/python -m pytest -rs -m pymodaq tests/pymodaq
 
 docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
 	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
@@ -142,6 +146,10 @@ $(PEERS): tests/peers/requirements.txt .ci/setup-peers
 
 $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
 	@.ci/setup-docs
+	@touch $@
+
+$(PYMODAQ): tests/pymodaq/requirements.txt .ci/setup-pymodaq | $(STAMP)
+	@.ci/setup-pymodaq
 	@touch $@
 
 $(BROWSER): tests/browser/requirements.txt .ci/setup-browser | $(STAMP)

@@ -104,7 +104,7 @@ def test_ioc_that_ends_in_order_releases_the_lease(daemon: Daemon) -> None:
 
 
 def test_clients_only_read_without_control(daemon: Daemon) -> None:
-    """Every write is refused, over CA and PVA, and the IOC listens on this computer only."""
+    """Every write is refused, over CA and PVA."""
     daemon.ask("POST", "stop", {})
     daemon.until("SAFE")
     ioc = Ioc(daemon.folder).up()
@@ -114,25 +114,10 @@ def test_clients_only_read_without_control(daemon: Daemon) -> None:
                 for name in ("rig:ARM", "rig:ESTOP", "rig:x.VAL", "rig:x:WAVE:LOW", "rig:x.VELO"):
                     assert client.put(name, 1), name
                 assert client.value("rig:STATE") == 1
-        listening = addresses(ioc.process.pid)
     finally:
         assert ioc.end() == 0
 
     assert daemon.status()["state"] == "SAFE"
-    assert listening
-    assert set(listening) == {"0100007F"}
-
-
-def addresses(pid: int) -> list[str]:
-    """Return the addresses on which a process listens over TCP, as in /proc/net/tcp."""
-    sockets = {
-        each.readlink().name[8:-1]
-        for each in Path(f"/proc/{pid}/fd").iterdir()
-        if each.readlink().name.startswith("socket:")
-    }
-    lines = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
-    rows = [line.split() for line in lines]
-    return [row[1].split(":")[0] for row in rows if row[3] == "0A" and row[9] in sockets]
 
 
 def test_alarms_follow_injected_faults(start: StartDaemon, tmp_path: Path) -> None:  # noqa: F811

@@ -1,11 +1,8 @@
 """Places, addresses and the identity of the server."""
 
-import asyncio
 import socket
-from contextlib import closing, suppress
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import cast
 
 import pytest
 import typer
@@ -14,7 +11,7 @@ import piezod
 from piezod.cli.gcs import gcs
 from piezod.client.results import Status
 from piezod.errors import PiezodError
-from piezod.gcs.server import MOST_CLIENTS, GcsServer, Plan, identity_of, refusal, serve
+from piezod.gcs.server import MOST_CLIENTS, Plan, identity_of, refusal, serve
 from tests.client.fake_daemon import FakeDaemon
 
 
@@ -75,43 +72,3 @@ def test_wrong_options() -> None:
         gcs(allow=["10.0.0.0/8"])
     with pytest.raises(typer.BadParameter, match="exclude each other"):
         gcs(stage="bench", socket=Path("api.sock"))
-
-
-class FromElsewhere:
-    """A connection of this computer that says it is from another one.
-
-    Args:
-        writer: The connection.
-        address: The other computer.
-    """
-
-    def __init__(self, writer: asyncio.StreamWriter, address: str) -> None:
-        self._address, self.transport = address, writer.transport
-
-    def get_extra_info(self, _name: str) -> tuple[str, int]:
-        return self._address, 50123
-
-
-def test_computer_that_is_not_allowed_gets_nothing(tmp_path: Path) -> None:
-    """Its connection is closed without an answer to what it sends, and the refusal is printed."""
-    plan = Plan(tmp_path / "api.sock", "trimmed", 0, [IPv4Address("10.0.0.5")])
-    reported: list[str] = []
-    server = GcsServer(plan, reported.append)
-
-    def welcome(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        server._welcome(reader, cast("asyncio.StreamWriter", FromElsewhere(writer, "10.0.0.6")))  # noqa: SLF001
-
-    async def answer_to(text: bytes) -> bytes:
-        async with await asyncio.start_server(welcome, "127.0.0.1", 0) as listening:
-            port = listening.sockets[0].getsockname()[1]
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            answer = b""
-            with closing(writer), suppress(ConnectionError):
-                writer.write(text)
-                answer = await reader.read()
-            with suppress(ConnectionError):
-                await writer.wait_closed()
-        return answer
-
-    assert asyncio.run(answer_to(b"*IDN?\nMOV 1 5\n")) == b""
-    assert reported == ["refused a connection: 10.0.0.6 is not allowed: name it with --allow"]

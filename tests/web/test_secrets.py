@@ -2,11 +2,9 @@
 
 import os
 import re
-import signal
 import socket
 import ssl
 import subprocess
-import sys
 from contextlib import closing
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -25,7 +23,6 @@ from piezod.web.access import Access, kept_tokens
 from piezod.web.encryption import Certificate, check_certificate
 from piezod.web.server import WebPlan, bind, serve
 from tests.daemon.service.fakes import Served
-from tests.forked import Forked
 from tests.web.browser import Tab
 from tests.web.remote import Remote, new_certificate
 
@@ -294,50 +291,3 @@ def test_place_of_an_address() -> None:
     assert TOKEN not in repr(place)
     with pytest.raises(ClientError, match=r"/a/labpc.crt: no certificate can be read"):
         place.trusted()
-
-
-def test_no_secret_leaves_the_processes(
-    daemon: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Tokens and key are in no output, no arguments, and no file that others can read."""
-    made, folder = new_certificate(tmp_path), tmp_path / "tokens"
-    runtime = tmp_path / "run" / "piezod" / "bench"
-    runtime.mkdir(parents=True)
-    (runtime / "api.sock").symlink_to(daemon.socket)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
-    monkeypatch.setenv("PIEZOD_CA", str(made.file))
-    options = ("--host", "0.0.0.0", "--port", "0", "--tokens", str(folder))  # noqa: S104 - with TLS
-    files = ("--certificate", str(made.file), "--key", str(made.key))
-    with subprocess.Popen(
-        [sys.executable, "-m", "piezod", "web", *options, *files],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as server:
-        assert server.stdout is not None
-        line = server.stdout.readline()
-        monkeypatch.setenv("PIEZOD_STAGE", f"https://127.0.0.1:{urlsplit(line.split()[0]).port}")
-        monkeypatch.setenv("PIEZOD_TOKEN_FILE", str(folder / "user"))
-        allowed = command(tmp_path / "allowed", "status")
-        monkeypatch.setenv("PIEZOD_TOKEN_FILE", "")
-        monkeypatch.setenv("PIEZOD_TOKEN", TOKEN)
-        refused = command(tmp_path / "refused", "arm")
-        seen = Path(f"/proc/{server.pid}/cmdline").read_text() + line
-        server.send_signal(signal.SIGINT)
-        seen += server.stdout.read()
-        assert server.wait(20.0) == 0
-
-    secrets = [(folder / name).read_text().strip() for name in ("user", "viewer")]
-    secrets += [TOKEN, made.key.read_text().splitlines()[1]]
-    readable = [file for file in tmp_path.rglob("*") if file.is_file() and file.stat().st_mode & 4]
-    seen += "".join(file.read_text() for file in readable)
-    assert (allowed, refused) == (0, 77)
-    assert f"with the token in {folder}/user" in line
-    assert "SAFE" in seen
-    assert [each for each in secrets if each in seen] == []
-
-
-def command(output: Path, verb: str) -> int:
-    """Run a verb of `piezod` with its output to a file; return the exit code."""
-    with output.open("wb") as out, Path(os.devnull).open("rb") as nothing:
-        return Forked((verb,), (nothing.fileno(), out.fileno(), out.fileno())).wait(60.0)

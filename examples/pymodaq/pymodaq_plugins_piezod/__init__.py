@@ -1,0 +1,1 @@
+"""Stages of piezod as actuators of PyMoDAQ."""
