@@ -194,6 +194,21 @@ def test_error_of_few_cycles_counts_in_the_next_minute(tmp_path: Path) -> None:
     assert isnan(third.error_rms_pct)
 
 
+@pytest.mark.parametrize(("wrong_s", "found"), [(5, False), (6, True)])
+def test_error_counts_after_some_motion(tmp_path: Path, wrong_s: int, found: bool) -> None:
+    """A stage rests for a minute after a disturbance, and then shows what it was taught."""
+    observer = Observer(10.0, tmp_path)
+    observer.disturbed(0)
+    for t_s in range(121):
+        command_um = max(t_s - 60, 0) / 100
+        error_um = 1.0 if 60 < t_s <= 60 + wrong_s else 0.0
+        moving = record(State.RUN, 0, t_s, command_um)
+        axis = moving.axes[0]._replace(position_um=command_um - error_um)
+        observer.take(moving._replace(axes=(axis,)))
+
+    assert (observer.rows[-1].error_max_pct > 0.0) == found
+
+
 def rows(count: int, **changed: float) -> list[Row]:
     """Return quiet minutes; a given field rises to its value in the last one."""
     quiet = Row(0.0, 200.0, 20, 4, 10, 1.0, 1000, 5.0, 0.1, 0.3, 0.9, 0, 1)
