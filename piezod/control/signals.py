@@ -3,6 +3,14 @@
 from math import inf, nan
 from typing import Final
 
+RANGE_MARGIN: Final = 0.2
+"""A position farther outside its range than this share of the range is not physical."""
+
+
+def is_physical(position: float) -> bool:
+    """Return whether a stage can be at a position, in units of the range of its model."""
+    return -RANGE_MARGIN <= position <= 1.0 + RANGE_MARGIN
+
 
 class LeakyBucket:
     """Trips after several errors in a row, or if their share is too large for too long.

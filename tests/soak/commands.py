@@ -16,7 +16,7 @@ from piezod.errors import ClientError, RefusedError
 from piezod.testing.injections import Injection, InjectionKind
 from piezod.units import NS_PER_S, s_to_ns
 from tests.soak.machine import Machine
-from tests.soak.observer import LEARNED_S, Observer
+from tests.soak.observer import Observer
 
 LOW_UM, HIGH_UM = 1.0, 25.0
 RECOVERS_S: Final = 600.0
@@ -285,7 +285,7 @@ class Commands:
     async def _zero(self) -> None:
         await self._safe_to_ready()
         # After a long movement this is half a micrometre, by which the model was right before.
-        self._observer.asked(Fault.D1, within_s=LEARNED_S)
+        self._observer.taught(Fault.D1)
         await self._stage.zero()
         await asyncio.sleep(5.0)
 

@@ -20,9 +20,13 @@ MOST_VIOLATIONS = 100
 ROW_NS = 60 * NS_PER_S
 AFTER_S = 30.0
 """Time after a disturbance in which its faults may still appear and errors do not count, in s."""
-LEARNED_S = 300.0
-"""The same for faults of the adaptation, in s: what a faulty sensor has taught is unlearned in
-motion, and D1 may come again after a reset."""
+JUDGED_NS = 5 * NS_PER_S
+"""Motion after a disturbance in which errors do not count either, in ns: at rest nothing shows what
+a faulty sensor has taught, and D1 judges each second of motion."""
+LEARNED_NS = 300 * NS_PER_S
+"""Motion after a disturbance in which faults of the adaptation may appear, in ns: what a fault has
+taught, or has done to the hysteresis memory, ends in motion, so that D1 may come again after a rest
+and a reset."""
 MOVES_FROM = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD})
 """States from which a stage may begin to move."""
 STOPS = frozenset({State.HOLD, State.RAMP, State.BLIND, State.FAULT, State.ESTOP, State.STOPPING})
@@ -35,7 +39,6 @@ def _mask(least: Reaction) -> int:
 
 STOPPING, DEGRADING = _mask(Reaction.HOLD), _mask(Reaction.DEGRADE)
 OF_ADAPTATION = frozenset(rule.id for rule in FAULTS if rule.source is Source.ADAPTATION)
-LATER_NS = int((LEARNED_S - AFTER_S) * NS_PER_S)
 
 
 class Row(NamedTuple):
@@ -96,8 +99,10 @@ class Observer:
         self._first: list[float] = []
         self._state: State | None = None
         self._present = 0
-        self._calm_ns = 0
+        self._disturbed_ns = self._calm_ns = 0
         self._asked: dict[State | Fault, int] = {}
+        self._moved_ns = self._judged_ns = 0  # in RUN, the command moving
+        self._taught: dict[Fault, int] = {}
         self._now_ns = self._row_ns = self._began_ns = 0
         self._command_um = nan
         self._sum = self._largest = 0.0
@@ -115,7 +120,18 @@ class Observer:
 
     def disturbed(self, until_ns: int) -> None:
         """Expect faults until some time after this instant."""
-        self._calm_ns = max(self._calm_ns, until_ns + int(AFTER_S * NS_PER_S))
+        self._disturbed_ns = max(self._disturbed_ns, until_ns)
+        self._calm_ns = self._disturbed_ns + int(AFTER_S * NS_PER_S)
+        self._expect_learning()
+
+    def taught(self, *faults: Fault) -> None:
+        """Expect faults of the adaptation until the stage has moved for some time."""
+        for fault in faults:
+            self._taught[fault] = self._moved_ns + LEARNED_NS
+
+    def _expect_learning(self) -> None:
+        self.taught(*OF_ADAPTATION)
+        self._judged_ns = self._moved_ns + JUDGED_NS
 
     def learned(self, weights: Sequence[float]) -> None:
         """Compare weights with the first ones."""
@@ -127,6 +143,7 @@ class Observer:
 
     def take(self, record: CycleRecord) -> None:
         """Judge a cycle."""
+        passed_ns = record.t_ns - self._now_ns
         self._now_ns = now_ns = record.t_ns
         state = record.state
         self.cycles += 1
@@ -144,8 +161,12 @@ class Observer:
             # At rest nothing is learned, and the creep of the last movement remains.
             moves = axis.command_um != self._command_um
             self._command_um = axis.command_um
-            if moves and now_ns > self._calm_ns and axis.mode is Mode.ADAPTIVE:
+            self._moved_ns += moves * passed_ns
+            calm = now_ns > self._calm_ns and self._moved_ns > self._judged_ns
+            if moves and calm and axis.mode is Mode.ADAPTIVE:
                 self._count_error(axis.command_um - axis.position_um)
+        if now_ns <= self._disturbed_ns:
+            self._expect_learning()
         if now_ns >= self._row_ns:
             self._end_row(now_ns)
 
@@ -170,7 +191,7 @@ class Observer:
             self.seen[fault] += 1
         if self._now_ns > self._calm_ns:
             for fault in ids(record.present & ~self._present & DEGRADING):
-                learned = fault in OF_ADAPTATION and self._now_ns <= self._calm_ns + LATER_NS
+                learned = self._moved_ns <= self._taught.get(fault, -1)
                 if not (learned or self._expects(fault)):
                     self._violate(f"{fault} in {record.state} without a cause")
 

@@ -107,10 +107,14 @@ def test_every_write_is_checked(
     assert len(rig.violations) == broken
 
 
-def record(state: State, present: int = 0, t_s: float = 0.0) -> CycleRecord:
-    """Return a record in which only state, faults and instant matter."""
+def record(
+    state: State, present: int = 0, t_s: float = 0.0, command_um: float = nan
+) -> CycleRecord:
+    """Return a record in which only state, faults, instant and command matter."""
     v = um = nan
-    axis = AxisRecord(0, um, um, um, v, v, v, v, v, um, Mode.ADAPTIVE, GateReason.OPEN, False, 0)
+    axis = AxisRecord(
+        0, um, command_um, um, v, v, v, v, v, um, Mode.ADAPTIVE, GateReason.OPEN, False, 0
+    )
     return CycleRecord(int(t_s * NS_PER_S), state, False, False, present, 0, (axis,))
 
 
@@ -123,7 +127,6 @@ def record(state: State, present: int = 0, t_s: float = 0.0) -> CycleRecord:
         ([record(State.SAFE), record(State.RUN)], (), "SAFE became RUN without a reason"),
         ([record(State.RUN), record(State.RUN, mask([Fault.S9]), 60.0)], (), "S9 in RUN"),
         ([record(State.RUN), record(State.RUN, mask([Fault.D1]), 60.0)], (), ""),
-        ([record(State.RUN), record(State.RUN, mask([Fault.D1]), 400.0)], (), "D1 in RUN"),
         ([record(State.RUN), record(State.RUN, mask([Fault.D1]), 20.0)], (), ""),
         ([record(State.RUN), record(State.RUN, mask([Fault.L1]), 60.0)], (), ""),
     ],
@@ -146,6 +149,30 @@ def test_states_and_faults_need_a_reason(
     assert found in "".join(violations)
 
 
+@pytest.mark.parametrize("zero", [False, True])
+@pytest.mark.parametrize(("moves_s", "found"), [(299, 0), (302, 1)])
+def test_what_was_taught_is_unlearned_in_motion(
+    tmp_path: Path, moves_s: int, found: int, zero: bool
+) -> None:
+    """D1 may come until the stage has moved for five minutes after a disturbance or a zero.
+
+    The stage rests for an hour before it moves.
+    """
+    observer = Observer(26.0, tmp_path)
+    observer.disturbed(0)
+    for t_s in range(400):
+        observer.take(record(State.RUN, 0, t_s, t_s / 100 if zero else 5.0))
+    if zero:
+        observer.taught(Fault.D1)
+    for t_s in range(400, 4001):
+        observer.take(record(State.RUN, 0, t_s, 5.0))
+    for t_s in range(4001, 4000 + moves_s):
+        observer.take(record(State.RUN, 0, t_s, t_s / 100))
+    observer.take(record(State.RUN, mask([Fault.D1]), 4000 + moves_s, 5.0))
+
+    assert sum("D1 in RUN" in text for text in observer.violations) == found
+
+
 def test_error_of_few_cycles_counts_in_the_next_minute(tmp_path: Path) -> None:
     """Ten seconds of a minute are calm; their error of 1 µm is judged with those of the next.
 
@@ -165,6 +192,21 @@ def test_error_of_few_cycles_counts_in_the_next_minute(tmp_path: Path) -> None:
     assert second.error_rms_pct == pytest.approx(10.0 * sqrt(10 / 70))
     assert second.error_max_pct == pytest.approx(10.0)
     assert isnan(third.error_rms_pct)
+
+
+@pytest.mark.parametrize(("wrong_s", "found"), [(5, False), (6, True)])
+def test_error_counts_after_some_motion(tmp_path: Path, wrong_s: int, found: bool) -> None:
+    """A stage rests for a minute after a disturbance, and then shows what it was taught."""
+    observer = Observer(10.0, tmp_path)
+    observer.disturbed(0)
+    for t_s in range(121):
+        command_um = max(t_s - 60, 0) / 100
+        error_um = 1.0 if 60 < t_s <= 60 + wrong_s else 0.0
+        moving = record(State.RUN, 0, t_s, command_um)
+        axis = moving.axes[0]._replace(position_um=command_um - error_um)
+        observer.take(moving._replace(axes=(axis,)))
+
+    assert (observer.rows[-1].error_max_pct > 0.0) == found
 
 
 def rows(count: int, **changed: float) -> list[Row]:

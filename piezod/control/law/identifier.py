@@ -6,7 +6,7 @@ from typing import Final
 from piezod.config.gate_reasons import GateReason
 from piezod.control.law.compensator import DriveHistory
 from piezod.control.law.creep import AT_REST, CreepState
-from piezod.control.signals import NoiseLevel, RecentRange, SlidingRange, StuckSensor
+from piezod.control.signals import NoiseLevel, RecentRange, SlidingRange, StuckSensor, is_physical
 from piezod.devices.interface import Sample
 from piezod.hysteresis.adaptation import Adaptable, AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.creep import advance_creep
@@ -200,16 +200,16 @@ class Identifier:
             added: Part of the displacement that is due to modes, normalised.
         """
         lags, gains, weights = self._lags, self._creep.gains, self._creep.weights
+        convergence = self._convergence
         crept = advance_creep(lags, gains, weights, self._quick) + added
         position = self._position_um.to_unit(sample.position_um)
         # The sample answers the voltage that was in force one delay before it.
         self._drive = drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
+        # At rest S3 drops no sample. Far outside the range one would make a creep of many ranges,
+        # from which wrong weights are learned. Without a model the range is unknown.
+        valid = sample.valid and (convergence is not None or is_physical(position))
         learns = self.gate.admits(
-            valid=sample.valid,
-            age_ns=t_ns - sample.t_ns,
-            limited=limited,
-            drive=drive,
-            position=position,
+            valid=valid, age_ns=t_ns - sample.t_ns, limited=limited, drive=drive, position=position
         )
         if self.gain_halved and learns:
             # Half of the samples halve the gain of any algorithm.
@@ -219,7 +219,6 @@ class Identifier:
         without_creep = position + self._zeroed - crept / (1.0 + self.scale)
         if not self.gate.accurate:
             without_creep = (expected + self.offset) / (1.0 + self.scale)
-        convergence = self._convergence
         # The error and its convergence follow paper eq. (30) and the criterion below it.
         before = self.adaptation.position if convergence else 0.0
         error = self.adaptation.step(without_creep, drive, learns)

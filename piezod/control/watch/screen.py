@@ -15,14 +15,12 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
-from piezod.control.signals import LeakyBucket, NoiseLevel
+from piezod.control.signals import RANGE_MARGIN, LeakyBucket, NoiseLevel
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag, Flags
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.units import NS_PER_S
 
-RANGE_MARGIN: Final = 0.2
-"""A position farther outside its range than this share of the range is not physical."""
 IN_A_ROW: Final = 3
 """This many samples in a row that are out of range, saturated or without light are a fault."""
 LATE_PERIODS, LATE_CYCLES = 1.5, 20

@@ -2,13 +2,16 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from piezod.config.gate_reasons import GateReason
 from piezod.control.law.compensator import DriveHistory
-from piezod.control.law.identifier import Identifier
+from piezod.control.law.creep import CreepState
+from piezod.control.law.identifier import Identifier, LearningGate
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence
+from piezod.hysteresis.creep import Creep
 from tests.control.fakes import MS, FakeGate, RecordingIdentifier
 
 DRIVE_V = AffineRange(0.0, 100.0)
@@ -96,6 +99,21 @@ def test_expected_position_replaces_a_sample_that_is_not_accurate(
     assert lms.pairs[-1] == (0.3, 0.08)
     assert lms.learned == [True, True, True, False]
     assert subject.converged
+
+
+@pytest.mark.fault("S3")
+@pytest.mark.parametrize("far_um", [-500.0, -8.0, 8.0, 500.0])
+def test_impossible_position_makes_no_creep(far_um: float) -> None:
+    """At rest, where S3 is not reported, a model expects the stage where it was."""
+    lms = RecordingIdentifier()
+    creep = CreepState(Creep(np.array([0.1]), np.array([0.5])), np.zeros(1), 0.0, 0.0)
+    history, gate = DriveHistory(0.0, entries=8), LearningGate(MS)
+    subject = Identifier(lms, DRIVE_V, POSITION_UM, history, 0, None, gate, creep)
+    for position_um in (far_um, far_um, far_um, -5.0):
+        subject.learn(8 * MS, Sample(8 * MS, position_um, True), limited=True, expected=0.0)
+
+    assert [position for position, _ in lms.pairs] == [0.0] * 4
+    assert not any(lms.learned)
 
 
 def test_convergence_ends_with_a_disturbance() -> None:

@@ -11,12 +11,14 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
+from piezod.config.waveforms import Sine
 from piezod.control.assembly import check_stage
 from piezod.control.law.identifier import LEAST_ERROR, LearningGate
 from piezod.errors import ModelError
 from piezod.hysteresis import even_thresholds
+from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
-from tests.control.rig_stage import RigStage, shipped_config
+from tests.control.rig_stage import FaultyStage, RigStage, shipped_config
 
 RANGE_UM = 31.3
 
@@ -166,3 +168,20 @@ def test_weights_that_are_nan_do_not_outlive_their_mode(reaction: Reaction) -> N
     assert stage.x.mode is Mode.FEEDFORWARD
     assert all(np.isfinite(each.axes[0].drive_v) for each in records)
     assert abs(error_um(stage, 8.0)) < LEAST_ERROR * RANGE_UM
+
+
+@pytest.mark.fault("S3")
+def test_impossible_position_at_rest_spoils_nothing() -> None:
+    """In SAFE it is no fault; it made a creep of many ranges, and wrong weights were learned."""
+    stage = FaultyStage(shipped_config().model_copy(update={"rate_hz": 200.0}))
+    stage.until("SAFE")
+    stage.fail(InjectionKind.REPLACED, 1000, value=-500.0)
+    stage.run(6.0)
+    stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE))
+    sine = Sine(kind="sine", low=1.0, high=15.0, frequency_hz=0.3)
+    stage.do(rq.Wave(command_um={"x": sine}, duration_s=100.0))
+    axes = [each.axes[0] for each in stage.run(10.0)]
+
+    assert stage.faults() == []
+    error_um = [axis.command_um - axis.position_um for axis in axes]
+    assert np.sqrt(np.mean(np.square(error_um))) < 0.005 * RANGE_UM
