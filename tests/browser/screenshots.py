@@ -63,9 +63,7 @@ def take_page(browser: Browser, address: str, size: str, socket: Path) -> None:
     page.get_by_label("Duration").fill("600")
     page.get_by_role("button", name="Start the wave").click()
     if size == "desktop":  # on a tablet the spectrum is below what is seen, and not drawn
-        expect(page.get_by_text("faster errors are folded in")).to_be_visible(
-            timeout=READY_WITHIN_MS
-        )
+        expect(page.get_by_text("faster errors folded in")).to_be_visible(timeout=READY_WITHIN_MS)
     page.wait_for_timeout(11_000)
     page.evaluate("document.activeElement.blur(); scrollTo(0, 0)")
     save(page, f"page-run-{size}")

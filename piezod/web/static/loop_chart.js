@@ -19,6 +19,7 @@ export class LoopChart {
    */
   constructor(options, view) {
     const { figure, plot, noteLine } = frame(options.title, `µm over ${options.unit}`, []);
+    figure.classList.add("loop");
     Object.assign(this, { options, view, figure, element: plot, noteLine, chart: null });
     this.ranges = [steadyRange(options.least), steadyRange(0.5)];
     this.forget = onTheme(() => this.chart?.redraw(false, true));
@@ -33,7 +34,9 @@ export class LoopChart {
     const { ring, span_s, now_s } = this.view();
     const columns = ring.samples.since(now_s - span_s, [this.options.column, "position_um"]);
     this.chart?.setData([null, columns]);
-    setText(this.noteLine, columns[0].some((each) => each != null) ? "" : this.options.empty ?? "");
+    const unknown = this.options.empty && !columns[0].some((each) => each != null);
+    this.figure.classList.toggle("unknown", Boolean(unknown));
+    setText(this.noteLine, unknown ? this.options.empty : "");
   }
 
   close() {
@@ -46,6 +49,7 @@ export class LoopChart {
     base.axes[0].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} ${this.options.unit}`);
     base.axes[1].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} µm`);
     base.axes[1].size = 64;
+    base.padding[1] = 28; // half a label of the last value
     this.chart = new uPlot({
       ...base,
       mode: 2,

@@ -101,7 +101,7 @@ export class SpectrumChart extends StatisticsChart {
     this.chart?.setData([frequencies_hz, density]);
     const known = errors_nm.some((each) => each != null);
     const without = known ? `needs ${Math.ceil(SEGMENT / RATE_HZ)} s without a gap` : NO_ERROR;
-    setText(this.noteLine, segments ? `up to ${fixed(rate_hz / 2, 0)} Hz; faster errors are folded in` : without);
+    setText(this.noteLine, segments ? `up to ${fixed(rate_hz / 2, 0)} Hz; faster errors folded in` : without);
   }
 }
 
