@@ -47,10 +47,11 @@ class Exports:
         """
         if ending not in MEDIA_TYPES or not re.fullmatch(RECORDING, name):
             raise PageError(NOT_FOUND, f"no table {name[:64]!r} as {ending[:16]!r}", _REMEDY)
-        async with self._one_at_a_time, self._stages.visiting(stage) as connections:
+        async with self._stages.visiting(stage) as connections:
             with TemporaryDirectory(prefix=_FOLDER) as folder:
                 path = Path(folder) / f"{name}.{ending}"
-                await _export(connections.socket, name, path)
+                async with self._one_at_a_time:
+                    await _export(connections.socket, name, path)
                 yield path
 
 
