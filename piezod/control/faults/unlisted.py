@@ -29,8 +29,9 @@ GAPS: Final = MappingProxyType(
         "A1, A3 or B9 then.",
         Fault.B14: "A port is opened for one program alone. A program of root, or one that had the "
         "port before, is not seen: what it sends shows as B3, B4 or B5.",
-        Fault.L8: "Only page faults of the loop are counted. The size of the process is not compared "
-        "with the limit of the service: the loop locks its memory at the start and needs no more.",
+        Fault.L8: "Only page faults of the loop are counted. The size of the process is not "
+        "compared with the limit of the service: the loop locks its memory at the start and needs "
+        "no more.",
         Fault.P11: "Only the configuration file is compared, not the model files that it names.",
     }
 )
