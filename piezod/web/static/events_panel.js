@@ -4,7 +4,8 @@ import { el, withCode } from "./dom.js";
 import { clockTime } from "./format.js";
 
 const MOST = 200;
-const ASK_AFTER_MS = 400;
+const ASK_AFTER_MS = 400; // a change of the stage
+const ASK_EACH_MS = 3000; // some commands change nothing that the status shows
 const LONGEST = 140;
 const LOOKED_AT = 6; // newest entries that an event may repeat
 
@@ -17,7 +18,7 @@ export function eventsPanel(context) {
   const log = logs.get(name);
   const list = el("ol", { class: "events", tabindex: "0", "aria-label": "Events, the newest first" });
   const element = el("section", { class: "panel event-panel" }, el("h2", {}, "Events"), list);
-  let [timer, refused] = [0, false];
+  let [timer, due_ms, refused] = [0, Infinity, false];
 
   const draw = () => list.replaceChildren(...log.entries.map(({ when, text, kind, times }) => el(
     "li", { class: kind }, el("time", { datetime: when.toISOString() }, clockTime(when)),
@@ -31,21 +32,29 @@ export function eventsPanel(context) {
     log.entries.sort((a, b) => b.when - a.when);
     log.entries.splice(MOST);
   };
+  const askAfter = (wait_ms) => {
+    const at_ms = performance.now() + wait_ms;
+    if (refused || at_ms >= due_ms) return;
+    clearTimeout(timer);
+    [timer, due_ms] = [setTimeout(ask, wait_ms), at_ms];
+  };
   const ask = async () => {
-    timer = 0;
-    if (refused || !context.stage().up) return;
+    due_ms = Infinity;
+    askAfter(ASK_EACH_MS);
+    if (document.hidden || !context.stage().up) return;
     try {
       const { audit } = await context.call("GET", "/v1/audit");
       for (const entry of audit.slice(0, MOST)) addCommand(log, add, entry);
       draw();
     } catch (error) {
       refused = error.code === "not_allowed" || error.code === "forbidden"; // the role has no right to see it
+      if (refused) clearTimeout(timer);
     }
   };
   const show = (stage, change = {}) => {
     compare(log, stage, change, add);
     draw();
-    timer ||= setTimeout(ask, ASK_AFTER_MS);
+    askAfter(ASK_AFTER_MS);
   };
   return { element, show, close: () => clearTimeout(timer) };
 }
