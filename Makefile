@@ -7,6 +7,7 @@ BROWSER := build/browser/.installed
 BLUESKY := build/bluesky/.installed
 EPICS := build/epics/.installed
 PYMODAQ := build/pymodaq/.installed
+QUDI := build/qudi/.installed
 BENCH_PEERS := build/bench-peers/.installed
 DOCS_ENV := build/docs-env/.installed
 MUTANTS := build/mutants/.installed
@@ -25,7 +26,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak vm peers epics \
-	bluesky pymodaq browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
+	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
@@ -74,6 +75,9 @@ epics: $(STAMP) $(EPICS) ## run the IOC and EPICS clients by others against it
 
 pymodaq: $(STAMP) $(PYMODAQ) ## move a simulated stage with the example plug-in of PyMoDAQ
 	$(BIN)/python -m pytest -rs -m pymodaq tests/pymodaq
+
+qudi: $(STAMP) $(QUDI) ## move a simulated stage with the example module of qudi
+	$(BIN)/python -m pytest -rs -m qudi tests/qudi
 
 docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
 	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
@@ -148,8 +152,12 @@ $(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
 	@.ci/setup-docs
 	@touch $@
 
-$(PYMODAQ): tests/pymodaq/requirements.txt .ci/setup-pymodaq | $(STAMP)
-	@.ci/setup-pymodaq
+$(PYMODAQ): tests/pymodaq/requirements.txt .ci/setup-plugin | $(STAMP)
+	@.ci/setup-plugin pymodaq
+	@touch $@
+
+$(QUDI): tests/qudi/requirements.txt .ci/setup-plugin | $(STAMP)
+	@.ci/setup-plugin qudi --no-deps
 	@touch $@
 
 $(BROWSER): tests/browser/requirements.txt .ci/setup-browser | $(STAMP)
