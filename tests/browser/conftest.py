@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.machine import Machine
+from tests.browser.machine import EMULATED, SIMULATED, Machine
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
@@ -59,9 +59,12 @@ def context(browser: "Browser") -> "Iterator[BrowserContext]":
 
 
 @pytest.fixture
-def page(context: "BrowserContext", machine: Machine) -> "Page":
-    """Return the page of a machine with the simulated stage."""
-    machine.start_stage()
+def page(request: pytest.FixtureRequest, context: "BrowserContext", machine: Machine) -> "Page":
+    """Return the page of a machine with the stage that a test asks for: else the simulated one."""
+    if getattr(request, "param", SIMULATED) == EMULATED:
+        machine.start_emulated_stage()
+    else:
+        machine.start_stage()
     page = context.new_page()
     page.goto(machine.start_web())
     return page

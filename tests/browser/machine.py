@@ -1,6 +1,7 @@
 """A machine with stages and a page: processes of the checkout, in folders of their own."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,6 +13,9 @@ from typing import Final
 from tests.daemon.waiting import eventually
 
 ROOT: Final = Path(__file__).parents[2]
+SIMULATED: Final = "simulated"
+EMULATED: Final = "emulated"
+"""The stages of this machine: the simulated one, and one with an emulated device on a bus."""
 STARTED_WITHIN_S: Final = 60.0
 """The first start after an installation compiles the kernels."""
 ENDED_WITHIN_S: Final = 20.0
@@ -81,6 +85,18 @@ class Machine:
 
         eventually(ready, STARTED_WITHIN_S)
         return process
+
+    def start_emulated_stage(self) -> None:
+        """Start an emulated LabJack T7 on Modbus TCP, and the daemon of its stage."""
+        place = self.line_of(self.start("emulate", "labjack-t7", "--port", "127.0.0.1:0"))
+        port = re.findall(r":(\d+)", place)[-1]
+        config = self.config / "devices" / "labjack-t7.yaml"
+        text = config.read_text().replace("192.168.1.207", "127.0.0.1")
+        text = text.replace("tcp_port: 502", f"tcp_port: {port}")
+        # A machine that also runs a browser answers late.
+        text = text.replace("rate_hz: 500", "rate_hz: 50")
+        config.write_text(text.replace("timeout_ms: 20", "timeout_ms: 200"))
+        self.start_stage("devices/labjack-t7.yaml")
 
     def start_web(self, *options: str) -> str:
         """Start the server of the page; return its address with the token."""

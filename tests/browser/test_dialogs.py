@@ -6,7 +6,7 @@ import re
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.machine import Machine
+from tests.browser.machine import EMULATED, SIMULATED, Machine
 
 pytestmark = pytest.mark.browser
 
@@ -34,6 +34,7 @@ def model_of(machine: Machine) -> object:
     return json.loads(machine.run("params", "list", "--json"))["axes"]["x"]["model"]["source"]
 
 
+@pytest.mark.parametrize("page", [SIMULATED, EMULATED], indirect=True)
 def test_an_identified_model_is_used_and_saved(page: Page, machine: Machine) -> None:
     """The result has errors and a figure; the stage uses the model when it is accepted."""
     found = start_identification(page, 5)

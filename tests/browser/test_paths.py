@@ -6,12 +6,13 @@ import signal
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from tests.browser.machine import Machine
+from tests.browser.machine import EMULATED, SIMULATED, Machine
 from tests.daemon.waiting import eventually
 
 pytestmark = pytest.mark.browser
 
 TABS = 6
+CONDITIONED_WITHIN_MS = 60_000
 
 
 def arm(page: Page) -> None:
@@ -20,11 +21,15 @@ def arm(page: Page) -> None:
     expect(page.locator("#state")).to_contain_text("READY")
 
 
+@pytest.mark.parametrize("page", [SIMULATED, EMULATED], indirect=True)
 def test_a_set_point_is_dragged_and_a_wave_follows_in_another_mode(
     page: Page, machine: Machine
 ) -> None:
     """The stage follows the slider, then a wave; its recording has both, and it is stopped."""
     arm(page)
+    page.get_by_role("button", name="Condition").click()  # without a read-back, adaptive needs it
+    expect(page.locator("#state")).to_contain_text("IDENT")
+    expect(page.locator("#state")).to_contain_text("READY", timeout=CONDITIONED_WITHIN_MS)
     page.get_by_label("Label of the recording").fill("all")
     page.get_by_role("button", name="Record", exact=True).click()
     expect(page.get_by_role("button", name="Stop recording")).to_be_enabled()
@@ -59,6 +64,7 @@ def test_a_set_point_is_dragged_and_a_wave_follows_in_another_mode(
     expect(marks).to_contain_text("RUN to HOLD")
 
 
+@pytest.mark.parametrize("page", [SIMULATED, EMULATED], indirect=True)
 def test_an_emergency_stop_works_with_six_tabs_open(
     page: Page, context: BrowserContext, machine: Machine
 ) -> None:
@@ -111,25 +117,3 @@ def test_the_page_goes_on_when_a_killed_daemon_runs_again(page: Page, machine: M
 
     eventually(is_reset)
     arm(page)
-
-
-def test_an_emulated_device_is_moved(context: BrowserContext, machine: Machine) -> None:
-    """A LabJack T7 over Modbus TCP is armed, moved to a position, and stopped."""
-    place = machine.line_of(machine.start("emulate", "labjack-t7", "--port", "127.0.0.1:0"))
-    port = re.findall(r":(\d+)", place)[-1]
-    config = machine.config / "devices" / "labjack-t7.yaml"
-    text = config.read_text().replace("192.168.1.207", "127.0.0.1")
-    text = text.replace("tcp_port: 502", f"tcp_port: {port}")
-    # A machine that also runs a browser answers late.
-    text = text.replace("rate_hz: 500", "rate_hz: 100").replace("timeout_ms: 20", "timeout_ms: 200")
-    config.write_text(text)
-    machine.start_stage("devices/labjack-t7.yaml")
-    page = context.new_page()
-    page.goto(machine.start_web())
-
-    arm(page)
-    page.get_by_role("spinbutton", name="Position").fill("10")
-    page.get_by_role("button", name="Go", exact=True).click()
-    expect(page.get_by_text("10.000 µm, reached")).to_be_visible()
-    page.get_by_role("button", name="Stop", exact=True).click()
-    expect(page.locator("#state")).to_contain_text("SAFE")
