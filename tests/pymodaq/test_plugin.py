@@ -1,20 +1,18 @@
 """PyMoDAQ moves a simulated stage with the example plug-in."""
 
-import json
-import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
 from tests.daemon.daemons import REPOSITORY, Daemon, configuration
+from tests.daemon.offscreen import reported
 
 pytestmark = pytest.mark.pymodaq
-PYTHON: Final = REPOSITORY / "build" / "pymodaq" / "bin" / "python"
-"""Interpreter of the environment that `make pymodaq` sets up."""
+HERE: Final = Path(__file__)
 TRIM: Final = "{base: feedforward, gain_per_s: 5, authority_pct: 5}"
 
 
@@ -30,34 +28,11 @@ def installed(tmp_path: Path) -> Path:
     return tmp_path / "site"
 
 
-def run_actuator(daemon: Daemon, installed: Path, home: Path) -> dict[str, Any]:
-    """Run PyMoDAQ without a screen; return what it reports."""
-    environ = {
-        **os.environ,
-        "HOME": str(home),  # PyMoDAQ writes settings and logs there
-        "PYTHONPATH": str(installed),
-        "QT_QPA_PLATFORM": "offscreen",
-        "XDG_RUNTIME_DIR": str(daemon.folder),
-    }
-    done = subprocess.run(
-        [PYTHON, Path(__file__).with_name("actuator.py")],
-        cwd=home,
-        env=environ,
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    report: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return report
-
-
 def test_pymodaq_moves_the_simulated_stage(installed: Path, tmp_path: Path) -> None:
     """It finds the plug-in, takes over the limits, moves in closed loop, stops, and disarms."""
     with Daemon(configuration(tmp_path, trim=TRIM)) as daemon:
         daemon.up()
-        report = run_actuator(daemon, installed, tmp_path)
+        report = reported("pymodaq", HERE.with_name("actuator.py"), daemon, installed)
         after = daemon.until("SAFE")
 
     assert report["connected"] == ["stage rig, axis x: SAFE", True]
