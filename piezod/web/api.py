@@ -19,6 +19,7 @@ from piezod.client.wire import HttpRequest, http_request, recording_path
 from piezod.config.endpoints import ENDPOINTS, Endpoint, Role
 from piezod.config.requests import TABLE
 from piezod.web.access import role_of
+from piezod.web.connected import while_connected
 from piezod.web.errors import (
     AMBIGUOUS,
     FORBIDDEN,
@@ -131,18 +132,13 @@ class _Forwarded(Response):
         if self._row.method != "POST":
             body.complete.set()
         onwards = _onwards(Request(scope), self._row, self._path, body)
-        serving = asyncio.create_task(self._serve(onwards, body, scope, send))
-        watching = asyncio.create_task(body.wait_for_end())
-        try:
-            await asyncio.wait((serving, watching), return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            serving.cancel()  # the client has gone, or it has ended
-            watching.cancel()
-            ended = await asyncio.gather(serving, watching, return_exceptions=True)
-        for each in ended:
-            # After a part of the answer nothing can be said, but the connection closes.
-            if isinstance(each, Exception) and not isinstance(each, ClientDisconnect | PageError):
-                raise each
+        # After a part of the answer nothing can be said, but the connection closes.
+        await while_connected(
+            self._serve(onwards, body, scope, send),
+            body.wait_for_end(),
+            ClientDisconnect,
+            PageError,
+        )
 
     async def _serve(self, onwards: HttpRequest, body: "_Body", scope: Scope, send: Send) -> None:
         async with AsyncExitStack() as stack:

@@ -12,6 +12,7 @@ from typing import Final
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.types import Receive, Scope, Send
 
+from piezod.web.connected import while_connected
 from piezod.web.errors import NOT_FOUND, PageError
 from piezod.web.job_commands import RECORDING
 from piezod.web.stages import Stages
@@ -71,17 +72,7 @@ class ExportAnswer(Response):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Make the table and send it; stop that if the browser leaves."""
-        serving = asyncio.create_task(self._serve(scope, receive, send))
-        watching = asyncio.create_task(_wait_for_end(receive))
-        try:
-            await asyncio.wait((serving, watching), return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            serving.cancel()  # the browser has gone, or it has ended
-            watching.cancel()
-            ended = await asyncio.gather(serving, watching, return_exceptions=True)
-        for each in ended:
-            if isinstance(each, Exception):
-                raise each
+        await while_connected(self._serve(scope, receive, send), _wait_for_end(receive))
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         stage, name, ending = self._wanted
