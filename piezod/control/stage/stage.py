@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from math import nan
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -60,8 +61,7 @@ class Stage:
         self.axes = [watched.axis for watched in parts.axes.values()]
         self.watches = [watched.watches for watched in parts.axes.values()]
         self.boundary, self.period_ns = parts.boundary, parts.period_ns
-        self.register = register
-        self.state = State.BOOT
+        self.register, self.state = register, State.BOOT
         self.output = OutputKnowledge(on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self._rebuild = parts.rebuild
@@ -223,9 +223,8 @@ class Stage:
             ModelError: If the axis cannot use the model; then nothing has changed.
         """
         old = self.axes[index]
-        new = self._rebuild(old.name, model, old.law.in_force_v)
+        self.axes[index], self.watches[index] = self._rebuild(old.name, model, old.law.in_force_v)
         self._memory_known &= not self._was_driven  # the new axis has an empty memory
-        self.axes[index], self.watches[index] = new
 
     def report(self, detection: Detection) -> None:
         """Take a fault that no watch detects, for the next cycle. Real-time safe."""
@@ -252,6 +251,8 @@ class Stage:
         boundary.returned &= boundary.open
         self._enter_axes(state, t_ns)
         written = before in DRIVEN and not boundary.shadow
+        # From A3 on the memory follows voltages that the output may never have had.
+        self._memory_known &= not self.register.axes_of(Fault.A3)
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
             boundary.shadow = self.output.known = False  # until it is read back
         if state is State.READY and not boundary.shadow:

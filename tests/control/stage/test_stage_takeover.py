@@ -11,9 +11,11 @@ from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
+from piezod.control.faults.table import ids
 from piezod.control.stage.takeover import Claim, Evidence, take_over
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind
+from tests.control.fault_cases import SwingingStage
 from tests.control.rig_stage import FaultyStage
 
 SLEW_STEP_V = 4.0
@@ -192,3 +194,34 @@ def test_single_wrong_read_back_at_a_stop_makes_no_step() -> None:
     assert stage.state == State.RAMP
     assert max(steps_v) <= SLEW_STEP_V
     assert Fault.A7 not in stage.faults()
+
+
+@pytest.mark.fault("A3")
+@pytest.mark.fault("D10")
+@pytest.mark.parametrize(
+    "wrong",
+    [(InjectionKind.STUCK_OUTPUT, 600, {}), (InjectionKind.READ_BACK_OFFSET, 30, {"value": 4.0})],
+    ids=["stuck output", "read-back"],
+)
+def test_output_that_was_elsewhere_leaves_an_unknown_memory(
+    wrong: tuple[InjectionKind, int, dict[str, float]],
+) -> None:
+    """The memory has followed voltages that the stage may not have had: conditioning mends it."""
+    stage = SwingingStage(Mode.FEEDFORWARD)
+    kind, cycles, what = wrong
+    stage.fail(kind, cycles, **what)
+    stage.until("FAULT")
+    stage.run(1.1)
+    stage.do(rq.Reset(), rq.Arm())
+    stage.cycle()
+    shown = ids(stage.records[-1].present)
+    refused = stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE))
+    stage.do(rq.Condition())
+    stage.until("READY")
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE))
+    stage.run(0.1)
+
+    assert Fault.A3 in stage.faults()
+    assert Fault.D10 in shown
+    assert "the hysteresis is unknown" in refused.why
+    assert (stage.x.mode, ids(stage.records[-1].present)) == (Mode.ADAPTIVE, [])

@@ -29,7 +29,7 @@ from tests.drivers.bus.played_table import (
 )
 
 MS = 1_000_000
-N_LEAD_IN, CYCLES = 200, 20
+CYCLES = 20
 
 
 class Player(NamedTuple):
@@ -41,6 +41,7 @@ class Player(NamedTuple):
         options: Options of the driver.
         wiring: Its channels.
         calibration: Calibration of its output to V, as in a configuration.
+        n_lead_in: Points of the lead-in.
     """
 
     profile: str
@@ -48,6 +49,7 @@ class Player(NamedTuple):
     options: dict[str, object]
     wiring: Wiring
     calibration: str = "{kind: line, gain: 1}"
+    n_lead_in: int = 200
 
     def options_at(self, where: str) -> dict[str, object]:
         """Return the options for a place that an emulator prints."""
@@ -73,6 +75,7 @@ LC400 = Player(
     SLOW,
     Wiring.both(("1",)),
     "{kind: line, gain: 1.5, offset: 75}",
+    4000,  # it plays on until the host ends it, which must happen within the next lead-in
 )
 NV200_TCP = Player(
     "psj-nv200-tcp",
@@ -86,13 +89,13 @@ NV200 = NV200_TCP._replace(profile="psj-nv200")
 def play(player: Player, where: str) -> tuple[FloatArray, FloatArray]:
     """Play a sine; return table and record of each settled cycle, shape (cycles, points)."""
     device = make(player.driver, player.options_at(where), player.wiring)
-    table = start(device, sine(device, CYCLES, N_LEAD_IN))
+    table = start(device, sine(device, CYCLES, player.n_lead_in))
     progress = eventually(lambda: _ended(device.progress(time.monotonic_ns())))
     assert progress == (PlayState.ENDED, CYCLES, "")
     record = device.recording()
     assert (record.interval_ns, record.first_point) == (table.interval_ns, 0)
     device.close()
-    cycles = record.positions[N_LEAD_IN:, 0].reshape(CYCLES, N_POINTS)
+    cycles = record.positions[player.n_lead_in :, 0].reshape(CYCLES, N_POINTS)
     return table.period[:, 0], cycles[SETTLING:]
 
 
