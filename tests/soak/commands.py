@@ -169,7 +169,7 @@ class Commands:
             machine.rig.end_faults(machine.clock.t_ns)
             learned = connection.learned.read(0)
             if learned is not None:
-                observer.learned(learned.weights)
+                observer.learned(learned)
             try:
                 await self._stage.status()
                 await self._stage.metrics()

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from piezod.control.watch.adaptation import DRIFT_LIMIT
 from piezod.records.figures.style import (
     BLUE,
     GREEN,
@@ -36,13 +36,15 @@ def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
     def draw(axes: Axes, value: Callable[[Row], float], colour: str, label: str) -> None:
         axes.plot(hours, [value(row) for row in rows], color=colour, linewidth=1.0, label=label)
 
-    error, weights, memory, files, faults = panels
+    error, drift, memory, files, faults = panels
     draw(error, lambda row: row.error_max_pct, GREY, "largest of a minute")
     draw(error, lambda row: row.error_rms_pct, PURPLE, "rms of a minute")
     error.axhline(bounds_pct, color=VERMILLION, linewidth=0.8, label="bound of the rms")
     error.set(title="Error in mode adaptive, undisturbed", ylabel="% of range", ylim=(0, None))
-    draw(weights, lambda row: row.weights_pct, GREEN, "")
-    weights.set(title="Change of the learned weights since the start", ylabel="% (rms)")
+    draw(drift, lambda row: row.drift_pct, GREEN, "end of a minute")
+    drift.axhline(100.0 * DRIFT_LIMIT, color=VERMILLION, linewidth=0.8, label="bound")
+    drift.set(title="Learned model: difference of its drives from the identified one")
+    drift.set(ylabel="% of range", ylim=(0, None))
     draw(memory, lambda row: row.rss_mb, BLUE, "")
     memory.set(title="Resident memory of the process", ylabel="MB")
     draw(files, lambda row: row.descriptors, BLUE, "descriptors")
@@ -52,8 +54,6 @@ def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
     draw(faults, lambda row: row.faults, VERMILLION, "faults")
     draw(faults, lambda row: row.daemons, BLUE, "starts of the daemon")
     faults.set(title="Since the start", ylim=(0, None), xlabel="simulated time (h)")
-    for axes in (error, files, faults):
+    for axes in (error, drift, files, faults):
         legend_above(axes)
-    # No weights are known in a minute without a move.
-    weights.set_ylim(0, 1.1 * float(np.nan_to_num([row.weights_pct for row in rows]).max()) or 1.0)
     return figure

@@ -4,7 +4,6 @@ import os
 import sys
 import threading
 from collections import Counter
-from collections.abc import Sequence
 from math import isfinite, nan, sqrt
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +12,9 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS, Reaction, Source, ids
+from piezod.control.law.model import StageModel
+from piezod.control.watch.drift import ModelDrift
+from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S
 
@@ -52,8 +54,8 @@ class Row(NamedTuple):
         files: Files of the stage.
         files_mb: Their size.
         blocks: Allocated blocks of the interpreter.
-        weights_pct: Root mean square of the change of the weights since the identification, in % of
-            their root mean square.
+        drift_pct: Largest difference between the drives that the learned model and the identified
+            one request along the widest loop, in % of the drive's range: the value of D5.
         error_rms_pct: Error in mode adaptive while the stage moves and nothing is disturbed, root
             mean square, in % of the range. A minute with less than half a minute of such cycles
             has NaN; they count in the next one.
@@ -70,7 +72,7 @@ class Row(NamedTuple):
     files: int
     files_mb: float
     blocks: int
-    weights_pct: float
+    drift_pct: float
     error_rms_pct: float
     error_max_pct: float
     run_share: float
@@ -84,9 +86,10 @@ class Observer:
     Args:
         range_um: Range of the commands, in µm.
         folder: Folder with the files of the stage.
+        model: The identified model of its axis.
     """
 
-    def __init__(self, range_um: float, folder: Path) -> None:
+    def __init__(self, range_um: float, folder: Path, model: StageModel) -> None:
         self._range_um, self._folder = range_um, folder
         self.rows: list[Row] = []
         self.violations: list[str] = []
@@ -95,8 +98,8 @@ class Observer:
         self.seen: Counter[Fault] = Counter()
         """How often each fault appeared."""
         self.cycles = self.daemons = 0
-        self.weights_pct = nan
-        self._first: list[float] = []
+        self.drift_pct = nan
+        self._model = model
         self._state: State | None = None
         self._present = 0
         self._disturbed_ns = self._calm_ns = 0
@@ -133,13 +136,9 @@ class Observer:
         self.taught(*OF_ADAPTATION)
         self._judged_ns = self._moved_ns + JUDGED_NS
 
-    def learned(self, weights: Sequence[float]) -> None:
-        """Compare weights with the first ones."""
-        if not self._first:
-            self._first = list(weights)
-        size = sum(each * each for each in self._first)
-        change = sum((a - b) ** 2 for a, b in zip(weights, self._first, strict=True))
-        self.weights_pct = 100.0 * sqrt(change / size)
+    def learned(self, learned: LearnedAxis) -> None:
+        """Compare what was learned with the identified model."""
+        self.drift_pct = 100.0 * ModelDrift(self._model, learned).measure()
 
     def take(self, record: CycleRecord) -> None:
         """Judge a cycle."""
@@ -233,7 +232,7 @@ class Observer:
             files=len(sizes),
             files_mb=sum(sizes) / 1e6,
             blocks=sys.getallocatedblocks(),
-            weights_pct=self.weights_pct,
+            drift_pct=self.drift_pct,
             error_rms_pct=sqrt(self._sum / self._counted) * percent if judged else nan,
             error_max_pct=self._largest * percent if judged else nan,
             run_share=self._row_runs / self._row_cycles,

@@ -7,12 +7,16 @@ from statistics import median
 from time import perf_counter, process_time
 from typing import Final, NamedTuple
 
+from piezod.config.model_file import load_model
+from piezod.control.law.model_files import from_model_file
+from piezod.control.watch.adaptation import DRIFT_LIMIT
 from piezod.errors import ClientError
-from tests.daemon.daemons import configuration
+from tests.daemon.daemons import SHIPPED, configuration
 from tests.soak.commands import Commands
 from tests.soak.machine import Machine
 from tests.soak.observer import Observer, Row
 
+IDENTIFIED: Final = SHIPPED.parent / "models" / "simulated-stack.yaml"
 RATE_HZ: Final = 20.0
 RANGE_UM: Final = 26.0
 GROWN_MB: Final = 8.0
@@ -81,7 +85,7 @@ def soak(
     with tempfile.TemporaryDirectory(prefix="pz-", dir=memory) as name, log.open("w") as stream:
         folder = Path(name)
         source = configuration(folder, **_changes(rate_hz))
-        observer = Observer(RANGE_UM, folder)
+        observer = Observer(RANGE_UM, folder, from_model_file(load_model(IDENTIFIED)))
         machine = Machine(source, folder, seed, observer.take)
         commands = Commands(machine, observer, seed, duration_s, ended)
         found: list[str] = []
@@ -120,7 +124,7 @@ def logged(text: str) -> list[str]:
 
 
 def grown(rows: list[Row]) -> list[str]:
-    """Return the bounds that memory, descriptors, threads or errors exceed.
+    """Return the bounds that memory, descriptors, threads, errors or the learned model exceed.
 
     Args:
         rows: One for each minute; from less than an hour, growth cannot be judged, because the
@@ -131,6 +135,11 @@ def grown(rows: list[Row]) -> list[str]:
         found.append(
             f"in {len(worst)} of {len(rows)} minutes the error is above {ERROR_RMS_PCT:g} %, "
             f"first at hour {worst[0].hour:.2f}"
+        )
+    if far := [row for row in rows if row.drift_pct > 100.0 * DRIFT_LIMIT]:
+        found.append(
+            f"in {len(far)} of {len(rows)} minutes the learned model is farther than "
+            f"{DRIFT_LIMIT:.0%} from the identified one, first at hour {far[0].hour:.2f}"
         )
     if len(rows) < FEW_MINUTES:
         return found

@@ -15,9 +15,11 @@ import pytest
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.gate_reasons import GateReason
+from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import mask
+from piezod.control.law.model_files import from_model_file
 from piezod.daemon.loop.accept import load
 from piezod.telemetry.record import AxisRecord, CycleRecord
 from piezod.units import NS_PER_S
@@ -25,10 +27,11 @@ from tests.daemon.daemons import configuration
 from tests.soak.figure import soak_figure
 from tests.soak.observer import Observer, Row
 from tests.soak.rig import CheckedRig
-from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, grown, logged
+from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, IDENTIFIED, grown, logged
 from tests.soak.virtual_time import VirtualClock
 
 MONOTONIC = time.monotonic
+MODEL = from_model_file(load_model(IDENTIFIED))
 
 
 @pytest.mark.parametrize("hours", [1 / 60, pytest.param(1.0, marks=pytest.mark.stress)])
@@ -138,7 +141,7 @@ def test_states_and_faults_need_a_reason(
 
     The cause here is a disturbance that ends at 0 s.
     """
-    observer = Observer(26.0, tmp_path)
+    observer = Observer(26.0, tmp_path, MODEL)
     observer.disturbed(0)
     observer.take(records[0])
     observer.asked(*asked)
@@ -158,7 +161,7 @@ def test_what_was_taught_is_unlearned_in_motion(
 
     The stage rests for an hour before it moves.
     """
-    observer = Observer(26.0, tmp_path)
+    observer = Observer(26.0, tmp_path, MODEL)
     observer.disturbed(0)
     for t_s in range(400):
         observer.take(record(State.RUN, 0, t_s, t_s / 100 if zero else 5.0))
@@ -178,7 +181,7 @@ def test_error_of_few_cycles_counts_in_the_next_minute(tmp_path: Path) -> None:
 
     In the third minute the stage rests. Its error is not judged.
     """
-    observer = Observer(10.0, tmp_path)
+    observer = Observer(10.0, tmp_path, MODEL)
     observer.disturbed(20 * NS_PER_S)  # calm 30 s later
     for t_s in range(181):
         command_um = min(t_s, 120) / 100
@@ -197,7 +200,7 @@ def test_error_of_few_cycles_counts_in_the_next_minute(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("wrong_s", "found"), [(5, False), (6, True)])
 def test_error_counts_after_some_motion(tmp_path: Path, wrong_s: int, found: bool) -> None:
     """A stage rests for a minute after a disturbance, and then shows what it was taught."""
-    observer = Observer(10.0, tmp_path)
+    observer = Observer(10.0, tmp_path, MODEL)
     observer.disturbed(0)
     for t_s in range(121):
         command_um = max(t_s - 60, 0) / 100
@@ -234,6 +237,8 @@ def rows(count: int, **changed: float) -> list[Row]:
         ({"threads": 9.0}, ["threads grew"]),
         ({"error_rms_pct": 2 * ERROR_RMS_PCT}, ["the error is above"]),
         ({"error_rms_pct": nan}, []),
+        ({"drift_pct": 25.0}, []),
+        ({"drift_pct": 31.0}, ["the learned model is farther"]),
     ],
 )
 def test_growth_is_found(changed: dict[str, float], says: list[str]) -> None:
@@ -248,7 +253,7 @@ def test_growth_is_found(changed: dict[str, float], says: list[str]) -> None:
 def test_chart_has_every_minute() -> None:
     """Each line of the chart has one point for each minute, gaps included."""
     figure = soak_figure(
-        rows(30, error_rms_pct=nan, error_max_pct=nan, weights_pct=nan), "title", 1.0
+        rows(30, error_rms_pct=nan, error_max_pct=nan, drift_pct=nan), "title", 1.0
     )
 
     lines = [line for axes in figure.axes for line in axes.lines]

@@ -209,7 +209,6 @@ class FaultRegister:
         )
         reaction = self._without_repeated_hold(rule)
         self._rules[index] = rule
-        self.latched |= 1 << index
         self.news.append(News(rule, detection, True))
         return reaction
 
@@ -243,7 +242,7 @@ class FaultRegister:
         """Return whether this rule can be the cause of another fault, found shortly before."""
         source = self._rules[other].source
         lately = self._cycle - self._since_cycle[other] <= CAUSE_CYCLES
-        return lately and rule.source < source < Source.PROCESS
+        return lately and source in range(rule.source + 1, Source.PROCESS)
 
     def _end(self, index: int) -> None:
         """End a present fault; without a latch it is over."""

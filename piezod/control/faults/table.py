@@ -90,7 +90,8 @@ class FaultRule(NamedTuple):
         latch: What ends the fault.
         severity: Severity of its events.
         remedy: What a person should do.
-        escalation: Change of reaction and latch if the fault stays; None for none.
+        escalation: Change of reaction and latch if the fault stays, which has a latch from the
+            start; None for none.
     """
 
     id: Fault

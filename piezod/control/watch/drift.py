@@ -5,13 +5,31 @@ on their sum. This module compares the drives that both models request along the
 down.
 """
 
+from collections.abc import Sequence
+from typing import Protocol
+
 import numpy as np
 
 from piezod.control.law.model import StageModel
-from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.memory import FloatArray
 
 _LEVELS = 9
+
+
+class Learned(Protocol):
+    """What an identifier has learned."""
+
+    @property
+    def weights(self) -> FloatArray | Sequence[float]:
+        """Weights of the model."""
+
+    @property
+    def offset(self) -> float:
+        """Offset of the displacement, normalised."""
+
+    @property
+    def scale(self) -> float:
+        """Scale of the displacement."""
 
 
 class ModelDrift:
@@ -19,15 +37,15 @@ class ModelDrift:
 
     Args:
         model: The identified model.
-        adaptation: The learning algorithm.
+        learned: What was learned.
     """
 
-    def __init__(self, model: StageModel, adaptation: AdaptiveIdentifier) -> None:
+    def __init__(self, model: StageModel, learned: Learned) -> None:
         rise = np.linspace(0.0, 1.0, _LEVELS)
         self._positions: FloatArray = np.concatenate((rise, rise[::-1]))
         self._per_weight = model.form.drive_gradient(model.weights, self._positions)
         self._identified = model.weights.copy()
-        self._adaptation = adaptation
+        self._learned = learned
         self._moved = np.empty_like(self._identified)
         self._drives = np.empty(self._positions.size)
         self._seen = np.empty_like(self._drives)
@@ -37,7 +55,7 @@ class ModelDrift:
 
         Takes a few µs. The result is NaN if a weight is NaN.
         """
-        learned = self._adaptation
+        learned = self._learned
         # The drive changes by the weights, by the scale in proportion to the position, and by the
         # offset. Every result goes into an existing array, so that nothing is allocated.
         np.subtract(learned.weights, self._identified, out=self._moved)
