@@ -68,6 +68,7 @@ def _settings(fit: Fit) -> Document:
         "thresholds": settings.spacing if operators else None,
         "creep": settings.creep,
         "creep_per_decade": fit.model.creep.per_decade,
+        "rate_lag": fit.rate_lag,
     }
 
 

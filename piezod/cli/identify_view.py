@@ -14,6 +14,7 @@ from piezod.experiment.fit.automatic import LARGEST_LOSS, Candidate, Choice
 from piezod.experiment.fit.breakdown import Breakdown
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
+from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.mode_search import CLEAR_GAIN
@@ -40,8 +41,8 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     if fitted.choice:
         _print_choice(console, fitted.choice)
     console.print(
-        f"Model {_settings(fit.settings)}. Error of the drive voltage predicted from the position, "
-        "in % of its range:"
+        f"Model {_settings(fit.settings)}{_rate(fit)}. Error of the drive voltage predicted from "
+        "the position, in % of its range:"
     )
     console.print(_errors(fitted, "voltage"))
     console.print("Error of the position predicted from the drive voltage, in % of its range:")
@@ -84,6 +85,12 @@ def _settings(settings: FitSettings) -> str:
         return f"by {settings.method}, a smooth surface of loops{creep}"
     operators = _count(settings.order, "operator")
     return f"by {settings.method}, {operators} on each side, thresholds {settings.spacing}{creep}"
+
+
+def _rate(fit: Fit) -> str:
+    """Return how the loops widen with the rate of the drive, in words; empty if they do not."""
+    share = fit.rate_lag
+    return f", lag {100 * share:.2g} % of the drive's range per e-fold of its rate" if share else ""
 
 
 def _count(number: int, one: str) -> str:

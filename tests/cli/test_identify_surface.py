@@ -14,6 +14,7 @@ from tests.cli.conftest import Command
 from tests.experiment.fit.made_up_ringing import ringing_record
 from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import write_record
+from tests.experiment.made_up_surface import surface_record as lagging_record
 
 SURFACE = ("--method", "surface")
 
@@ -38,6 +39,19 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
     assert isinstance(read_model(folder / "model.yaml")[0].form, SurfaceForm)
     assert piezod("check", "model.yaml").out == "model.yaml: ok, a model: a surface, by surface\n"
     assert (folder / "model.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
+    """A stage whose loops widen with the rate has its lag in the text and in the document."""
+    record = lagging_record(activation=0.01, noise=0.0005)
+    write_record(folder / "data.csv", record)
+
+    text = piezod("identify", "data.csv", *SURFACE).out
+    document = json.loads(piezod("identify", "data.csv", *SURFACE, "--json").out)
+
+    assert document["rate_lag"] == pytest.approx(0.01, rel=0.1)
+    shown = f"lag {100 * document['rate_lag']:.2g} % of the drive's range per e-fold of its rate"
+    assert shown in " ".join(text.split())
 
 
 def test_document_of_a_surface(piezod: Command, data: Path) -> None:

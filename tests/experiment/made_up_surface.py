@@ -6,6 +6,7 @@ from piezod.control.law.creep import logarithmic
 from piezod.experiment.fit.creep_regressors import with_creep
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.surface_form import SurfaceForm
 from tests.control.made_up import SURFACE
 from tests.experiment.made_up import DRIVE_V, FINER, POSITION_UM, RATE_HZ, swells
 
@@ -24,6 +25,7 @@ def surface_record(
     noise: float = 0.0,
     seed: int = 1,
     one_frequency: bool = False,
+    activation: float = 0.0,
 ) -> Record:
     """Return a record of the made-up stage.
 
@@ -36,12 +38,15 @@ def surface_record(
         noise: Standard deviation of the noise of the sensor, as a share of the range.
         seed: Seed of the noise.
         one_frequency: Whether the drive has a single frequency.
+        activation: Growth of the lag of its hysteresis per e-fold of the rate, as a share of the
+            drive's range; 0 for a stage whose loops do not widen with the rate.
     """
     step_s = 1.0 / (RATE_HZ * FINER)
     t_s: FloatArray = np.arange(round(duration_s * RATE_HZ) * FINER, dtype=np.float64) * step_s
     drives = swells(t_s) if one_frequency else several(t_s)
     drives /= drives.max()
-    quick = SURFACE.form.positions_at(SURFACE.weights, drives)[:, np.newaxis]
+    form = SurfaceForm(activation, 0.3 if activation else 0.0, step_s)
+    quick = form.positions_at(SURFACE.weights, drives)[:, np.newaxis]
     moved = with_creep(quick, logarithmic(creep).weights, step_s)[:, 0] + offset
     samples = np.arange(0, t_s.size, FINER)
     shown = moved[np.clip(samples - round(delay_periods * FINER), 0, t_s.size - 1)]

@@ -44,7 +44,8 @@ not describe the loops; if they predict the position of one record best, that is
 so on two records, and were worse on the tests."""
 LARGEST_LOSS = 1.02
 """Largest rms error of the chosen model, as a multiple of that of the best one."""
-_OFFSET, _MODE = 1, 3  # of a surface; a mode has a frequency, a damping and a lag
+_OFFSET, _RATE, _MODE = 1, 2, 3
+# Of a surface: a lag with the rate and a prompt slope; frequency, damping and lag of a mode.
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
 
@@ -87,7 +88,8 @@ class Candidate:
         settings = self.fit.settings
         if settings.method is Method.SURFACE:
             slow = TIME_CONSTANTS_S.size * settings.creep
-            return settings.n_weights + _OFFSET + slow + _MODE * (self.fit.shows_mode is not None)
+            dynamic = _RATE * (self.fit.rate_lag > 0.0) + _MODE * (self.fit.shows_mode is not None)
+            return settings.n_weights + _OFFSET + slow + dynamic
         return settings.n_weights + settings.creep
 
 

@@ -18,7 +18,7 @@ from piezod.experiment.fit.residuals import Residuals
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.stop_problem import StopProblem
 from piezod.experiment.fit.surface_search import search_surface
-from piezod.hysteresis import AffineRange
+from piezod.hysteresis import AffineRange, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -60,6 +60,12 @@ class Fit:
         those of the whole record. The problem is the one that is linear around its solution.
         """
         return self.problem.without(self.model, self.linearised, held_out)
+
+    @property
+    def rate_lag(self) -> float:
+        """Growth of the lag per e-fold of the drive's rate, as a share of the drive's range."""
+        form = self.model.form
+        return form.activation if isinstance(form, SurfaceForm) else 0.0
 
     def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
         """Return the voltage predicted from a record, in V, shape (n,).

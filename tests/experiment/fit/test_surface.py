@@ -17,7 +17,7 @@ from piezod.experiment.fit.uncertainty import SIGMAS_95, covariance_of, uncertai
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.memory import FloatArray
-from piezod.hysteresis.surface_form import surface_regressors
+from piezod.hysteresis.surface_form import SurfaceForm, surface_regressors
 from tests.control.made_up import SURFACE
 from tests.experiment.made_up import DRIVE_V, POSITION_UM, RATE_HZ
 from tests.experiment.made_up_surface import surface_record
@@ -73,6 +73,17 @@ def test_stage_is_found_in_noise() -> None:
     assert abs(fit.model.creep.per_decade - 0.008) < uncertainty.creep_per_decade + 5e-4
     assert fit.model.position_um.low == pytest.approx(0.1 * POSITION_UM, abs=0.1)
     assert worst_miss(fit) < 3e-3
+
+
+@pytest.mark.parametrize("activation", [0.0, 0.003, 0.01])
+def test_lag_with_the_rate_is_found_only_where_it_is(activation: float) -> None:
+    """A stage without it gets a model without it, and a stage with it gets its size."""
+    fit = fitted(surface_record(activation=activation, noise=NOISE, duration_s=50.0))
+    form = fit.model.form
+
+    assert isinstance(form, SurfaceForm)
+    assert form.activation == pytest.approx(activation, rel=0.1, abs=0.0)
+    assert (form.prompt_slope > 0.0) == (activation > 0.0)
 
 
 def test_displacement_is_one_at_the_highest_drive() -> None:
