@@ -109,7 +109,7 @@ lint: $(STAMP) ## check style, types and import directions
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-audit: $(STAMP) $(AUDIT) ## look for known vulnerabilities and other licences in all dependencies
+audit: $(STAMP) $(AUDIT) ## look for known vulnerabilities and other licences in the dependencies
 	$(BIN)/python -m tests.supply.audit
 
 wheel: $(STAMP) $(AUDIT) ## build sdist, wheel and the parts list of the wheel in dist/

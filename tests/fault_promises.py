@@ -72,7 +72,10 @@ PROMISES: Final = MappingProxyType(
         "A3": Promise("HOLD", cycles=4),
         "A4": Promise("HOLD, half the slew rate", cycles=1),
         "A5": Promise("nothing written, HOLD", cycles=2),
-        "A6": Promise("WARN, from when the drive is limited", cycles=101),
+        "A6": Promise(
+            "WARN, from when the drive is limited: 21 cycles by its range, 101 by its slew rate",
+            cycles=101,
+        ),
         "A7": Promise("BLIND", cycles=1),
         "A8": Promise("HOLD without a write", cycles=1),
         "A9": Promise("BLIND", cycles=1),
@@ -141,9 +144,12 @@ PROMISES: Final = MappingProxyType(
         # Clients.
         "C1": Promise("refused"),
         "C2": Promise("refused, with little memory"),
-        "C3": Promise("samples dropped, then the connection closed"),
-        "C4": Promise("connection closed"),
-        "C5": Promise("refused; a stop is still served"),
+        "C3": Promise("samples dropped; after 5 s without reading the connection closed", ms=6000),
+        "C4": Promise("connection closed if a request takes 5 s to arrive", ms=6000),
+        "C5": Promise(
+            "refused beyond 50 requests/s of a client and 200/s of all; idle connections closed "
+            "after 60 s, after 1 s if there are too many; a stop is still served"
+        ),
         "C6": Promise("refused"),
         "C7": Promise("refused"),
         "C8": Promise("one has the lease; the other is refused"),

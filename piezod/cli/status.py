@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from piezod.client.results import Document, Fault, Status
+    from piezod.config.faults import Fault as FaultId
 
 
 def status(
@@ -21,12 +22,11 @@ def status(
 ) -> None:
     """Print the state, a table of the axes, and the faults."""
     from piezod.cli.output import new_console, print_json
-    from piezod.control.faults.unlisted import NEVER_SHOWN
 
     with closing(connect(stage, socket)) as client:  # without what only commands need
         found = client.status()
     if json:
-        print_json(found.document)
+        print_json({**found.document, "undetected": _reasons()})
         return
     console = new_console()
     console.print(_summary(found))
@@ -44,10 +44,7 @@ def status(
         )
     if found.faults:
         console.print(_faults(found.faults))
-    console.print(
-        f"Never shown: {', '.join(NEVER_SHOWN)}; `piezod faults --undetected` has the reasons.",
-        style="dim",
-    )
+    console.print(_in_short(), style="dim", soft_wrap=True)
 
 
 def faults(
@@ -55,7 +52,9 @@ def faults(
     socket: SocketOption = None,
     undetected: Annotated[
         bool,
-        typer.Option("--undetected", help="Print which faults never appear here, and why."),
+        typer.Option(
+            "--undetected", help="Print what is never shown or only partly detected, and why."
+        ),
     ] = False,
     json: JsonOption = False,
 ) -> None:
@@ -77,17 +76,37 @@ def _undetected(*, json: bool) -> None:
     """Print what the faults do not show; this needs no running stage."""
     from piezod.cli.output import new_console, print_json
     from piezod.control.faults.table import FAULTS
-    from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 
     names = {rule.id: rule.name for rule in FAULTS}
     if json:
-        print_json({"never_shown": dict(NEVER_SHOWN), "gaps": dict(GAPS)})
+        print_json(_reasons())
         return
     console = new_console()
-    for heading, reasons in (("Never shown:", NEVER_SHOWN), ("Gaps:", GAPS)):
-        console.print(heading)
+    for key, reasons in _reasons().items():
+        console.print(_HEADINGS[key])
         for fault, why in reasons.items():
-            console.print(f"  {fault} {names[fault]}: {why}", soft_wrap=True, markup=False)
+            console.print(f"  {fault} {names[fault]}: {why}", soft_wrap=True)
+
+
+def _reasons() -> dict[str, dict["FaultId", str]]:
+    """Return why faults are never shown, and what is not detected of others, in full."""
+    from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
+
+    return {"never_shown": dict(NEVER_SHOWN), "gaps": dict(GAPS)}
+
+
+def _in_short() -> str:
+    """Return the reasons in one line each."""
+    from piezod.control.faults.unlisted import IN_SHORT
+
+    lines = []
+    for key, reasons in _reasons().items():
+        lines += [_HEADINGS[key], *(f"  {fault:<3} {IN_SHORT[fault]}" for fault in reasons)]
+    return "\n".join([*lines, "`piezod faults --undetected` has the reasons in full."])
+
+
+_HEADINGS: Final = {"never_shown": "Never shown:", "gaps": "Partly detected:"}
+"""Words for the keys of the reasons."""
 
 
 def _summary(found: "Status") -> str:

@@ -25,6 +25,7 @@ Feed = Callable[[bytes], None]
 def _fuzz(name: str, folder: Path) -> None:
     """Feed one target until the time is over or something fails."""
     atheris = import_module("atheris")
+    import_module("piezod.hysteresis")  # numba cannot compile what atheris has changed
     seeds = folder / "seeds"
     seeds.mkdir()
     with atheris.instrument_imports(include=INSTRUMENTED):

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 ROOT: Final = Path(__file__).parents[2]
+MODEL: Final = ROOT / "config" / "models" / "simulated-stack.yaml"
 
 
 class Reader(NamedTuple):
@@ -67,9 +68,103 @@ def experiment() -> Reader:
 
 
 def model() -> Reader:
-    """YAML: a model file."""
+    """YAML: a model file, with stops."""
     good = _shipped("models/simulated-stack.yaml")
-    return Reader(_of("piezod.config.model_file:load_model"), good, _refusals("ConfigError"))
+    return Reader(_of("piezod.control.law.model_files:read_model"), good, _refusals("ConfigError"))
+
+
+def surface() -> Reader:
+    """YAML: a model file, with a surface."""
+    stops = _of("piezod.config.model_file:load_model")(MODEL).model_dump()
+    common = {key: value for key, value in stops.items() if "_stop_" not in key}
+    coefficients = (0.8, *(0.005,) * 23)
+    fields = {"version": 2, "method": "surface", "surface_coefficients": coefficients}
+    made = _of("piezod.config.model_file:ModelFile").model_validate(common | fields)
+    good = _of("piezod.config.model_file:dump_model")(made).encode()
+    return Reader(_of("piezod.control.law.model_files:read_model"), good, _refusals("ConfigError"))
+
+
+def response() -> Reader:
+    """YAML: a response file."""
+    good = _shipped("responses/simulated-stack.yaml")
+    return Reader(_of("piezod.config.response_file:load_response"), good, _refusals("ConfigError"))
+
+
+def table() -> Reader:
+    """YAML: a table file."""
+    module = import_module("piezod.config.table_file")
+    made = module.TableFile(
+        created_at="2026-11-21",
+        created_by="piezod",
+        axis="x",
+        waveform="scan",
+        device=module.DeviceIdentity(maker="Acme", model="A1", serial="7"),
+        model_sha256="0a" * 32,
+        interval_ns=5000,
+        sensor_delay_s=1e-4,
+        rest_v=0.0,
+        passes="pass 3",
+        error_max_pct=0.5,
+        error_rms_pct=0.2,
+        command_um=(0.0, 5.5, 0.0),
+        wanted_um=(0.1, 5.4, 0.1),
+        drive_v=(0.0, 40.25, 0.0),
+    )
+    good = module.dump_table(made).encode()
+    return Reader(module.load_table, good, _refusals("ConfigError"))
+
+
+def groups() -> Reader:
+    """YAML: the groups of a machine."""
+    good = b"groups:\n  scanner: [fast, slow]\n  all: [fast, slow, focus]\n"
+    return Reader(_of("piezod.config.groups:load_groups"), good, _refusals("ConfigError"))
+
+
+def drive() -> Reader:
+    """YAML: the drive of an identification."""
+    good = _shipped("experiments/identify.yaml")
+    return Reader(_of("piezod.experiment.live.drive:read_drive"), good, _refusals("ConfigError"))
+
+
+def wave() -> Reader:
+    """YAML: a waveform for `piezod wave`."""
+    good = (
+        b"command_um:\n  axes:\n"
+        b"    x: {kind: sine, low: 2, high: 10, frequency_hz: 2}\n"
+        b"    y: {kind: points, points: [[0, 1], [0.5, 3.5], [1, 1]]}\nduration_s: 5\n"
+    )
+    return _document("piezod.config.commands:WaveFile", good)
+
+
+def group_wave() -> Reader:
+    """YAML: waveforms for the stages of a group."""
+    good = (
+        b"stages:\n"
+        b"  fast: {kind: triangle, low: 2, high: 10, frequency_hz: 2}\n"
+        b"  slow: {axes: {x: {kind: sine, low: 0, high: 1, frequency_hz: 0.1}}}\nduration_s: 5\n"
+    )
+    return _document("piezod.config.groups:GroupWaveFile", good)
+
+
+def group_play() -> Reader:
+    """YAML: tables for the stages of a group."""
+    good = b"stages:\n  fast: {drive_v: [0, 1, 2.5, 1], interval_s: 5.0e-6, cycles: 3}\n"
+    return _document("piezod.config.groups:GroupPlayFile", good)
+
+
+def play() -> Reader:
+    """YAML: a waveform for `piezod play`."""
+    good = (
+        b"name: scan\ncommand_um: {kind: sine, low: 2, high: 10, frequency_hz: 20}\n"
+        b"reference: a paper\nreference_pct: {max: 0.5}\n"
+    )
+    return _document("piezod.config.play:WaveConfig", good)
+
+
+def points() -> Reader:
+    """CSV: the points of a waveform."""
+    read, good = _of("piezod.config.files:read_points"), b"t_s,x_um,y_um\n0,1.5,2\n0.25,-1e-2,3\n"
+    return Reader(lambda path: read(path, "x_um"), good, (ValueError,))
 
 
 def body() -> Reader:
@@ -150,6 +245,20 @@ def recording() -> Reader:
     return Reader(look, _written(write), (*_refusals("DataError"), OSError), kept=48)
 
 
+def _document(model: str, good: bytes) -> Reader:
+    """Return the reader of a YAML file with the fields of a model."""
+    load, validate = (
+        _of("piezod.config.yaml_loader:load_yaml"),
+        _of("piezod.config.validate:validate"),
+    )
+    fields, context = _of(model), _of("piezod.config.fields:Context")
+    return Reader(
+        lambda path: validate(load(path), fields, context(path.parent)),
+        good,
+        _refusals("ConfigError"),
+    )
+
+
 def _shipped(name: str) -> bytes:
     """Return a file of the configuration in which the names of other files are absolute."""
     path = ROOT / "config" / name
@@ -166,5 +275,8 @@ def _written(write: Callable[[Path], object]) -> bytes:
 
 READERS: Final[dict[str, Callable[[], Reader]]] = {
     made.__name__: made
-    for made in (configuration, experiment, model, body, parameters, record, result, recording)
-}
+    for made in (
+        configuration, experiment, model, surface, response, table, groups, drive, wave, group_wave,
+        group_play, play, points, body, parameters, record, result, recording,
+    )
+}  # fmt: skip

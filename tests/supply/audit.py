@@ -1,4 +1,4 @@
-"""Known vulnerabilities and licences of all pinned dependencies; `make audit` runs it.
+"""Known vulnerabilities of `requirements.lock`, licences of .venv; `make audit` runs it.
 
 Vulnerabilities come from a service in the network. A version with known vulnerabilities is asked
 about first: a service that does not report these has no answer for the others either. Then it

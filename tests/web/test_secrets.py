@@ -78,6 +78,7 @@ def test_key_of_another_certificate_is_refused(tmp_path: Path) -> None:
         check_certificate(Certificate(tmp_path / "none", made.key))
 
 
+@pytest.mark.fault("C12")
 @pytest.mark.parametrize("given", ["", "Bearer", "Bearer wrong", f"Bearer {TOKEN}", "Basic abc"])
 def test_without_the_token_nothing_is_forwarded(remote: Remote, daemon: Served, given: str) -> None:
     """A request without a token, or with a wrong one, is refused with a document."""

@@ -105,7 +105,7 @@ def test_lms_is_refused_with_the_thresholds_of_an_adopted_model() -> None:
 @pytest.mark.usefixtures("learns_nothing")
 def test_learned_model_that_is_worse_is_a_fault_and_is_dropped(reaction: Reaction) -> None:
     """The stage degrades to the identified model and arrives, although it was off in RUN."""
-    stage = running(with_compensator({}), Mode.FEEDFORWARD)
+    stage = running(with_compensator({}, rate_hz=1000.0), Mode.FEEDFORWARD)
     stage.do(rq.Goto(position_um=13.0))
     stage.run(1.5)
 

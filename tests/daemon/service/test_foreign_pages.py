@@ -46,6 +46,7 @@ def test_simple_post_of_a_page_is_refused(
     assert refused(served, across)
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("origin", ["http://evil.example", "http://localhost:5000", "null"])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_foreign_origin_is_refused(
@@ -65,6 +66,7 @@ def test_foreign_site_is_refused(served: Served, page: httpx.Client, site: str) 
     assert refused(served, page.get("telemetry", headers={"sec-fetch-site": site}))
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example"])
 def test_foreign_host_is_refused(served: Served, client: httpx.Client, host: str) -> None:
     """A domain name that was made to lead to this machine is refused, for reading too."""

@@ -1,5 +1,7 @@
 import json
+import re
 import socket
+import time
 from contextlib import ExitStack
 
 import httpx
@@ -8,13 +10,21 @@ import pytest
 
 from piezod.config.endpoints import LARGE_BODY, SMALL_BODY, Role
 from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.rate_limit import CLIENT_BURST, TOTAL_BURST, RateLimit
+from piezod.daemon.service.rate_limit import (
+    CLIENT_BURST,
+    CLIENT_RATE_HZ,
+    TOTAL_BURST,
+    TOTAL_RATE_HZ,
+    RateLimit,
+)
 from piezod.daemon.service.route_table import ROUTES, URGENT
 from piezod.daemon.service.urgent_notes import BURST
 from piezod.telemetry.arrays import record_dtype
+from tests.conftest import Reaction
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import FakeNow, Served
 from tests.daemon.service.raw import HEAD, connected, read_to_end, wait_for_hang_up
+from tests.fault_promises import PROMISES
 
 QUICK = ConnectionLimits(message_s=0.2, idle_s=1, blocked_s=0.2, per_user=16)
 JSON_TYPE = {"content-type": "application/json"}
@@ -233,6 +243,34 @@ def test_idle_connection_is_closed(serve: Serve, first: bytes) -> None:
         connection.sendall(first)
 
         assert bool(read_to_end(connection)) == bool(first)
+
+
+@pytest.mark.fault("C3")
+@pytest.mark.fault("C4")
+def test_slow_clients_are_disconnected_in_the_promised_time(
+    serve: Serve, reaction: Reaction
+) -> None:
+    """Both at once, with the limits of a daemon: an unread answer, and a request in part."""
+    served = serve(ConnectionLimits())
+    served.stage.configuration = {"title": "a" * 1_000_000}
+    with connected(served.socket) as reader, connected(served.socket) as writer:
+        began_s = time.monotonic()
+        reader.sendall(b"GET /v1/config HTTP/1.1\r\nhost: piezod\r\n\r\n")
+        writer.sendall(b"POST /v1/go")
+        wait_for_hang_up(writer)
+        reaction("C4", ms=(time.monotonic() - began_s) * 1e3)
+        wait_for_hang_up(reader)
+        reaction("C3", ms=(time.monotonic() - began_s) * 1e3)
+
+
+@pytest.mark.fault("C5")
+def test_promise_names_the_limits_of_a_daemon() -> None:
+    """Rates and times of the promise are those of the code."""
+    limits = ConnectionLimits()
+
+    numbers = re.findall(r"\d+", PROMISES["C5"].what)
+    shown = [CLIENT_RATE_HZ, TOTAL_RATE_HZ, limits.idle_s, limits.fresh_s]
+    assert [float(number) for number in numbers] == shown
 
 
 @pytest.mark.fault("C5")
