@@ -116,6 +116,34 @@ def test_another_device_is_not_used_instead_of_the_lost_one(
     eventually(lambda: reconnecting.there)
 
 
+@pytest.mark.fault("B14")
+def test_a_port_that_another_program_holds_is_reported_until_it_is_opened(
+    link: FakeLink, reconnecting: ReconnectingDevice
+) -> None:
+    """The flag is there after the first attempt, and stays while further ones fail."""
+    link.pulled, link.held = True, True
+    reconnecting.read(1)
+    assert DeviceFlag.PORT_SHARED not in reconnecting.status(1)[0]
+    eventually(lambda: reconnecting.status(2) == [AWAY | {DeviceFlag.PORT_SHARED}] * 2)
+    first = link.done.count("open")
+    seen = set()
+
+    def tried_again() -> bool:
+        seen.update(reconnecting.status(3))
+        return link.done.count("open") > first + 3
+
+    eventually(tried_again)
+
+    assert seen == {AWAY | {DeviceFlag.PORT_SHARED}}
+    assert reconnecting.absent == "held by x"
+    link.held = False
+    eventually(lambda: reconnecting.status(4) == [AWAY] * 2)
+    link.pulled = False
+    eventually(lambda: reconnecting.there)
+    assert reconnecting.status(5) == [NO_FLAGS] * 2
+    assert reconnecting.obstacle is None
+
+
 def test_a_device_with_other_firmware_is_the_same(
     link: FakeLink, reconnecting: ReconnectingDevice
 ) -> None:

@@ -28,6 +28,7 @@ from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.loop.absences import Absences
 from piezod.daemon.loop.accept import accept
 from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.devices import make_channels
@@ -122,7 +123,9 @@ def main(
     take_over(controller, shared, channels, known)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
-    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), counters)
+    pacer = Pacer(clock, period_ns, spin_ns)
+    absences = Absences({one.name: one.link for one in placements if one.link is not None})
+    loop = Loop(controller, timed, shared, clock, pacer, counters, absences)
     loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
     loop.publisher.events(_processor_events(realtime.processor, clock.now_ns()))
     _run(loop, realtime, clock)
