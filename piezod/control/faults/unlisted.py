@@ -32,7 +32,6 @@ GAPS: Final = MappingProxyType(
         Fault.L8: "Only page faults of the loop are counted. The size of the process is not "
         "compared with the limit of the service: the loop locks its memory at the start and needs "
         "no more.",
-        Fault.P11: "Only the configuration file is compared, not the model files that it names.",
     }
 )
 """What is not detected of faults that the register has."""
