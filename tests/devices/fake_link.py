@@ -17,7 +17,7 @@ class FakeLink:
     Attributes:
         who: Identity of the device that answers.
         pulled: Whether the wire is pulled.
-        held: Whether another program holds the port.
+        taken: Whether another program holds the port.
         silent: Whether the device answers nothing, on a wire that is all right.
         done: Calls, without reads.
         drive_v: Voltage in force.
@@ -25,7 +25,7 @@ class FakeLink:
     """
 
     def __init__(self) -> None:
-        self.who, self.pulled, self.held, self.silent = WHO, False, False, False
+        self.who, self.pulled, self.taken, self.silent = WHO, False, False, False
         self.lost = ""
         self.done: list[str] = []
         self.drive_v: Sequence[float] = [0.0]
@@ -35,7 +35,7 @@ class FakeLink:
 
     def open(self) -> Identity:
         self.done.append("open")
-        if self.held:
+        if self.taken:
             raise PortHeldError("held by x")
         if self.pulled or self.silent:
             raise DeviceUnavailableError("nobody there")

@@ -12,7 +12,7 @@ from piezod.devices.reconnecting import (
     CanBeLost,
     ReconnectingDevice,
 )
-from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.devices.wrapper import CombinedExchange
 from piezod.errors import DeviceError, DeviceUnavailableError
 from tests.daemon.waiting import eventually
@@ -121,12 +121,12 @@ def test_a_port_that_another_program_holds_is_reported_until_it_is_opened(
     link: FakeLink, reconnecting: ReconnectingDevice
 ) -> None:
     """The flag is there after the first attempt, and stays while further ones fail."""
-    link.pulled, link.held = True, True
+    link.pulled, link.taken = True, True
     reconnecting.read(1)
     assert DeviceFlag.PORT_SHARED not in reconnecting.status(1)[0]
     eventually(lambda: reconnecting.status(2) == [AWAY | {DeviceFlag.PORT_SHARED}] * 2)
     first = link.done.count("open")
-    seen = set()
+    seen: set[Flags] = set()
 
     def tried_again() -> bool:
         seen.update(reconnecting.status(3))
@@ -136,7 +136,7 @@ def test_a_port_that_another_program_holds_is_reported_until_it_is_opened(
 
     assert seen == {AWAY | {DeviceFlag.PORT_SHARED}}
     assert reconnecting.absent == "held by x"
-    link.held = False
+    link.taken = False
     eventually(lambda: reconnecting.status(4) == [AWAY] * 2)
     link.pulled = False
     eventually(lambda: reconnecting.there)
