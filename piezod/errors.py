@@ -9,6 +9,7 @@
     ├── RegistryError             a driver's name does not lead to exactly one working plug-in
     ├── DeviceError               a device was used out of order or answered wrongly
     │   └── DeviceUnavailableError    a device is absent, busy or does not answer
+    │       └── PortHeldError             another program holds the port of a device
     ├── PlayCancelledError        nobody waits for the rest of a play
     ├── AlreadyRunningError       another daemon owns the stage
     └── ClientError               the exchange with a running daemon failed
@@ -95,6 +96,10 @@ class DeviceError(PiezodError):
 
 class DeviceUnavailableError(DeviceError):
     """Raised if a device cannot be opened: absent, held by another program, or silent."""
+
+
+class PortHeldError(DeviceUnavailableError):
+    """Raised if a device cannot be opened because another program holds its port."""
 
 
 class PlayCancelledError(PiezodError):

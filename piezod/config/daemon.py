@@ -180,15 +180,23 @@ class DaemonConfig(ConfigModel):
             yield ("mode",), f"{what}use feedforward or uncompensated"
 
 
-def load_daemon(path: Path, drivers: Drivers) -> DaemonConfig:
+def load_daemon(
+    path: Path, drivers: Drivers, named_files: dict[str, str] | None = None
+) -> DaemonConfig:
     """Read the configuration of a daemon.
 
     Args:
         path: Path of the YAML file; paths in it are relative to its folder.
         drivers: Available drivers, `piezod.devices.registry`; only drivers in the file are loaded.
+        named_files: Gets the digest of each file that the configuration names, by its absolute
+            path; None to drop them.
 
     Raises:
         ConfigError: If it is not a valid configuration; the text lists every problem with its
             place.
     """
-    return validate(load_yaml(path), DaemonConfig, Context(path.parent, drivers))
+    context = Context(path.parent, drivers)
+    config = validate(load_yaml(path), DaemonConfig, context)
+    if named_files is not None:
+        named_files.update(context.named_files)
+    return config

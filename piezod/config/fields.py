@@ -63,11 +63,14 @@ class Context:
         folder: Folder of relative paths in the file.
         drivers: Drivers whose options can be validated.
         known_keys: Known keys of each mapping, by the id of the mapping's data.
+        named_files: Digest of each file that the document names, by its absolute path, from before
+            it is read.
     """
 
     folder: Path = Path()
     drivers: Drivers | None = None
     known_keys: dict[int, Sequence[str]] = field(default_factory=dict)
+    named_files: dict[str, str] = field(default_factory=dict)
 
 
 def context_of(info: ValidationInfo) -> Context:

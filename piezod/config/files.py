@@ -1,13 +1,15 @@
 """Other files that a configuration refers to."""
 
+import hashlib
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
 from pydantic import BeforeValidator, ValidationInfo
 
-from piezod.config.fields import Quantity, broken_rule, context_of
+from piezod.config.fields import Context, Quantity, broken_rule, context_of
 from piezod.config.messages import show, suggest
 from piezod.config.scalars import NUMBER
 
@@ -20,16 +22,26 @@ MAX_VALUE: Final = 1e6
 Point: TypeAlias = tuple[float, float]
 
 
-def existing_file(value: object, folder: Path) -> Path:
-    """Return the path of an existing file.
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal; empty if there is no such file to read."""
+    with suppress(OSError):
+        if path.is_file():  # anything else might wait for a writer
+            with path.open("rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+    return ""
+
+
+def existing_file(value: object, context: Context) -> Path:
+    """Return the path of an existing file, and note its digest in the context.
 
     Args:
-        value: Its path; a text is relative to the folder.
-        folder: The folder.
+        value: Its path; a text is relative to the folder of the context.
+        context: The context of the validation.
 
     Raises:
         PydanticCustomError: If there is no such file.
     """
+    folder = context.folder
     if isinstance(value, Path):
         return value
     if not isinstance(value, str):
@@ -40,11 +52,13 @@ def existing_file(value: object, folder: Path) -> Path:
         exists = False
     if not exists:
         raise broken_rule(f"no such file in {folder.absolute()} (got {show(value)})")
-    return folder / value
+    path = folder / value
+    context.named_files[str(path.absolute())] = digest(path)
+    return path
 
 
 def _existing(value: object, info: ValidationInfo) -> Path:
-    return existing_file(value, context_of(info).folder)
+    return existing_file(value, context_of(info))
 
 
 ExistingFile: TypeAlias = Annotated[Path, BeforeValidator(_existing)]

@@ -152,7 +152,7 @@ def _loaded(value: object, info: ValidationInfo) -> object:
     if isinstance(value, dict | ResponseFile):
         return value
     try:
-        return load_response(existing_file(value, context_of(info).folder))
+        return load_response(existing_file(value, context_of(info)))
     except ConfigError as error:
         raise broken_rule(str(error.problems[0])) from error  # with file and line
 

@@ -10,10 +10,10 @@ from typing import Final, Protocol, runtime_checkable
 
 from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.interface import Device, Identity, Sample, is_same
-from piezod.devices.status import DeviceFlag, Flags
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.devices.waits import FIRST_WAIT_S, LONGEST_WAIT_S, waits_s
 from piezod.devices.wrapper import DeviceWrapper
-from piezod.errors import DeviceError
+from piezod.errors import DeviceError, PortHeldError
 from piezod.units import NS_PER_S
 
 SILENT_NS: Final = NS_PER_S // 2
@@ -36,8 +36,9 @@ class ReconnectingDevice(DeviceWrapper):
     """Forwards calls to a device while it is connected, and opens it again after a loss.
 
     While the device is lost, samples are invalid, writes are refused and read-back values are NaN;
-    no call waits. The opened device is used only if its identity is the same as before. If it is to
-    be active, its outputs are taken over as they are; otherwise it is deactivated.
+    no call waits. Its flags then tell, too, if another program holds its port, or if another device
+    was found. The opened device is used only if its identity is the same as before. If it is to be
+    active, its outputs are taken over as they are; otherwise it is deactivated.
 
     Args:
         device: The device, open and active; it implements `CanBeLost`.
@@ -73,6 +74,8 @@ class ReconnectingDevice(DeviceWrapper):
         """Thread that opens the device again; the creator of this object starts it."""
         self.absent = ""
         """Why the last attempt to open it failed; empty if none failed, or it is connected."""
+        self.obstacle: DeviceFlag | None = None
+        """Flag that this attempt adds to those of the loss; None if it adds none."""
 
     @property
     def there(self) -> bool:
@@ -222,21 +225,28 @@ class ReconnectingDevice(DeviceWrapper):
 
     def _try_to_open(self) -> bool:
         """Open the device; return whether that succeeded and its identity is the same."""
-        self._flags_while_lost = self._lost_flags
         try:
             found = self._device.open()
             if is_same(found, self._identity):
                 self._set_mode(self._now_ns)
-                self.absent = ""
+                self.absent, self.obstacle = "", None
                 return True
         except Exception as error:  # noqa: BLE001 - any failure of a driver leads to the next attempt
-            self.absent = str(error)
+            held = isinstance(error, PortHeldError)
+            self._note_failure(str(error), DeviceFlag.PORT_SHARED if held else None)
         else:
             who, wanted = (" ".join(one) for one in (found, self._identity))
-            self.absent = f"another device was found: {who}, expected: {wanted}"
-            self._flags_while_lost = [each | {DeviceFlag.OTHER_DEVICE} for each in self._lost_flags]
+            what = f"another device was found: {who}, expected: {wanted}"
+            self._note_failure(what, DeviceFlag.OTHER_DEVICE)
         self._release()
         return False
+
+    def _note_failure(self, why: str, obstacle: DeviceFlag | None) -> None:
+        """Report why it cannot be opened, until the next attempt has ended."""
+        more = {obstacle} if obstacle else NO_FLAGS
+        self.obstacle = obstacle
+        self._flags_while_lost = [each | more for each in self._lost_flags]
+        self.absent = why
 
     def _release(self) -> None:
         """Close the device; a failure of its driver does not prevent the next opening."""

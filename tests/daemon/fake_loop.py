@@ -84,7 +84,7 @@ def accept(source: Path, copy: Path) -> bool:
     except ConfigError as error:
         print(json.dumps({"problems": error.problems}), flush=True)
         return False
-    print(json.dumps({"accepted": document}), flush=True)
+    print(json.dumps({"accepted": document, "named_files": {}}), flush=True)
     return bool(sys.stdin.readline())
 
 

@@ -5,7 +5,7 @@ from math import nan
 
 from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
-from piezod.errors import DeviceUnavailableError
+from piezod.errors import DeviceUnavailableError, PortHeldError
 
 WHO = Identity("maker", "stage", "1", "1.0")
 OTHER = WHO._replace(serial="2")
@@ -17,6 +17,7 @@ class FakeLink:
     Attributes:
         who: Identity of the device that answers.
         pulled: Whether the wire is pulled.
+        taken: Whether another program holds the port.
         silent: Whether the device answers nothing, on a wire that is all right.
         done: Calls, without reads.
         drive_v: Voltage in force.
@@ -24,7 +25,7 @@ class FakeLink:
     """
 
     def __init__(self) -> None:
-        self.who, self.pulled, self.silent = WHO, False, False
+        self.who, self.pulled, self.taken, self.silent = WHO, False, False, False
         self.lost = ""
         self.done: list[str] = []
         self.drive_v: Sequence[float] = [0.0]
@@ -34,6 +35,8 @@ class FakeLink:
 
     def open(self) -> Identity:
         self.done.append("open")
+        if self.taken:
+            raise PortHeldError("held by x")
         if self.pulled or self.silent:
             raise DeviceUnavailableError("nobody there")
         self.is_open, self.lost = True, ""

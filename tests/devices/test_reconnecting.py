@@ -12,7 +12,7 @@ from piezod.devices.reconnecting import (
     CanBeLost,
     ReconnectingDevice,
 )
-from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.devices.wrapper import CombinedExchange
 from piezod.errors import DeviceError, DeviceUnavailableError
 from tests.daemon.waiting import eventually
@@ -114,6 +114,34 @@ def test_another_device_is_not_used_instead_of_the_lost_one(
     assert "activate 1" not in link.done
     link.who = WHO
     eventually(lambda: reconnecting.there)
+
+
+@pytest.mark.fault("B14")
+def test_a_port_that_another_program_holds_is_reported_until_it_is_opened(
+    link: FakeLink, reconnecting: ReconnectingDevice
+) -> None:
+    """The flag is there after the first attempt, and stays while further ones fail."""
+    link.pulled, link.taken = True, True
+    reconnecting.read(1)
+    assert DeviceFlag.PORT_SHARED not in reconnecting.status(1)[0]
+    eventually(lambda: reconnecting.status(2) == [AWAY | {DeviceFlag.PORT_SHARED}] * 2)
+    first = link.done.count("open")
+    seen: set[Flags] = set()
+
+    def tried_again() -> bool:
+        seen.update(reconnecting.status(3))
+        return link.done.count("open") > first + 3
+
+    eventually(tried_again)
+
+    assert seen == {AWAY | {DeviceFlag.PORT_SHARED}}
+    assert reconnecting.absent == "held by x"
+    link.taken = False
+    eventually(lambda: reconnecting.status(4) == [AWAY] * 2)
+    link.pulled = False
+    eventually(lambda: reconnecting.there)
+    assert reconnecting.status(5) == [NO_FLAGS] * 2
+    assert reconnecting.obstacle is None
 
 
 def test_a_device_with_other_firmware_is_the_same(

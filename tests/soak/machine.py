@@ -35,7 +35,7 @@ from piezod.daemon.supervisor.heartbeat import BEAT_S, Heartbeat
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals
-from piezod.daemon.supervisor.source_file import SourceFile
+from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.daemon.supervisor.terms import RunOptions
 from piezod.devices.channels import Channels
 from piezod.devices.wiring import pairs_of
@@ -172,7 +172,7 @@ class VirtualRun(LoopRun):
         self.started = False
         self.due_ns = 0
         """Instant of the next cycle."""
-        self.source_file = SourceFile(source)
+        self.source_files = SourceFiles(source)
         self._machine, self._paths, self._source = machine, paths, source
         self._overdue_ns = 0
         self._lock: Lock | None = None

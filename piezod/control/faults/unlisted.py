@@ -27,12 +27,11 @@ GAPS: Final = MappingProxyType(
         "a checksum of it. Zero the sensor, and identify again, after a calibration.",
         Fault.A2: "A driver of a message bus or a library cannot see a part of a write: it is "
         "A1, A3 or B9 then.",
-        Fault.B14: "A port is opened for one program alone. A program of root, or one that had the "
-        "port before, is not seen: what it sends shows as B3, B4 or B5.",
+        Fault.B14: "It is detected when the port is opened. While the port is open, a program of "
+        "root, or one that had the port before, is not seen: what it sends shows as B3, B4 or B5.",
         Fault.L8: "Only page faults of the loop are counted. The size of the process is not "
         "compared with the limit of the service: the loop locks its memory at the start and needs "
         "no more.",
-        Fault.P11: "Only the configuration file is compared, not the model files that it names.",
     }
 )
 """What is not detected of faults that the register has."""

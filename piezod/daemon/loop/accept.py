@@ -18,17 +18,21 @@ from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
 
 
-def load(path: Path, *, strict_rt: bool = False) -> DaemonConfig:
+def load(
+    path: Path, *, strict_rt: bool = False, named_files: dict[str, str] | None = None
+) -> DaemonConfig:
     """Read and check the configuration of a stage; opens no device.
 
     Args:
         path: The file.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
+        named_files: Gets the digest of each file that the configuration names, by its absolute
+            path; None to drop them.
 
     Raises:
         ConfigError: If it is not valid, or a gain in it is not safe.
     """
-    config = load_daemon(path, registry)
+    config = load_daemon(path, registry, named_files)
     try:
         check_stage(config)
     except (DataError, ModelError) as error:
@@ -58,8 +62,9 @@ def accept(
         The configuration; None if it was refused, if the copy cannot be written, or if the process
         is to end.
     """
+    named_files: dict[str, str] = {}
     try:
-        config = load(source, strict_rt=strict_rt)
+        config = load(source, strict_rt=strict_rt, named_files=named_files)
     except ConfigError as error:
         _report({"problems": error.problems})
         return None
@@ -70,7 +75,7 @@ def accept(
         return None
     if prepare is not None:
         prepare(config)
-    _report({"accepted": accepted_config.document(config)})
+    _report({"accepted": accepted_config.document(config), "named_files": named_files})
     return config if sys.stdin.readline() else None
 
 

@@ -10,7 +10,7 @@ from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.devices.waits import waits_s
 from piezod.devices.wiring import construct, pairs_of
-from piezod.errors import DeviceError
+from piezod.errors import DeviceError, PortHeldError
 
 
 def make_channels(config: DaemonConfig) -> Channels:
@@ -41,6 +41,8 @@ class DeviceOpener(threading.Thread):
         self._stopped = threading.Event()
         self.absent = ""
         """Why the last attempt failed; empty if none has failed."""
+        self.held = False
+        """Whether it failed because another program holds a port."""
         self.crash: Exception | None = None
         """Exception that ended the thread; None if none did."""
 
@@ -64,6 +66,7 @@ class DeviceOpener(threading.Thread):
             self._channels.activate(self._clock.now_ns())
         except DeviceError as error:
             # Only a `DeviceError` may pass by itself; any other exception is a mistake in a driver.
+            self.held = isinstance(error, PortHeldError)
             self.absent = str(error)
             self._channels.close()
             return False

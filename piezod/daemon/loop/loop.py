@@ -10,6 +10,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.clock import Clock, clock_offsets_ns
+from piezod.daemon.loop.absences import Absences
 from piezod.daemon.loop.counters import ProcessCounters
 from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.pacer import Pacer
@@ -71,6 +72,7 @@ class Loop:
         clock: The clock.
         pacer: Keeps the period of this clock.
         device_counters: Publishes the counts of the devices; None for devices without counts.
+        absences: Tells why lost devices cannot be opened again; None if none can be lost.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Loop:
         clock: Clock,
         pacer: Pacer,
         device_counters: DeviceCounters | None = None,
+        absences: Absences | None = None,
     ) -> None:
         self._controller, self._timed = controller, timed
         self._now_ns, self._wait = clock.now_ns, pacer.wait
@@ -88,7 +91,7 @@ class Loop:
         self._mailbox, self._stream = MailboxReader(shared), StreamReader(shared)
         self._supervisor, self._words = SupervisorWatch(shared), shared.words
         self.counters = ProcessCounters(shared.words)
-        self._device_counters = device_counters
+        self._device_counters, self._absences = device_counters, absences
         self._counted_ns = self._busy_ns = 0
         # Answers to requests whose consequences the next record will show.
         self._to_answer: list[tuple[Callable[..., None], int, Answer]] = []
@@ -148,6 +151,8 @@ class Loop:
                 self._controller.report(detection)
             if self._device_counters is not None:
                 self._device_counters.publish()
+            if self._absences is not None:
+                self.publisher.events(self._absences.take_events(t_ns))
 
     def _send_answers(self) -> None:
         """Answer the requests of the cycle before: the record of this one shows what they did."""

@@ -69,6 +69,7 @@ class Placement(NamedTuple):
         allowed_hz: Highest rate of a loop that it can give samples for; infinite without an input.
         device: The object to use: the device, or a wrapper of it.
         threads: The threads of the wrappers, not started.
+        link: The wrapper that opens it again after a loss; None if it cannot be lost.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Placement(NamedTuple):
     allowed_hz: float
     device: Device
     threads: Sequence[threading.Thread]
+    link: ReconnectingDevice | None
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON for status and API."""
@@ -222,10 +224,10 @@ def _make_placement(
     """Put the wrappers around a device that its place needs."""
     able, used = device.capabilities(), device
     allowed_hz = able.max_rate_hz if able.inputs else inf
-    threads = []
+    threads, link = [], None
     if isinstance(device, CanBeLost):
-        used = reconnecting = ReconnectingDevice(device, identity)
-        threads.append(reconnecting.thread)
+        used = link = ReconnectingDevice(device, identity)
+        threads.append(link.thread)
     if chosen is DevicePlace.COMBINED:
         used = CombinedExchange(used)
     elif chosen is DevicePlace.WORKER:
@@ -248,7 +250,7 @@ def _make_placement(
             writes = not combined and bool(able.outputs)
             usual_ns = trips.median_ns + writes * trips.usual_write_ns
             allowed_hz = min(allowed_hz, NS_PER_S / usual_ns)
-    return Placement(name, chosen, trips, identity, able, allowed_hz, used, threads)
+    return Placement(name, chosen, trips, identity, able, allowed_hz, used, threads, link)
 
 
 def rate_refusal(placements: Sequence[Placement], rate_hz: float) -> str:

@@ -28,6 +28,7 @@ from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.loop.absences import Absences
 from piezod.daemon.loop.accept import accept
 from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.devices import make_channels
@@ -105,7 +106,7 @@ def main(
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
     plays = play_threads(config, channels, placements, clock, runtime / PLAYED)
-    counters = _use_wrappers(channels, placements, shared)
+    reports = _use_wrappers(channels, placements, shared)
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
@@ -122,7 +123,7 @@ def main(
     take_over(controller, shared, channels, known)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
-    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), counters)
+    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), *reports)
     loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
     loop.publisher.events(_processor_events(realtime.processor, clock.now_ns()))
     _run(loop, realtime, clock)
@@ -132,12 +133,12 @@ def main(
 
 def _use_wrappers(
     channels: Channels, placements: Sequence[Placement], shared: SharedMap
-) -> DeviceCounters:
-    """Use the wrappers of the devices from now on; return the counters of both."""
+) -> tuple[DeviceCounters, Absences]:
+    """Use the wrappers of the devices from now on; return what reports about both."""
     used = {one.name: one.device for one in placements}
     counters = DeviceCounters(shared, channels.devices, used)
     channels.use(used)
-    return counters
+    return counters, Absences({one.name: one.link for one in placements if one.link is not None})
 
 
 def _report(

@@ -84,7 +84,8 @@ def wait_for_devices(
         opener.join(_POLL_S)
         if opener.absent:
             mailbox.report_blind(clock.now_ns())
-        if not mailbox.serve(clock.now_ns(), opener.absent, "device", Fault.A1):
+        fault = Fault.B14 if opener.held else Fault.A1
+        if not mailbox.serve(clock.now_ns(), opener.absent, "device", fault):
             opener.stop()  # not joined: the end of the process ends a driver that hangs
             return False
     if opener.crash is not None:

@@ -21,7 +21,7 @@ from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import UnavailableError
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.notify import without_manager
-from piezod.daemon.supervisor.source_file import SourceFile
+from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.errors import ConfigError, PiezodError, Problem
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
@@ -52,7 +52,8 @@ class LoopRun:
         config_file: Path of the accepted copy.
         config: The accepted configuration, after `accept`.
         started: Whether the process may open the devices.
-        source_file: The configuration file, compared with its present contents.
+        source_files: The configuration file and, after `accept`, the files that it names; compared
+            with their present contents.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class LoopRun:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
         self.started = False
         self._paths, self._source, self._overdue_ns = paths, source, 0
-        self.source_file = SourceFile(source)  # before the process reads it
+        self.source_files = SourceFiles(source)  # before the process reads it
         places = (paths.runtime, source, self.config_file, paths.loop_lock)
         options = {"--strict-rt": strict_rt, "--warm": warm}
         chosen = [option for option, is_set in options.items() if is_set]
@@ -97,6 +98,7 @@ class LoopRun:
         if "failed" in answer:
             self.discard()
             raise OSError(*answer["failed"])
+        self.source_files.add(answer["named_files"])
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
         return True
 

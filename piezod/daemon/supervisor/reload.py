@@ -71,18 +71,30 @@ async def prepare(
 def changes(old: LoopRun, new: LoopRun) -> list[str]:
     """Return the paths of all values that differ between two configurations, sorted.
 
-    Model files are compared by contents, wherever they are.
+    Model files are compared by contents, wherever they are, and the files of drivers by place and
+    contents.
     """
     before, after = _flat(_contents(old)), _flat(_contents(new))
     return sorted(key for key in before.keys() | after.keys() if before.get(key) != after.get(key))
 
 
 def _contents(run: LoopRun) -> dict[str, Any]:
-    """Return an accepted configuration with the contents of model files instead of their paths."""
+    """Return an accepted configuration with the contents of model files instead of their paths.
+
+    The path of a driver's file is followed by the digest of its contents.
+    """
     kept: dict[str, Any] = json.loads(run.config_file.read_text(encoding="utf-8"))
     for axis in kept["axes"].values():
         if "model" in axis:
             axis["model"] = Path(axis["model"]).read_bytes()
+    named = run.source_files.named
+    for device in kept["devices"].values():
+        options = device.get("options", {})
+        options |= {
+            key: f"{value} {named[value]}"
+            for key, value in options.items()
+            if isinstance(value, str) and value in named
+        }
     return kept
 
 
@@ -150,7 +162,7 @@ async def exchange(
         return True
     await _end(fresh)
     back = await prepare(run, paths, run.config_file)  # the copy, not the file, which has changed
-    back.source_file = run.source_file
+    back.source_files = run.source_files
     use(back)
     back.start(succession)
     return False

@@ -239,7 +239,7 @@ class Supervisor:
             raise
         _log.info("reload", user=peer.user, changes=different)
         if not different:
-            run.source_file = fresh.source_file  # the file may have other comments now
+            run.source_files = fresh.source_files  # they may have other comments now
             fresh.discard()
             return []
         await self._link.parameters.keep(run.loop, kept_axes(run.config, different))
@@ -281,7 +281,7 @@ class Supervisor:
         self._heartbeat.beat_for(run.loop)
 
     def _config_changed(self) -> bool:
-        return self.loop_run.source_file.changed()
+        return self.loop_run.source_files.changed()
 
     def _handle_signals(self) -> None:
         if self._signals.end:

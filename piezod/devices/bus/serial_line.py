@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from piezod.devices.bus.byte_trace import trace_received, trace_sent
 from piezod.devices.bus.line import LineFault
+from piezod.devices.bus.port_holder import holder_of
 from piezod.devices.status import DeviceFlag
-from piezod.errors import DeviceUnavailableError
+from piezod.errors import DeviceUnavailableError, PortHeldError
 
 if TYPE_CHECKING:
     from serial import Serial
@@ -74,7 +75,8 @@ class SerialLine:
         """Open the port with empty buffers; an open port is closed first.
 
         Raises:
-            DeviceUnavailableError: If it is absent, held by another program, or no serial port.
+            PortHeldError: If another program holds it.
+            DeviceUnavailableError: If it is absent, or no serial port.
         """
         from serial import Serial  # noqa: PLC0415 - only an opened port needs the library
 
@@ -95,7 +97,7 @@ class SerialLine:
             path = str(Path(self._port).resolve())
         except (OSError, termios.error, ValueError, OverflowError) as error:
             self.close()
-            raise DeviceUnavailableError(_refusal(self._port, error)) from error
+            raise _refusal(self._port, error) from error
         with suppress(ValueError):  # a pty and some adapters lack this mode
             self._serial.set_low_latency_mode(True)
         # Two poll objects, made once, so that a wait in the loop registers nothing.
@@ -194,13 +196,19 @@ class SerialLine:
         return LineFault(DeviceFlag.DISCONNECTED, f"{self._port} is lost: {why}")
 
 
-def _refusal(port: str, error: Exception) -> str:
+def _refusal(port: str, error: Exception) -> DeviceUnavailableError:
     number = getattr(error, "errno", None)
     if number == errno.ENOENT:
-        return f"no port {port}: plug it in, or name another one of /dev/serial/by-id"
+        what = f"no port {port}: plug it in, or name another one of /dev/serial/by-id"
+        return DeviceUnavailableError(what)
     if number == errno.EACCES:
-        return f"no access to {port}: the user has to be in the group that it belongs to"
+        what = f"no access to {port}: the user has to be in the group that it belongs to"
+        return DeviceUnavailableError(what)
     locked = isinstance(error.__cause__ or error.__context__, BlockingIOError)
     if number == errno.EBUSY or locked or "lock" in str(error):  # EBUSY: refused by the kernel
-        return f"{port} is held by another program: end it, or name another port"
-    return f"{port} cannot be opened: {error}"
+        holder = holder_of(port)
+        who = f" ({holder})" if holder else ""
+        return PortHeldError(
+            f"{port} is held by another program{who}: end it, or name another port"
+        )
+    return DeviceUnavailableError(f"{port} cannot be opened: {error}")

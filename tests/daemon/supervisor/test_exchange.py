@@ -3,6 +3,7 @@
 import asyncio
 import json
 import re
+import shutil
 import sys
 from pathlib import Path
 from subprocess import PIPE, Popen
@@ -17,10 +18,11 @@ from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.supervisor import loop_run
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.reload import changes, exchange, kept_axes, prepare
+from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 from piezod.telemetry.succession import Succession, put_succession, succession_of
-from tests.daemon.daemons import configuration
+from tests.daemon.daemons import REPOSITORY, configuration
 
 FAKE = Path(__file__).parents[1] / "fake_loop.py"
 
@@ -108,7 +110,7 @@ def test_configuration_whose_loop_fails_is_taken_back(tmp_path: Path, old_file: 
     assert [run.config.title for run in exchanged.runs] == ["old", "broken", "old"]
     assert exchanged.code_of_first == 0
     assert exchanged.title == exchanged.kept["title"] == "old"
-    assert exchanged.runs[-1].source_file.changed()
+    assert exchanged.runs[-1].source_files.changed()
 
 
 class Accepted:
@@ -191,7 +193,11 @@ class Kept:
     """An accepted configuration, as far as `changes` uses it."""
 
     def __init__(self, source: Path, folder: Path) -> None:
-        self.config_file = accepted_config.keep(accept.load(source), folder, "rig")
+        named: dict[str, str] = {}
+        config = accept.load(source, named_files=named)
+        self.config_file = accepted_config.keep(config, folder, "rig")
+        self.source_files = SourceFiles(source)
+        self.source_files.add(named)
 
 
 def test_changes_are_named_by_their_paths(tmp_path: Path, rig_file: Path) -> None:
@@ -206,3 +212,20 @@ def test_changes_are_named_by_their_paths(tmp_path: Path, rig_file: Path) -> Non
 
     assert compared == ["axes.x.speed_um_per_s", "rate_hz"]
     assert again == ["axes.x.model", *compared]
+
+
+@pytest.mark.fault("P11")
+def test_file_of_a_driver_with_other_contents_is_a_change(tmp_path: Path) -> None:
+    """A DBC file is read again only by another loop, so that a reload must start one."""
+    devices = REPOSITORY / "config" / "devices"
+    text = (devices / "can-dbc.yaml").read_text("utf-8")
+    path, dbc = tmp_path / "rig.yaml", tmp_path / "can-dbc-demo.dbc"
+    path.write_text(text.replace("../models/", f"{devices.parent}/models/"), encoding="utf-8")
+    shutil.copyfile(devices / dbc.name, dbc)
+    old, same = Kept(path, tmp_path / "config-a"), Kept(path, tmp_path / "config-b")
+    dbc.write_text(dbc.read_text("utf-8") + "\n", encoding="utf-8")
+    new = Kept(path, tmp_path / "config-c")
+
+    assert old.source_files.changed()
+    assert changes(old, same) == []  # type: ignore[arg-type] # all that it uses
+    assert changes(old, new) == ["devices.stage.options.dbc"]  # type: ignore[arg-type] # as above

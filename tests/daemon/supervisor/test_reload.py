@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import UP_WITHIN_S, Daemon, configuration, is_alive, latched
+from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, Daemon, configuration, is_alive, latched
 from tests.daemon.waiting import eventually
 
 
@@ -67,6 +67,31 @@ def test_reload_keeps_what_is_not_in_the_file(start: StartDaemon, tmp_path: Path
     assert eventually(lambda: zero_of(daemon)) == zero_um
     eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
     daemon.until("SAFE")
+
+
+@pytest.mark.fault("P11")
+def test_edited_model_file_is_reported_until_it_is_loaded(
+    start: StartDaemon, tmp_path: Path
+) -> None:
+    """A reload takes it over, as it does an edited configuration file."""
+    model = tmp_path / "model.yaml"
+    model.write_bytes((SHIPPED.parent / "models" / "simulated-stack.yaml").read_bytes())
+    daemon = start(configuration(tmp_path, model="model.yaml")).up()
+    before = shown(daemon)
+
+    model.write_text(model.read_text("utf-8") + "# edited\n", encoding="utf-8")
+    eventually(lambda: "P11" in shown(daemon))
+    loaded = daemon.do("reload")
+    daemon.until("SAFE")
+    eventually(lambda: "P11" not in shown(daemon))
+
+    assert "P11" not in before
+    assert loaded["changes"] == ["axes.x.model"]
+
+
+def shown(daemon: Daemon) -> set[str]:
+    """Return the ids of the faults in the status."""
+    return {fault["id"] for fault in daemon.status()["faults"]}
 
 
 def zero_of(daemon: Daemon) -> float:
