@@ -32,6 +32,7 @@ def test_the_token_becomes_a_cookie(web: Web) -> None:
     assert web.request("GET", "/", Cookie=web.cookie()).status_code == 200
 
 
+@pytest.mark.fault("C12")
 @pytest.mark.parametrize("path", ["/", "/static/app.js", "/metrics", "/elsewhere"])
 @pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=%C3%A9"])
 def test_without_the_token_nothing_is_served(web: Web, path: str, query: str) -> None:
@@ -42,6 +43,7 @@ def test_without_the_token_nothing_is_served(web: Web, path: str, query: str) ->
     assert "set-cookie" not in answer.headers
 
 
+@pytest.mark.fault("C12")
 @pytest.mark.parametrize("value", ["", "wrong", "é"])
 def test_foreign_cookie_is_refused(web: Web, value: str) -> None:
     """A cookie of another server, or of an earlier start on the same port, is refused."""
@@ -55,12 +57,14 @@ def test_foreign_cookie_is_refused(web: Web, value: str) -> None:
     assert refused_socket(web, cookie=f"{name}={value}".encode().decode("latin-1")) == 403
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
 def test_socket_of_another_page_is_refused(web: Web, origin: str | None) -> None:
     """A WebSocket needs the origin of this page, even with the cookie: ports share cookies."""
     assert refused_socket(web, cookie=web.cookie(), origin=origin) == 403
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS"])
 def test_request_of_another_page_is_refused(web: Web, method: str) -> None:
     """A request with a foreign origin is refused, with the cookie too."""
@@ -76,6 +80,7 @@ def test_only_the_socket_changes_anything(web: Web) -> None:
     assert (answer.status_code, answer.headers["allow"]) == (405, "GET, HEAD")
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "localhost.evil.example"])
 def test_foreign_name_is_refused(web: Web, host: str) -> None:
     """A domain name that was made to lead to this machine is refused, with cookie and origin."""

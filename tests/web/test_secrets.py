@@ -78,6 +78,7 @@ def test_key_of_another_certificate_is_refused(tmp_path: Path) -> None:
         check_certificate(Certificate(tmp_path / "none", made.key))
 
 
+@pytest.mark.fault("C12")
 @pytest.mark.parametrize("given", ["", "Bearer", "Bearer wrong", f"Bearer {TOKEN}", "Basic abc"])
 def test_without_the_token_nothing_is_forwarded(remote: Remote, daemon: Served, given: str) -> None:
     """A request without a token, or with a wrong one, is refused with a document."""
@@ -90,6 +91,7 @@ def test_without_the_token_nothing_is_forwarded(remote: Remote, daemon: Served, 
     assert daemon.called() == 0
 
 
+@pytest.mark.fault("C11")
 def test_cookie_and_query_do_not_move_a_stage(remote: Remote, daemon: Served) -> None:
     """A page of another server can make a browser send cookies, but not the header."""
     token = remote.web.access.tokens.user
@@ -102,6 +104,7 @@ def test_cookie_and_query_do_not_move_a_stage(remote: Remote, daemon: Served) ->
     assert (foreign.status_code, daemon.called()) == (403, 0)
 
 
+@pytest.mark.fault("C11")
 def test_page_without_encryption_is_a_foreign_page(remote: Remote) -> None:
     """A page that was forged on its way over plain HTTP may not use the server."""
     cookie = remote.request("GET", f"/?token={remote.web.access.tokens.user}")
