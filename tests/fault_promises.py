@@ -95,7 +95,7 @@ PROMISES: Final = MappingProxyType(
         "B12": Promise("HOLD", cycles=2),
         "B13": Promise("BLIND", cycles=1),
         "B14": Promise("BLIND", cycles=1),
-        "B15": Promise("BLIND", cycles=2),
+        "B15": Promise("BLIND, from when the call blocks; B15 shows after 250 ms", cycles=10),
         # Loop.
         "L1": Promise("counted", cycles=1),
         "L2": Promise("HOLD", cycles=5000),
