@@ -67,7 +67,7 @@ def test_end_is_orderly_in_every_state(
 ) -> None:
     """SIGTERM ends the daemon with code 0 in every state; further signals change nothing.
 
-    The last voltage is the safe one.
+    The last voltage is the safe one; in SAFE there may be none.
     """
     daemon = stage.daemon
     for verb in verbs:
@@ -85,7 +85,8 @@ def test_end_is_orderly_in_every_state(
 
     assert daemon.exit_code() == 0
     reaction("P1", ms=(time.monotonic() - began_s - abs(drive_v - SAFE_V) / RAMP_V_PER_S) * 1e3)
-    assert stage.writes()[-1].drive_v == SAFE_V
+    last_v = [write.drive_v for write in stage.writes()[-1:]]
+    assert last_v == [SAFE_V] or not (last_v or verbs)
     assert not is_alive(loop_pid)
     assert not daemon.paths.running.exists()
 
