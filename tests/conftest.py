@@ -138,7 +138,7 @@ class Reaction(Protocol):
     """Notes the time from a cause to the reaction, for `make faults`."""
 
     def __call__(self, fault: str, *, cycles: int | None = None, ms: float | None = None) -> None:
-        """Note a reaction; cycles are of virtual time, and may not exceed the promise."""
+        """Note a reaction after its cause; cycles are of virtual time, and within the promise."""
         ...
 
 
@@ -149,10 +149,12 @@ def reaction(record_property: Callable[[str, object], None]) -> Reaction:
     def note(fault: str, *, cycles: int | None = None, ms: float | None = None) -> None:
         promise = PROMISES[fault]
         if cycles is not None:
+            assert cycles > 0, f"{fault}: a reaction in cycle {cycles} has another cause"
             assert promise.cycles is not None, f"{fault} has no promise in cycles"
             assert cycles <= promise.cycles, f"{fault}: {cycles} of {promise.bound}"
             record_property(REACTION, [str(fault), int(cycles)])
         if ms is not None:
+            assert ms > 0.0, f"{fault}: a reaction after {ms:g} ms has another cause"
             assert promise.ms is not None, f"{fault} has no promise in ms"
             record_property(REACTION, [str(fault), ceil(ms)])
 

@@ -98,7 +98,7 @@ PROMISES: Final = MappingProxyType(
         "B12": Promise("HOLD", cycles=2),
         "B13": Promise("BLIND", cycles=1),
         "B14": Promise("BLIND", cycles=1),
-        "B15": Promise("BLIND", cycles=2),
+        "B15": Promise("BLIND, from when the call blocks; B15 shows after 250 ms", cycles=10),
         # Loop.
         "L1": Promise("counted", cycles=1),
         "L2": Promise("HOLD", cycles=5000),
@@ -106,7 +106,7 @@ PROMISES: Final = MappingProxyType(
         "L4": Promise("WARN, voltages unchanged", cycles=1),
         "L5": Promise("HOLD, from when the loop runs again", cycles=1),
         "L6": Promise("WARN"),
-        "L7": Promise("WARN", cycles=5000),
+        "L7": Promise("WARN; DEGRADE with `strict_rt`", cycles=10_000),
         "L8": Promise("WARN"),
         "L9": Promise("shown in `piezod status`; `strict_rt` refuses to arm"),
         # Adaptation.
@@ -115,7 +115,7 @@ PROMISES: Final = MappingProxyType(
         "D3": Promise("weights projected in the same step"),
         "D4": Promise("nothing learned"),
         "D5": Promise("DEGRADE", cycles=10_100),
-        "D6": Promise("WARN", cycles=600),
+        "D6": Promise("WARN; DEGRADE 0.5 s later", cycles=600),
         "D7": Promise("nothing learned", cycles=1),
         "D8": Promise("older parameters, DEGRADE"),
         "D9": Promise("no step beyond the slew rate"),

@@ -70,3 +70,11 @@ def test_reaction_beyond_its_cycles_fails(reaction: Reaction) -> None:
 
     with pytest.raises(AssertionError, match="S2: 6 of 5 cycles"):
         reaction("S2", cycles=6)
+
+
+def test_reaction_before_its_cause_fails(reaction: Reaction) -> None:
+    """A time that is not positive is no reaction: the first cycle has number 1."""
+    with pytest.raises(AssertionError, match="S2: a reaction in cycle 0 has another cause"):
+        reaction("S2", cycles=0)
+    with pytest.raises(AssertionError, match="L3: a reaction after -1 ms has another cause"):
+        reaction("L3", ms=-1.0)

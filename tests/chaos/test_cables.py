@@ -32,7 +32,6 @@ def has_noticed(daemon: Daemon) -> bool:
 @pytest.mark.parametrize(
     "state", ["SAFE", "READY", "RUN", "IDENT", "HOLD", "RAMP", "ESTOP", "FAULT"]
 )
-@pytest.mark.fault("A1")
 def test_socket_that_is_closed_under_the_driver(
     make_stage: MakeStage, tmp_path: Path, state: str
 ) -> None:

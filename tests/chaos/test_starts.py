@@ -51,7 +51,6 @@ def test_one_of_many_parallel_starts_wins(start: StartDaemon, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("since_boot_s", [1, 10**8])
-@pytest.mark.fault("L5")
 def test_stage_runs_whatever_the_monotonic_clock_shows(tmp_path: Path, since_boot_s: int) -> None:
     """A machine that has just booted, and one that has run for three years, make no difference.
 

@@ -43,6 +43,7 @@ def test_without_the_token_nothing_is_served(web: Web, path: str, query: str) ->
     assert "set-cookie" not in answer.headers
 
 
+@pytest.mark.fault("C12")
 @pytest.mark.parametrize("value", ["", "wrong", "é"])
 def test_foreign_cookie_is_refused(web: Web, value: str) -> None:
     """A cookie of another server, or of an earlier start on the same port, is refused."""
@@ -63,6 +64,7 @@ def test_socket_of_another_page_is_refused(web: Web, origin: str | None) -> None
     assert refused_socket(web, cookie=web.cookie(), origin=origin) == 403
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS"])
 def test_request_of_another_page_is_refused(web: Web, method: str) -> None:
     """A request with a foreign origin is refused, with the cookie too."""

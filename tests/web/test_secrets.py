@@ -91,6 +91,7 @@ def test_without_the_token_nothing_is_forwarded(remote: Remote, daemon: Served, 
     assert daemon.called() == 0
 
 
+@pytest.mark.fault("C11")
 def test_cookie_and_query_do_not_move_a_stage(remote: Remote, daemon: Served) -> None:
     """A page of another server can make a browser send cookies, but not the header."""
     token = remote.web.access.tokens.user
@@ -103,6 +104,7 @@ def test_cookie_and_query_do_not_move_a_stage(remote: Remote, daemon: Served) ->
     assert (foreign.status_code, daemon.called()) == (403, 0)
 
 
+@pytest.mark.fault("C11")
 def test_page_without_encryption_is_a_foreign_page(remote: Remote) -> None:
     """A page that was forged on its way over plain HTTP may not use the server."""
     cookie = remote.request("GET", f"/?token={remote.web.access.tokens.user}")

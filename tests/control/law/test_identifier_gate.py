@@ -105,6 +105,7 @@ def test_equal_samples_at_rest_do_not_mean_stuck() -> None:
     assert set(decisions) == {GateReason.QUIET}
 
 
+@pytest.mark.fault("S4")
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_spike_closes_the_gate_for_a_while(sign: float) -> None:
     """After a spike of 10 % the gate is closed for it, for the next two samples and for a while."""

@@ -104,7 +104,6 @@ def test_third_return_to_the_last_good_model_is_detected(every_s: int, is_found:
     assert first(found, "D1") == (200 * every_s if is_found else -1)
 
 
-@pytest.mark.fault("D1")
 def test_returns_in_an_open_loop_are_no_fault() -> None:
     """The weights are not in use while the loop is open."""
     shadowed = learner()

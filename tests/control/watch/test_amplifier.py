@@ -63,7 +63,6 @@ def test_amplifier_that_follows_has_no_fault() -> None:
 
 
 @pytest.mark.fault("A1")
-@pytest.mark.fault("A2")
 def test_five_refused_writes_are_detected() -> None:
     """A1 comes after the fifth; one later success does not clear it, and A3 does not come."""
     subject = watch()
@@ -75,7 +74,6 @@ def test_five_refused_writes_are_detected() -> None:
     assert found == [[]] * 6 + [[Fault.A1]] * 2
 
 
-@pytest.mark.fault("A1")
 def test_single_refused_writes_are_no_fault() -> None:
     """One write in ten may be refused for ever."""
     subject = watch()

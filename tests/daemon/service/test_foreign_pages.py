@@ -33,6 +33,7 @@ def refused(served: Served, answer: httpx.Response) -> bool:
     return (answer.status_code, error.get("code"), served.called()) == (403, "foreign_page", 0)
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("headers", SIMPLE)
 def test_simple_post_of_a_page_is_refused(
@@ -60,6 +61,7 @@ def test_foreign_origin_is_refused(
     assert refused(served, page.delete("lease", headers=headers))
 
 
+@pytest.mark.fault("C11")
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])
 def test_foreign_site_is_refused(served: Served, page: httpx.Client, site: str) -> None:
     """An image or a link of a foreign page costs no stream of telemetry."""

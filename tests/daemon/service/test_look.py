@@ -154,8 +154,6 @@ def test_socket_that_cannot_be_bound_is_an_error(tmp_path: Path) -> None:
         bind(tmp_path / "missing" / "api.sock")
 
 
-@pytest.mark.fault("C11")
-@pytest.mark.fault("C12")
 def test_connection_without_a_user_is_refused(tmp_path: Path) -> None:
     """On a network socket no web page and no token is admitted."""
     served = Served(tmp_path, ConnectionLimits())

@@ -2,6 +2,7 @@
 
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,20 @@ import pytest
 from tests.conftest import Reaction
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, configuration, is_alive
+from tests.daemon.hosted_stage import SAFE_V, HostedStage
 from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
 from tests.hosted_rig import hosted
 
-RAMP_V_PER_S = 50.0  # as configured
+RAMP_V_PER_S = 50.0
 EXCITATION = {"kind": "sine", "low": 0.0, "high": 50.0, "frequency_hz": 0.1}
+
+
+@pytest.fixture
+def stage(start: StartDaemon, tmp_path: Path) -> Iterator[HostedStage]:
+    """Return a stage that is up, with a rig that records each voltage."""
+    with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
+        yield HostedStage(tmp_path, start, RAMP_V_PER_S)
 
 
 def arrived(status: dict[str, Any]) -> bool:
@@ -54,10 +63,13 @@ def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Pa
 )
 @pytest.mark.fault("P1")
 def test_end_is_orderly_in_every_state(
-    start: StartDaemon, rig_file: Path, state: str, verbs: tuple[str, ...], reaction: Reaction
+    stage: HostedStage, state: str, verbs: tuple[str, ...], reaction: Reaction
 ) -> None:
-    """SIGTERM ends the daemon with code 0 in every state; further signals change nothing."""
-    daemon = start(rig_file).up()
+    """SIGTERM ends the daemon with code 0 in every state; further signals change nothing.
+
+    The last voltage is the safe one; in SAFE there may be none.
+    """
+    daemon = stage.daemon
     for verb in verbs:
         if verb == "goto":
             daemon.driven(20.0, above_v=60.0)
@@ -72,7 +84,9 @@ def test_end_is_orderly_in_every_state(
     daemon.signal(signal.SIGINT)
 
     assert daemon.exit_code() == 0
-    reaction("P1", ms=(time.monotonic() - began_s - abs(drive_v) / RAMP_V_PER_S) * 1e3)
+    reaction("P1", ms=(time.monotonic() - began_s - abs(drive_v - SAFE_V) / RAMP_V_PER_S) * 1e3)
+    last_v = [write.drive_v for write in stage.writes()[-1:]]
+    assert last_v == [SAFE_V] or not (last_v or verbs)
     assert not is_alive(loop_pid)
     assert not daemon.paths.running.exists()
 
