@@ -35,12 +35,15 @@ class FaultyDevice:
         inner: The device that works.
         schedule: Its failures; more may be added at any time.
         seed: Seed of noise and garbage.
+
+    Attributes:
+        inner: The device that works, which shows what really happens.
     """
 
     def __init__(
         self, inner: SensorAmplifier, schedule: Sequence[Injection] = (), seed: int = 0
     ) -> None:
-        self._inner = inner
+        self.inner = inner
         # Checked once: to check a protocol takes longer than to read a device.
         self._truth = inner if isinstance(inner, KnowsTruth) else None
         self._flags = inner if isinstance(inner, TellsStatus) else None
@@ -52,23 +55,23 @@ class FaultyDevice:
 
     def open(self) -> Identity:
         """Open the device."""
-        return self._inner.open()
+        return self.inner.open()
 
     def capabilities(self) -> Capabilities:
         """Return the capabilities of the device."""
-        return self._inner.capabilities()
+        return self.inner.capabilities()
 
     def activate(self, now_ns: int) -> None:
         """Activate the device."""
-        self._inner.activate(now_ns)
+        self.inner.activate(now_ns)
 
     def deactivate(self, now_ns: int) -> None:
         """Deactivate the device."""
-        self._inner.deactivate(now_ns)
+        self.inner.deactivate(now_ns)
 
     def close(self) -> None:
         """Close the device."""
-        self._inner.close()
+        self.inner.close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Return samples, changed by the faults.
@@ -78,7 +81,7 @@ class FaultyDevice:
         """
         if self._any(InjectionKind.READ_RAISES, now_ns):
             raise FaultyError("the driver failed while it read")
-        samples = list(self._inner.read(now_ns))
+        samples = list(self.inner.read(now_ns))
         self._past.append(tuple(samples))  # as they came, also while faults change them
         for one in self._now(now_ns):
             samples[one.axis] = self._spoilt(one, samples[one.axis], now_ns)
@@ -108,14 +111,14 @@ class FaultyDevice:
             # The write is accepted, but this output keeps its last voltage.
             if one.kind is InjectionKind.STUCK_OUTPUT and self._drive_v:
                 sent_v[one.axis] = self._drive_v[one.axis]
-        accepted = self._inner.write(sent_v, now_ns)
+        accepted = self.inner.write(sent_v, now_ns)
         if accepted:
             self._drive_v = sent_v
         return accepted
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the voltages in force, changed by the faults."""
-        values_v = list(self._inner.read_back(now_ns))
+        values_v = list(self.inner.read_back(now_ns))
         for one in self._now(now_ns):
             if one.kind is InjectionKind.READ_BACK_OFFSET:
                 values_v[one.axis] += one.value

@@ -88,17 +88,19 @@ def resident_mb(pid: int) -> float:
 def test_flood_neither_stops_the_stage_nor_the_emergency_stop(stage: ChaosStage, name: str) -> None:
     """The stage moves on, an emergency stop is executed, and the service is as before.
 
-    On a machine that is too busy for the loop itself the stage may be held, and the answer late.
+    Only a machine that was too busy for the loop before the flood may hold the stage; nothing
+    excuses the emergency stop.
     """
     flood, sent = FLOODS[name]
     daemon = stage.daemon
     stage.bring("RUN")
     pid = daemon.process.pid
+    was_late = stage.was_late()
     descriptors_before, mb_before = descriptors(pid), resident_mb(pid)
     with flood(daemon.paths.api_socket, sent):
         cycles = len(stage.writes())
         eventually(lambda: len(stage.writes()) > cycles + 40 or stage.idle(), 60.0)
-        moved = len(stage.writes()) > cycles + 40 or stage.was_late()
+        moved = len(stage.writes()) > cycles + 40
         stopped = daemon.command("estop", "--stage", daemon.paths.name)
     daemon.until("FAULT", 60.0)
     eventually(lambda: descriptors(pid) <= descriptors_before)
@@ -106,8 +108,8 @@ def test_flood_neither_stops_the_stage_nor_the_emergency_stop(stage: ChaosStage,
     eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
     daemon.do("shutdown")
 
-    assert moved
-    assert stopped.returncode == 0 or stage.was_late(), stopped.stderr
+    assert moved or was_late, daemon.text
+    assert stopped.returncode == 0, stopped.stderr
     assert "fault=E1" in daemon.text
     assert daemon.exit_code() == 0, daemon.text
     assert mb_after < mb_before + GROWN_MB

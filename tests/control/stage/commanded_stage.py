@@ -6,7 +6,7 @@ answer. Each cycle and each request is checked at once, so that a failure shows 
 
 from collections.abc import Callable, Coroutine
 from functools import cache
-from math import isfinite
+from math import isfinite, nan
 from typing import Any, Final, cast
 
 from piezod.config import requests as rq
@@ -17,6 +17,7 @@ from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.stage.states import HoldCause
+from piezod.control.stage.takeover import Claim
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.open_streams import OpenStreams
@@ -26,7 +27,9 @@ from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import Document, Peer, StageError, StageService
 from piezod.daemon.service.urgent_notes import UrgentNotes
 from piezod.devices.interface import Sample
+from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
+from piezod.testing.injections import InjectionKind
 from piezod.units import NS_PER_S
 from tests.control.rig_stage import ON_TIME, FaultyStage, quick_config
 
@@ -36,14 +39,24 @@ WAY_DOWN: Final[dict[State, rq.Request]] = {
     **dict.fromkeys((*ARMED, State.HOLD), rq.Stop()),
     State.FAULT: rq.Reset(engineer=True),
 }
+RATE_HZ: Final = 200.0
+SLEW_V_PER_S: Final = 2000.0
+LOCAL_CYCLES: Final = 8
+"""Cycles in local mode, within which the output settles."""
 WITHIN_S: Final = 12.0
 """A ramp, the second that a fault must be gone, and the time after which a HOLD or a ramp fails."""
 
 
 @cache
 def brisk_config() -> DaemonConfig:
-    """Return the configuration of the repository, with its rate, and with short programs."""
-    return quick_config().model_copy(update={"rate_hz": 200.0})
+    """Return the configuration of the repository, with its rate, with short programs, and slow.
+
+    At the slew rate of the repository one step is most of the range, and no step would be a fault.
+    """
+    axis = quick_config().axes["x"]
+    limits = axis.limits.model_copy(update={"slew_v_per_s": SLEW_V_PER_S})
+    axes = {"x": axis.model_copy(update={"limits": limits})}
+    return quick_config().model_copy(update={"rate_hz": RATE_HZ, "axes": axes})
 
 
 class CommandedStage(FaultyStage):
@@ -53,6 +66,7 @@ class CommandedStage(FaultyStage):
         super().__init__(brisk_config())
         limits = self.config.axes["x"].limits
         self._range_v = limits.drive_min_v, limits.drive_max_v
+        self._tolerance_v = self.stage.axes[0].law.limits.read_back_tolerance_v
         self._step_v = limits.slew_v_per_s / self.config.rate_hz * (1.0 + 1e-12)
         self.moves_freshly = True
         """Whether voltages are planned for their cycle; others must not move anything."""
@@ -89,6 +103,8 @@ class CommandedStage(FaultyStage):
         """Run one cycle, and check it."""
         first, before = len(self.channels.writes), self.controller.state
         goes_on = self.stage.hold_cause() is HoldCause.LATENESS and before is State.HOLD
+        t_ns = self.t_ns + self.period_ns * (1 + timing.skipped)
+        (output_v,) = self.device.inner.read_back(t_ns)
         record = super().cycle(timing)
         after = State(record.state)
         if after in ARMED and after is not before:
@@ -98,7 +114,7 @@ class CommandedStage(FaultyStage):
         assert [t_ns for t_ns, _ in writes] == [self.t_ns] * len(writes), "a write is of its cycle"
         assert len(writes) <= int(after in DRIVEN and not record.shadow)
         for _, (drive_v,) in writes:
-            self._check_voltage(drive_v, first)
+            self._check_voltage(drive_v, first, output_v)
         return record
 
     def run_broken_law(self, drive_v: float, early_ns: int, cycles: int) -> None:
@@ -114,6 +130,21 @@ class CommandedStage(FaultyStage):
         for _ in range(cycles):
             self.cycle()
         law.update, self.moves_freshly = update, True  # type: ignore[method-assign] # as it was
+
+    def disturb_output(self, drive_v: float, flag: DeviceFlag) -> None:
+        """Change the output while nothing is written, and let the amplifier report why.
+
+        In local mode somebody turns the knob to a voltage; with any other flag the output falls to
+        0 V.
+        """
+        local = flag is DeviceFlag.LOCAL_MODE
+        self.fail(InjectionKind.FLAGGED, LOCAL_CYCLES if local else 1, flag=flag)
+        if local:
+            self.cycle()
+        if not local or self.stage.boundary.withheld or self.controller.state not in DRIVEN:
+            self.device.inner.write([drive_v if local else 0.0], self.t_ns)
+        for _ in range(LOCAL_CYCLES):
+            self.cycle()
 
     def restart(self) -> None:
         """Let a new loop take over from one that was killed, 50 ms later."""
@@ -133,14 +164,55 @@ class CommandedStage(FaultyStage):
             for _ in range(20):
                 self.cycle()
 
-    def _check_voltage(self, drive_v: float, first: int) -> None:
-        """Check a voltage against the range, and against the one of the cycle before."""
+    def _check_voltage(self, drive_v: float, first: int, output_v: float) -> None:
+        """Check a voltage against the range, and against the one of the cycle before.
+
+        The first write after a gap is checked against the output of the rig itself.
+
+        Args:
+            drive_v: The voltage that was written, in V.
+            first: Number of writes before it.
+            output_v: Output of the rig before it, in V.
+        """
         low_v, high_v = self._range_v
         assert isfinite(drive_v)
         assert low_v <= drive_v <= high_v
         before_ns, (before_v,) = self.channels.writes[first - 1] if first else (-1, (drive_v,))
         if len(self.records) > 1 and before_ns == self.records[-2].t_ns:
-            assert abs(drive_v - before_v) <= (self._step_v if self.moves_freshly else 0.0)
+            # A write that was not taken is not in force: the one before it is kept.
+            moves = self.moves_freshly or not self.records[-2].written
+            assert abs(drive_v - before_v) <= (self._step_v if moves else 0.0)
+        else:
+            credible_v = output_v, *self._false_v(output_v, before_v)
+            off_v = min(abs(drive_v - each_v) for each_v in credible_v)
+            assert off_v <= self._step_v + self._tolerance_v, (drive_v, credible_v)
+
+    def _false_v(self, output_v: float, before_v: float) -> tuple[float, ...]:
+        """Return the voltages that the daemon must take for the one of the output, in V.
+
+        It can know better unless the read-back of this cycle or of the one before was false. Then
+        it may believe that read-back, or the last write. A lost amplifier is still at its last
+        write if the sensor excludes the read-back only.
+        """
+        shown_ns = {record.t_ns for record in self.records[-2:]}
+        lies_v = [
+            output_v + one.value
+            for one in self.device.schedule
+            if one.kind is InjectionKind.READ_BACK_OFFSET
+            and any(one.start_ns <= t_ns < one.end_ns for t_ns in shown_ns)
+        ]
+        if not lies_v:
+            return ()
+        sensor = self.stage.watches[0].sensor
+        position_um = sensor.sample.position_um if sensor.sample.valid else nan
+
+        def excluded(at_v: float) -> bool:
+            return Claim(at_v, *sensor.allowed_um(at_v)).excludes(position_um)
+
+        kept = abs(before_v - output_v) <= self._tolerance_v and not excluded(output_v)
+        if kept and len(self.records) > 1 and self.records[-2].state is State.BLIND:
+            lies_v = [each_v for each_v in lies_v if not excluded(each_v)]
+        return *lies_v, before_v
 
     def _mine_now(self, person: Peer) -> bool:
         holder = self.lease.document

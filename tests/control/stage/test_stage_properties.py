@@ -58,6 +58,11 @@ TIMINGS: Final = [
     CycleTiming(0, 0, 10_000, -HOUR_NS, 0),  # somebody set the clock
     CycleTiming(0, 0, 10_000, HOUR_NS, 0),
 ]
+DISTURBANCES: Final = (
+    DeviceFlag.LOCAL_MODE,
+    DeviceFlag.RESTARTED,
+    DeviceFlag.WATCHDOG_TRIPPED,
+)
 SIZES: Final = (nan, inf, -inf, 1e9, -1.0, 0.5, 30.0)
 SETPOINTS_UM: Final = st.floats(0.0, 30.0) | st.sampled_from([nan, inf, -1.0])
 
@@ -115,6 +120,11 @@ class AnyHistory(RuleBasedStateMachine):
     def miscalculate(self, drive_v: float, early_ns: int, cycles: int) -> None:
         """The control law asks for any voltage, or for one that belongs to another instant."""
         self.stage.run_broken_law(drive_v, early_ns, cycles)
+
+    @rule(drive_v=st.floats(0.0, 150.0), flag=st.sampled_from(DISTURBANCES))
+    def disturb_output(self, drive_v: float, flag: DeviceFlag) -> None:
+        """Somebody turns the knob of the amplifier in local mode, or its output falls."""
+        self.stage.disturb_output(drive_v, flag)
 
     @precondition(lambda self: self.restarts < 3)
     @rule()

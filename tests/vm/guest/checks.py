@@ -18,6 +18,7 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("the unit starts, and the daemon reports that it is ready", service.unit_starts),
         ("the loop is real-time, with locked memory", service.loop_is_real_time),
         ("an engineer moves the stage", service.operator_moves),
+        ("a clock that is set moves nothing", service.clock_is_set),
         ("the journal has structured messages", service.journal_has_fields),
         ("a full memory swaps out nothing of the loop", memory.loop_stays_in_memory),
         ("a hung supervisor is ended by the watchdog, at 0 V", service.watchdog_restarts),

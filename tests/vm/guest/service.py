@@ -56,6 +56,21 @@ def loop_is_real_time() -> str:
     return f"SCHED_FIFO {priority}, {locked_mb:.0f} MB locked"
 
 
+def clock_is_set() -> str:
+    """Set the clock of the machine an hour forward, and back: the stage runs on, the log has L4."""
+    loop = STAGE.loop
+    run("date --set='1 hour'")
+    try:
+        wait_until(lambda: '"L4"' in STAGE.log(), "the log has L4")
+    finally:
+        run("date --set='1 hour ago'")
+    wait_until(lambda: "L4" not in STAGE.faults(), "L4 has ended")
+    state = STAGE.status().state
+    need(state == "RUN", f"the stage is in {state}")
+    need(STAGE.loop == loop, "the loop was started again")
+    return "L4 in the log, RUN before and after"
+
+
 def memory_mb(pid: int, name: str) -> float:
     """Return a size of a process from /proc, in MB."""
     for line in Path(f"/proc/{pid}/status").read_text("ascii").splitlines():
