@@ -239,10 +239,12 @@ class FaultRegister:
         return rule.reaction
 
     def _can_cause(self, rule: FaultRule, other: int) -> bool:
-        """Return whether this rule can be the cause of another fault, found shortly before."""
-        source = self._rules[other].source
+        """Return whether this rule can be the cause of another fault, found shortly before.
+
+        A rule that is itself a consequence of the other one is not asked: it has no reaction.
+        """
         lately = self._cycle - self._since_cycle[other] <= CAUSE_CYCLES
-        return lately and source in range(rule.source + 1, Source.PROCESS)
+        return lately and Source.PROCESS not in {rule.source, self._rules[other].source}
 
     def _end(self, index: int) -> None:
         """End a present fault; without a latch it is over."""

@@ -45,9 +45,8 @@ IN_SHORT: Final = MappingProxyType(
         Fault.D9: "cannot occur: the drive fades to the new mode within its slew rate",
         Fault.S10: "not another calibration in the same device: no driver reads it",
         Fault.A2: "not a part of a write to a message bus or library: A1, A3 or B9",
-        Fault.B14: "not a program of root, or one that had the port before: B3, B4 or B5",
+        Fault.B14: "not, while it is open, a program of root: what it sends is B3, B4 or B5",
         Fault.L8: "not the size of the process: only page faults are counted",
-        Fault.P11: "not an edited model file: only the configuration file is compared",
     }
 )
 """The reasons in one line of a terminal, for `piezod status`. After "not": what is not detected."""

@@ -197,6 +197,13 @@ def test_consequence_is_found_at_most_ten_cycles_before_its_cause(
     assert bench.cycle(Fault.S5, Fault.A3) is reaction
 
 
+def test_fault_of_the_process_holds_soon_after_one_of_a_sensor(bench: RegisterBench) -> None:
+    """A driver that fails is no cause of the fault that was found before."""
+    assert bench.cycles(2, Fault.S5)[0] is Reaction.HOLD
+
+    assert bench.cycle(Fault.S5, Fault.P3) is Reaction.HOLD
+
+
 def test_fault_of_the_process_is_no_consequence_of_a_later_one(bench: RegisterBench) -> None:
     """A sensor that is lost just after a failed control law holds again."""
     bench.cycle(Fault.P4)

@@ -141,6 +141,7 @@ def test_each_rule_is_consistent(rule: FaultRule) -> None:
     assert rule.name
     assert rule.remedy
     if rule.escalation is not None:
+        assert rule.latch  # the register latches a fault when it appears
         worse = (rule.escalation.reaction, rule.escalation.latch)
         assert worse > (rule.reaction, rule.latch)
         assert rule.escalation.latch >= rule.latch
