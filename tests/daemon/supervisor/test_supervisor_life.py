@@ -51,7 +51,6 @@ def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Pa
 @pytest.mark.parametrize(
     ("state", "verbs"),
     [
-        pytest.param("SAFE", (), marks=pytest.mark.stress),
         pytest.param("READY", ("arm",), marks=pytest.mark.stress),
         ("RUN", ("arm", "goto")),
         pytest.param("HOLD", ("arm", "goto", "hold"), marks=pytest.mark.stress),
@@ -65,9 +64,9 @@ def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Pa
 def test_end_is_orderly_in_every_state(
     stage: HostedStage, state: str, verbs: tuple[str, ...], reaction: Reaction
 ) -> None:
-    """SIGTERM ends the daemon with code 0 in every state; further signals change nothing.
+    """SIGTERM ends the daemon with code 0 once it was armed; further signals change nothing.
 
-    The last voltage is the safe one; in SAFE there may be none.
+    The last voltage is the safe one.
     """
     daemon = stage.daemon
     for verb in verbs:
@@ -85,8 +84,22 @@ def test_end_is_orderly_in_every_state(
 
     assert daemon.exit_code() == 0
     reaction("P1", ms=(time.monotonic() - began_s - abs(drive_v - SAFE_V) / RAMP_V_PER_S) * 1e3)
-    last_v = [write.drive_v for write in stage.writes()[-1:]]
-    assert last_v == [SAFE_V] or not (last_v or verbs)
+    assert stage.writes()[-1].drive_v == SAFE_V
+    assert not is_alive(loop_pid)
+    assert not daemon.paths.running.exists()
+
+
+@pytest.mark.stress
+@pytest.mark.fault("P1")
+def test_end_is_orderly_before_it_is_armed(start: StartDaemon, rig_file: Path) -> None:
+    """A stage at its safe voltage has nothing to ramp down."""
+    daemon = start(rig_file).up()
+    loop_pid = daemon.loop_pid
+
+    daemon.signal(signal.SIGTERM)
+    daemon.signal(signal.SIGINT)
+
+    assert daemon.exit_code() == 0
     assert not is_alive(loop_pid)
     assert not daemon.paths.running.exists()
 
