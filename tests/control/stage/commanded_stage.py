@@ -95,7 +95,11 @@ class CommandedStage(FaultyStage):
             return False
         after = self.controller.state
         assert mine or not row.access.lease
-        assert after in {before} | DRIVEN - ARMED or row.access.lease or after is State.STOPPING
+        assert (
+            after in {before, State.BLIND} | DRIVEN - ARMED
+            or row.access.lease
+            or after is State.STOPPING
+        )
         assert after not in ARMED or after is before or self._mine_now(person)
         return True
 
@@ -174,18 +178,23 @@ class CommandedStage(FaultyStage):
             first: Number of writes before it.
             output_v: Output of the rig before it, in V.
         """
-        low_v, high_v = self._range_v
         assert isfinite(drive_v)
-        assert low_v <= drive_v <= high_v
-        before_ns, (before_v,) = self.channels.writes[first - 1] if first else (-1, (drive_v,))
+        before_ns, (before_v,) = self.channels.writes[first - 1] if first else (-1, (output_v,))
+        credible_v = output_v, *self._false_v(output_v, before_v)
+        # An output that is found outside the range returns at the slew rate, and goes no farther.
+        assert self._outside_v(drive_v) <= max(map(self._outside_v, (*credible_v, before_v)))
         if len(self.records) > 1 and before_ns == self.records[-2].t_ns:
             # A write that was not taken is not in force: the one before it is kept.
             moves = self.moves_freshly or not self.records[-2].written
             assert abs(drive_v - before_v) <= (self._step_v if moves else 0.0)
         else:
-            credible_v = output_v, *self._false_v(output_v, before_v)
             off_v = min(abs(drive_v - each_v) for each_v in credible_v)
             assert off_v <= self._step_v + self._tolerance_v, (drive_v, credible_v)
+
+    def _outside_v(self, drive_v: float) -> float:
+        """Return how far a voltage is outside the range, in V."""
+        low_v, high_v = self._range_v
+        return max(low_v - drive_v, drive_v - high_v, 0.0)
 
     def _false_v(self, output_v: float, before_v: float) -> tuple[float, ...]:
         """Return the voltages that the daemon must take for the one of the output, in V.
