@@ -90,7 +90,20 @@ def test_stops_with_creep_predict_the_position_of_held_out_blocks(
 def test_automatic_choice_holds_on_blocks_and_on_another_record(
     shared_data: Path, figure: Figure
 ) -> None:
-    """The model that cross-validation chooses predicts held-out blocks and the other record."""
+    """The chosen model predicts held-out blocks and the other record, voltage and position."""
     judged = identified(shared_data, Wanted(), 1.0).taken
+    held_out, removed = judged.validation.errors, judged.test_offset_removed
+    assert removed is not None
 
     check_errors_on_other_data(judged, "chosen automatically", figure)
+    figure(
+        f"measured stage, position: held-out {held_out['position_error_max_pct']:.2f} % worst, "
+        f"{held_out['position_error_rms_pct']:.3f} % rms; test.csv without a constant offset "
+        f"{removed.errors['position_error_rms_pct']:.3f} % rms"
+    )
+    assert held_out["voltage_error_max_pct"] <= 0.65
+    assert held_out["voltage_error_rms_pct"] <= 0.125
+    assert held_out["position_error_max_pct"] <= 0.85
+    assert held_out["position_error_rms_pct"] <= 0.26
+    assert removed.errors["voltage_error_rms_pct"] <= 0.79
+    assert removed.errors["position_error_rms_pct"] <= 1.06
