@@ -126,10 +126,10 @@ figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 	$(BIN)/python -m docs.figures
 
 lock: ## pin the newest versions of all dependencies (needs uv)
-	uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
+	uv pip compile --quiet --universal --upgrade --no-strip-extras --generate-hashes --python-version 3.11 \
 		--extra dev --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
 	@for tool in .ci/tools/*.in; do \
-		uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
+		uv pip compile --quiet --universal --upgrade --no-strip-extras --generate-hashes --python-version 3.11 \
 			--constraint requirements.lock --custom-compile-command "make lock" \
 			--output-file "$${tool%.in}.txt" "$$tool" || exit; \
 	done

@@ -17,7 +17,9 @@ from tests.system.machine import build_wheel
 EXTRAS: Final = "can,epics"
 _ROOT: Final = Path(__file__).parents[2]
 _LOCKS: Final = (_ROOT / "requirements.lock", _ROOT / ".ci" / "tools" / "epics.txt")
-_PINNED: Final = re.compile(r"^([A-Za-z0-9._-]+==[^ \\]+)( ; [^\\]+)?", re.MULTILINE)
+_PINNED: Final = re.compile(
+    r"^([A-Za-z0-9._-]+)(?:\[[^]]+\])?(==[^ \\]+)( ; [^\\]+)?", re.MULTILINE
+)
 _GUEST: Final = (
     *("--python-version", "3.11", "--implementation", "cp", "--only-binary", ":all:"),
     *("--platform", "manylinux_2_28_x86_64", "--platform", "manylinux_2_27_x86_64"),
@@ -39,7 +41,10 @@ class Wheels(NamedTuple):
 
 
 def pins(lock: str) -> list[str]:
-    """Return the pinned versions of a lock file, with their markers and without their hashes."""
+    """Return the pinned versions of a lock file, with their markers, without extras and hashes.
+
+    A constraint of pip cannot have extras.
+    """
     return ["".join(match.groups("")).rstrip() for match in _PINNED.finditer(lock)]
 
 
