@@ -22,20 +22,27 @@ _HOG: Final = (
 def loop_stays_in_memory() -> str:
     """Fill the memory of the machine; nothing that the loop has locked is swapped out."""
     run(f"fallocate -l 1G {_SWAP} && chmod 600 {_SWAP} && mkswap {_SWAP} && swapon {_SWAP}")
-    available_mb = int(run("awk '/^MemAvailable/ {print $2}' /proc/meminfo")) // 1024
-    hog = _HOG.format(available_mb + _TOO_MUCH_MB)
-    run(f'systemd-run --unit=hog -p OOMScoreAdjust=1000 /usr/bin/python3 -c "{hog}"')
-    wait_until(_FULL.exists, "the memory is full", 600.0)
-    swapped_mb = int(run("awk '/^pswpout/ {print $2}' /proc/vmstat")) * _PAGE >> 20
-    locked_kb, locked_and_swapped_kb = _locked_kb(STAGE.loop)
-    state = STAGE.status().state
-    run(f"systemctl stop hog && swapoff {_SWAP}")
+    try:
+        swapped_mb = _fill_memory()
+        locked_kb, locked_and_swapped_kb = _locked_kb(STAGE.loop)
+        state = STAGE.status().state
+    finally:  # with a full memory, the checks after this one would fail, too
+        run(f"systemctl stop hog; swapoff {_SWAP}")
     need(swapped_mb > _TOO_MUCH_MB / 2, f"the machine has swapped out only {swapped_mb} MB")
     need(locked_kb > 0, "no memory of the loop is locked")
     need(not locked_and_swapped_kb, f"{locked_and_swapped_kb} kB of it were swapped out")
     need(state == "RUN", f"the stage is in {state}")
     locked_mb = locked_kb // 1024
     return f"{swapped_mb} MB of others were swapped out, none of the {locked_mb} MB that are locked"
+
+
+def _fill_memory() -> int:
+    """Have a program take more memory than is available; return how much was swapped, in MB."""
+    available_mb = int(run("awk '/^MemAvailable/ {print $2}' /proc/meminfo")) // 1024
+    hog = _HOG.format(available_mb + _TOO_MUCH_MB)
+    run(f'systemd-run --unit=hog -p OOMScoreAdjust=1000 /usr/bin/python3 -c "{hog}"')
+    wait_until(_FULL.exists, "the memory is full", 600.0)
+    return int(run("awk '/^pswpout/ {print $2}' /proc/vmstat")) * _PAGE >> 20
 
 
 def _locked_kb(pid: int) -> tuple[int, int]:
