@@ -17,7 +17,7 @@ BEHIND_USB: Final = "amplifier"
 """Name, for the monitor, of what is at the other end of a USB adapter."""
 _QEMU: Final = "qemu-system-x86_64"
 # Emulated even where there is a KVM: nested in another machine, it may start and then hang.
-_PC: Final = "-machine q35 -accel tcg,thread=multi -cpu max -smp 2 -m 2048"
+_PC: Final = "-machine q35 -accel tcg,thread=multi -cpu Nehalem -smp 2 -m 2048"
 _BARE: Final = "-nodefaults -no-user-config -no-reboot -display none -device virtio-rng-pci"
 _KERNEL: Final = "root=/dev/vda rw console=ttyS0 quiet panic=-1 net.ifnames=0"
 # Tests of the kernel, and what a real processor needs, take an emulated one long.

@@ -12,9 +12,10 @@ _FULL: Final = Path("/run/hog-is-full")
 _TOO_MUCH_MB: Final = 200
 """By how much the memory of the machine is exceeded."""
 _PAGE: Final = os.sysconf("SC_PAGE_SIZE")
+# Each page is touched once: a second pass would swap all of them in and out again.
 _HOG: Final = (
-    "import pathlib, time; memory = bytearray({} << 20); "
-    "memory[::4096] = bytes(len(memory) // 4096); "
+    "import mmap, pathlib, time; memory = mmap.mmap(-1, {} << 20); "
+    "memory[::4096] = bytes([1]) * (len(memory) // 4096); "
     f"pathlib.Path('{_FULL}').touch(); time.sleep(3600)"
 )
 

@@ -17,7 +17,7 @@ STAGE: Final = Stage(
     "emulated.yaml",
     (
         # A low rate and long time-outs: an emulated processor is some twenty times slower.
-        ("rate_hz: 1000", "rate_hz: 20"),
+        ("rate_hz: 1000", "rate_hz: 10"),
         ("ramp_v_per_s: 50", "ramp_v_per_s: 100"),
         (r"rig\.sock", f"{RIG}/rig.sock, deadline_ms: 1000"),
     ),
