@@ -12,9 +12,8 @@ from piezod.experiment.fit.record import Record
 from piezod.hysteresis import SurfaceForm
 from tests.cli.conftest import Command
 from tests.experiment.fit.made_up_ringing import ringing_record
-from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import write_record
-from tests.experiment.made_up_surface import surface_record as lagging_record
+from tests.experiment.made_up_surface import surface_record
 
 SURFACE = ("--method", "surface")
 
@@ -43,7 +42,7 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
 
 def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     """A stage whose loops widen with the rate has its lag in the text and in the document."""
-    record = lagging_record(activation=0.01, noise=0.0005)
+    record = surface_record(activation=0.01, noise=0.0005)
     write_record(folder / "data.csv", record)
 
     text = piezod("identify", "data.csv", *SURFACE).out

@@ -12,8 +12,8 @@ from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.warnings import residual_warnings
 from piezod.hysteresis.memory import FloatArray
-from tests.experiment.fit.made_up_surface import POSITION_UM, surface_record
-from tests.experiment.made_up import sine
+from tests.experiment.made_up import POSITION_UM, sine
+from tests.experiment.made_up_surface import surface_record
 
 
 def two_rates(t_s: FloatArray) -> FloatArray:
