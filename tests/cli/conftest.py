@@ -71,8 +71,9 @@ def process(folder: Path) -> Command:
 
 @pytest.fixture
 def experiment_file(folder: Path) -> Path:
-    """Return the path of an experiment that takes a second, relative to the folder."""
-    (folder / "short.yaml").write_text(SHORT, encoding="utf-8")
+    """Return the path of an experiment that takes half a second, relative to the folder."""
+    slow_loop = SHORT.replace("rate_hz: 1000", "rate_hz: 250")
+    (folder / "short.yaml").write_text(slow_loop, encoding="utf-8")
     return Path("short.yaml")
 
 

@@ -2,6 +2,8 @@
 
 import json
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -128,9 +130,9 @@ def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay:
 @pytest.mark.parametrize(
     ("record", "text"),
     [
-        (ringing_record(duration_s=2.0), r"Taken: surface(?!.* it has no first mode)"),
+        (partial(ringing_record, duration_s=2.0), r"Taken: surface(?!.* it has no first mode)"),
         (
-            surface_record(noise=0.0005, duration_s=20.0),
+            partial(surface_record, noise=0.0005, duration_s=20.0),
             r"it has no first mode, because the record shows none that makes its errors on "
             r"held-out blocks smaller by 10 % or more\.",
         ),
@@ -138,10 +140,10 @@ def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay:
     ids=["ringing", "slow"],
 )
 def test_choice_tells_whether_the_model_has_the_first_mode(
-    piezod: Command, folder: Path, record: Record, text: str
+    piezod: Command, folder: Path, record: Callable[[], Record], text: str
 ) -> None:
     """A record that rings shows it; a slow one does not, and the text says so."""
-    write_record(folder / "data.csv", record)
+    write_record(folder / "data.csv", record())
 
     out = " ".join(piezod("identify", "data.csv", "--no-creep", "--delay-s", 0.00135).out.split())
 
