@@ -13,7 +13,7 @@ import typer
 from piezod.cli import main
 from tests.client.fake_daemon import STATUS, FakeDaemon
 from tests.client.group_of_fakes import daemons  # noqa: F401 - a fixture
-from tests.experiment.conftest import SHORT
+from tests.experiment.conftest import SLOW_LOOP
 
 
 class Outcome(NamedTuple):
@@ -72,8 +72,7 @@ def process(folder: Path) -> Command:
 @pytest.fixture
 def experiment_file(folder: Path) -> Path:
     """Return the path of an experiment that takes half a second, relative to the folder."""
-    slow_loop = SHORT.replace("rate_hz: 1000", "rate_hz: 250")
-    (folder / "short.yaml").write_text(slow_loop, encoding="utf-8")
+    (folder / "short.yaml").write_text(SLOW_LOOP, encoding="utf-8")
     return Path("short.yaml")
 
 
