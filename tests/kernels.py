@@ -19,8 +19,8 @@ from piezod.plant.effects import EFFECTS, without
 from piezod.plant.plant import Plant
 from piezod.plant.variants import VARIANTS
 from tests.control.rig_stage import RigStage, shipped_config
-from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import record_of
+from tests.experiment.made_up_surface import surface_record
 
 MS_NS = 1_000_000
 

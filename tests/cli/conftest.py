@@ -13,7 +13,7 @@ import typer
 from piezod.cli import main
 from tests.client.fake_daemon import STATUS, FakeDaemon
 from tests.client.group_of_fakes import daemons  # noqa: F401 - a fixture
-from tests.experiment.conftest import SHORT
+from tests.experiment.conftest import SLOW_LOOP
 
 
 class Outcome(NamedTuple):
@@ -71,8 +71,8 @@ def process(folder: Path) -> Command:
 
 @pytest.fixture
 def experiment_file(folder: Path) -> Path:
-    """Return the path of an experiment that takes a second, relative to the folder."""
-    (folder / "short.yaml").write_text(SHORT, encoding="utf-8")
+    """Return the path of an experiment that takes half a second, relative to the folder."""
+    (folder / "short.yaml").write_text(SLOW_LOOP, encoding="utf-8")
     return Path("short.yaml")
 
 

@@ -37,7 +37,7 @@ def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) ->
 def test_all_problems_are_reported(piezod: Command, experiment_file: Path) -> None:
     """Every problem is a line on stderr with its place, and the exit code is 78."""
     text = experiment_file.read_text(encoding="utf-8")
-    text = text.replace("rate_hz: 1000", "rate_hz: fast").replace("driver: simulated", "driver: x")
+    text = text.replace("rate_hz: 200", "rate_hz: fast").replace("driver: simulated", "driver: x")
     experiment_file.write_text(text, encoding="utf-8")
 
     known = ", ".join(registry.names())

@@ -2,6 +2,8 @@
 
 import json
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,8 @@ from piezod.experiment.fit.record import Record
 from piezod.hysteresis import SurfaceForm
 from tests.cli.conftest import Command
 from tests.experiment.fit.made_up_ringing import ringing_record
-from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import write_record
-from tests.experiment.made_up_surface import surface_record as lagging_record
+from tests.experiment.made_up_surface import surface_record
 
 SURFACE = ("--method", "surface")
 
@@ -43,7 +44,7 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
 
 def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     """A stage whose loops widen with the rate has its lag in the text and in the document."""
-    record = lagging_record(activation=0.01, noise=0.0005)
+    record = surface_record(activation=0.01, noise=0.0005)
     write_record(folder / "data.csv", record)
 
     text = piezod("identify", "data.csv", *SURFACE).out
@@ -129,9 +130,9 @@ def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay:
 @pytest.mark.parametrize(
     ("record", "text"),
     [
-        (ringing_record(duration_s=2.0), r"Taken: surface(?!.* it has no first mode)"),
+        (partial(ringing_record, duration_s=2.0), r"Taken: surface(?!.* it has no first mode)"),
         (
-            surface_record(noise=0.0005, duration_s=20.0),
+            partial(surface_record, noise=0.0005, duration_s=20.0),
             r"it has no first mode, because the record shows none that makes its errors on "
             r"held-out blocks smaller by 10 % or more\.",
         ),
@@ -139,10 +140,10 @@ def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay:
     ids=["ringing", "slow"],
 )
 def test_choice_tells_whether_the_model_has_the_first_mode(
-    piezod: Command, folder: Path, record: Record, text: str
+    piezod: Command, folder: Path, record: Callable[[], Record], text: str
 ) -> None:
     """A record that rings shows it; a slow one does not, and the text says so."""
-    write_record(folder / "data.csv", record)
+    write_record(folder / "data.csv", record())
 
     out = " ".join(piezod("identify", "data.csv", "--no-creep", "--delay-s", 0.00135).out.split())
 

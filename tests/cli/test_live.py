@@ -1,10 +1,10 @@
 """`piezod experiment --live` and `piezod identify --live` on a daemon, in real time."""
 
 import json
+import os
 import re
 import signal
-import subprocess
-import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from tests.daemon.daemons import SHIPPED, Daemon, configuration
 from tests.daemon.waiting import eventually
 from tests.experiment.conftest import SHORT
 from tests.experiment.made_up import record_of, write_record
+from tests.forked import Forked
 
 RATE_HZ = 30.0
 LIVE = SHORT.replace("period_s: 1\n    duration_s: 3", "period_s: 0.5\n    duration_s: 1")
@@ -110,6 +111,18 @@ def punctual(rig: Daemon, attempt: Callable[[], Outcome]) -> Outcome:
     return attempt()
 
 
+def ended_in(rig: Daemon, state: str, number: signal.Signals, *arguments: str) -> Outcome:
+    """Run a command as a process, and send it a signal once the stage is in a state."""
+    with Path(os.devnull).open("r+b") as nothing, tempfile.TemporaryFile("w+") as err:
+        streams = nothing.fileno(), nothing.fileno(), err.fileno()
+        process = Forked(arguments, streams)
+        eventually(lambda: rig.status().get("state") == state or process.poll() is not None, 60.0)
+        process.send_signal(number)
+        code = process.wait()
+        err.seek(0)
+        return Outcome(code, "", err.read())
+
+
 @pytest.mark.usefixtures("blank_figures", "first_model")
 def test_experiment(
     piezod: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
@@ -153,22 +166,13 @@ def test_experiment_that_does_not_fit_moves_nothing(
 
 
 @pytest.mark.usefixtures("first_model")
-def test_interrupt_stops_the_stage(
-    rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
-) -> None:
+def test_interrupt_stops_the_stage(rig: Daemon, socket: tuple[str, str], live_file: Path) -> None:
     """Ctrl-C during a run ramps to the safe voltage and ends the recording."""
     live_file.write_text(LIVE.replace("duration_s: 1\n", "duration_s: 20\n"), encoding="utf-8")
     what = ("experiment", str(live_file), "--live", *socket)
-    command = [sys.executable, "-m", "piezod.cli.main", *what]
 
     def interrupted() -> Outcome:
-        with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
-            eventually(
-                lambda: rig.status().get("state") == "RUN" or process.poll() is not None, 60.0
-            )
-            process.send_signal(signal.SIGINT)
-            _, err = process.communicate()
-        return Outcome(process.returncode, "", err)
+        return ended_in(rig, "RUN", signal.SIGINT, *what)
 
     code, _, err = punctual(rig, interrupted)
 
@@ -186,16 +190,10 @@ def test_killed_identification_leaves_nothing_driven(
     """The daemon stops the stage and ends the recording of a command that is killed."""
     (folder / "drive.yaml").write_text(DRIVE.replace("duration_s: 4", "duration_s: 60"))
     what = ("identify", "--live", "--drive", "drive.yaml", *socket)
-    command = [sys.executable, "-m", "piezod.cli.main", *what]
 
     def killed() -> Outcome:
-        with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
-            eventually(
-                lambda: rig.status().get("state") == "IDENT" or process.poll() is not None, 60.0
-            )
-            process.send_signal(number)
-            _, err = process.communicate()
-        return Outcome(process.returncode if process.returncode != -number else 0, "", err)
+        ended = ended_in(rig, "IDENT", number, *what)
+        return ended._replace(code=0) if ended.code == -number else ended
 
     code, _, err = punctual(rig, killed)
 

@@ -37,6 +37,9 @@ cases:
     command_um: {kind: sine, low: 0, high: 20, frequency_hz: 1}
 """
 
+SLOW_LOOP = SHORT.replace("rate_hz: 1000", "rate_hz: 200")
+"""The same at a rate that takes half of the time."""
+
 Load = Callable[[str], ExperimentConfig]
 
 

@@ -6,12 +6,8 @@ from piezod.control.law.first_mode import FirstMode
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis import SurfaceForm
 from piezod.hysteresis.memory import FloatArray
-from tests.experiment.fit.made_up_surface import (
-    DRIVE_V,
-    POSITION_UM,
-    all_loops,
-    made_up_surface,
-)
+from tests.experiment.made_up import DRIVE_V, POSITION_UM
+from tests.experiment.made_up_surface import all_loops, made_up_surface
 
 RATE_HZ, FINER = 2000.0, 20
 MODE = FirstMode(frequency_hz=180.0, damping=0.03)

@@ -8,8 +8,8 @@ from piezod.experiment.fit.cross_validation import cross_validate
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
-from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import ORDER, RATE_HZ, record_of
+from tests.experiment.made_up_surface import surface_record
 
 
 @pytest.mark.parametrize("delay_periods", [0.0, 2.0, 2.5])

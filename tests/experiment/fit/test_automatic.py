@@ -15,8 +15,8 @@ from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.residuals import Residuals
 from piezod.experiment.fit.settings import FitSettings
-from tests.experiment.fit.made_up_surface import surface_record
 from tests.experiment.made_up import record_of, sine
+from tests.experiment.made_up_surface import surface_record
 
 
 @pytest.mark.parametrize("delay_s", [None, 0.0])

@@ -1,6 +1,7 @@
 """Tests of the parts of a residual."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.warnings import residual_warnings
 from piezod.hysteresis.memory import FloatArray
-from tests.experiment.fit.made_up_surface import POSITION_UM, surface_record
-from tests.experiment.made_up import sine
+from tests.experiment.made_up import POSITION_UM, sine
+from tests.experiment.made_up_surface import surface_record
 
 
 def two_rates(t_s: FloatArray) -> FloatArray:
@@ -25,13 +26,18 @@ def two_rates(t_s: FloatArray) -> FloatArray:
 
 RECORD = surface_record(path=two_rates, duration_s=40.0)
 SETTINGS = FitSettings(method=Method.SURFACE, creep=False, delay_s=0.0)
-FIT = fit_model(RECORD, SETTINGS)
 
 
-def parts_with(added_pct: FloatArray, fit: Fit = FIT) -> Breakdown:
+@cache
+def good_fit() -> Fit:
+    """Return the fit to the record."""
+    return fit_model(RECORD, SETTINGS)
+
+
+def parts_with(added_pct: FloatArray) -> Breakdown:
     """Return the parts of the residual of a record to which something is added, in % of 30 µm."""
     position_um = RECORD.position_um - 0.01 * POSITION_UM * added_pct
-    return breakdown_of(fit, replace(RECORD, position_um=position_um))
+    return breakdown_of(good_fit(), replace(RECORD, position_um=position_um))
 
 
 def rms(values: FloatArray) -> float:
@@ -115,6 +121,6 @@ def test_widening_that_makes_the_error_has_a_warning() -> None:
         parts_with(np.zeros(RECORD.t_s.size)), total_pct=0.6, rate_pct=0.5, widening_pct=2.0
     )
 
-    (warning,) = residual_warnings(judge(FIT, RECORD, None), parts)
+    (warning,) = residual_warnings(judge(good_fit(), RECORD, None), parts)
 
     assert warning.startswith("The loops widen by 2 % of the swing per decade of the rate")

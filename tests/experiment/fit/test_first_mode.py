@@ -21,7 +21,7 @@ from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.uncertainty import uncertainty_of
 from piezod.experiment.fit.warnings import fit_warnings, mode_warnings
 from tests.experiment.fit.made_up_ringing import MODE, RATE_HZ, ringing_record
-from tests.experiment.fit.made_up_surface import surface_record
+from tests.experiment.made_up_surface import surface_record
 
 SURFACE = FitSettings(method=Method.SURFACE)
 HALF_PERIOD_S = 0.5 / RATE_HZ

@@ -8,7 +8,7 @@ from piezod.experiment.fit.prediction import predicted_um, predicted_v
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis import AffineRange, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
-from tests.experiment.fit.made_up_surface import all_loops, made_up_surface
+from tests.experiment.made_up_surface import all_loops, made_up_surface
 
 PERIOD_S = 0.01
 

@@ -1,6 +1,7 @@
 """Tests of fits of a surface to records of a stage whose hysteresis is one."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,10 +20,13 @@ from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.surface_form import SurfaceForm, surface_regressors
 from tests.control.made_up import SURFACE
-from tests.experiment.made_up import DRIVE_V, POSITION_UM, RATE_HZ
-from tests.experiment.made_up_surface import surface_record
+from tests.experiment.made_up import DRIVE_V, POSITION_UM, RATE_HZ, swells
+from tests.experiment.made_up_surface import surface_record, two_frequencies
 
 NOISE = 1e-3
+swelling_record = partial(
+    surface_record, weights=SURFACE.weights, path=two_frequencies, duration_s=25.0
+)
 
 
 def fitted(record: Record, *, creep: bool = False, delay_s: float | None = None) -> Fit:
@@ -48,7 +52,7 @@ def worst_miss(fit: Fit) -> float:
 @pytest.mark.parametrize("creep", [0.0, 0.004])
 def test_stage_is_found(delay_periods: float, creep: float) -> None:
     """Surface, creep and a delay of either sign are found, also on other loops."""
-    fit = fitted(surface_record(delay_periods=delay_periods, creep=creep), creep=creep > 0.0)
+    fit = fitted(swelling_record(delay_s=delay_periods / RATE_HZ, creep=creep), creep=creep > 0.0)
 
     assert fit.delay is not None
     assert fit.model.delay_s * RATE_HZ == pytest.approx(delay_periods, abs=0.03)
@@ -61,8 +65,8 @@ def test_stage_is_found(delay_periods: float, creep: float) -> None:
 
 def test_stage_is_found_in_noise() -> None:
     """With noise, an offset and creep all numbers are found within their stated errors."""
-    record = surface_record(
-        delay_periods=-0.4, creep=0.004, offset=0.1, noise=NOISE, duration_s=50.0
+    record = swelling_record(
+        delay_s=-0.4 / RATE_HZ, creep=0.004, offset=0.1, noise=NOISE, duration_s=50.0
     )
     fit = fitted(record, creep=True)
     uncertainty = uncertainty_of(fit, cross_validate(fit))
@@ -78,7 +82,7 @@ def test_stage_is_found_in_noise() -> None:
 @pytest.mark.parametrize("activation", [0.0, 0.003, 0.01])
 def test_lag_with_the_rate_is_found_only_where_it_is(activation: float) -> None:
     """A stage without it gets a model without it, and a stage with it gets its size."""
-    fit = fitted(surface_record(activation=activation, noise=NOISE, duration_s=50.0))
+    fit = fitted(swelling_record(activation=activation, noise=NOISE, duration_s=50.0))
     form = fit.model.form
 
     assert isinstance(form, SurfaceForm)
@@ -88,7 +92,7 @@ def test_lag_with_the_rate_is_found_only_where_it_is(activation: float) -> None:
 
 def test_displacement_is_one_at_the_highest_drive() -> None:
     """[0, 1] of the model is the displacement without creep at the ends of the drive."""
-    fit = fitted(surface_record())
+    fit = fitted(swelling_record())
     model = fit.model
 
     assert model.form.positions_at(model.weights, np.array([1.0]))[0] == pytest.approx(1.0)
@@ -116,7 +120,7 @@ def test_constraints_hold_if_the_record_would_break_them() -> None:
 
 def test_without_creep_the_model_has_none() -> None:
     """A stage that creeps is fitted without creep unless it is requested."""
-    fit = fitted(surface_record(creep=0.004))
+    fit = fitted(swelling_record(creep=0.004))
 
     assert fit.model.creep.weights.size == 0
     assert uncertainty_of(fit, cross_validate(fit)).creep_per_decade is None
@@ -125,7 +129,7 @@ def test_without_creep_the_model_has_none() -> None:
 @pytest.mark.parametrize("delay_periods", [-1.3, -0.02, 0.02, 0.6, 2.02])
 def test_samples_that_count_are_those_of_the_found_delay(delay_periods: float) -> None:
     """The band of the prediction has one value for each sample that the errors count."""
-    fit = fitted(surface_record(delay_periods=delay_periods))
+    fit = fitted(swelling_record(delay_s=delay_periods / RATE_HZ))
     band_pct = uncertainty_of(fit, cross_validate(fit)).band_pct
 
     assert band_pct is not None
@@ -134,7 +138,7 @@ def test_samples_that_count_are_those_of_the_found_delay(delay_periods: float) -
 
 def test_given_delay_is_kept() -> None:
     """A delay that is given is not searched, and has no estimate."""
-    fit = fitted(surface_record(delay_periods=-1.0), delay_s=-1.0 / RATE_HZ)
+    fit = fitted(swelling_record(delay_s=-1.0 / RATE_HZ), delay_s=-1.0 / RATE_HZ)
 
     assert (fit.delay, fit.model.delay_s) == (None, -1.0 / RATE_HZ)
     assert worst_miss(fit) < 1e-3
@@ -142,7 +146,7 @@ def test_given_delay_is_kept() -> None:
 
 def test_delay_of_one_frequency_is_that_of_the_stops() -> None:
     """A single frequency does not separate delay and hysteresis; the estimate reports that."""
-    fit = fitted(surface_record(one_frequency=True, delay_periods=1.0))
+    fit = fitted(swelling_record(path=swells, delay_s=1.0 / RATE_HZ))
 
     assert fit.delay is not None
     assert fit.delay.one_frequency
@@ -151,7 +155,7 @@ def test_delay_of_one_frequency_is_that_of_the_stops() -> None:
 
 def test_curve_of_delays_has_its_least_at_the_delay() -> None:
     """The errors of other delays rise on both sides of the best one."""
-    fit = fitted(surface_record(delay_periods=-0.7))
+    fit = fitted(swelling_record(delay_s=-0.7 / RATE_HZ))
 
     assert fit.delay is not None
     best = int(fit.delay.criterion_pct.argmin())
@@ -166,7 +170,7 @@ def test_uncertainty_covers_the_truth(creep: bool) -> None:
 
     With creep, the same holds for the creep per decade.
     """
-    record = surface_record(creep=0.004 if creep else 0.0, duration_s=50.0)
+    record = swelling_record(creep=0.004 if creep else 0.0, duration_s=50.0)
     fit = fitted(record, creep=creep)
     known = linear(fit)
     truth = known.regressors @ known.parameters
@@ -194,7 +198,7 @@ def test_uncertainty_covers_the_truth(creep: bool) -> None:
 
 def test_creep_is_as_uncertain_as_the_mean_of_its_lags() -> None:
     """The stated half width is that of the creep per decade, not that of one lag."""
-    fit = fitted(surface_record(creep=0.004, noise=NOISE, duration_s=50.0), creep=True)
+    fit = fitted(swelling_record(creep=0.004, noise=NOISE, duration_s=50.0), creep=True)
     _, covariance = covariance_of(linear(fit))
     one_lag = SIGMAS_95 * 2.0 * float(np.sqrt(covariance[CREEP, CREEP]))
 
@@ -207,7 +211,7 @@ def test_creep_is_as_uncertain_as_the_mean_of_its_lags() -> None:
 
 def test_model_without_a_block_is_fitted_to_the_others() -> None:
     """A fault in a block changes the whole fit, and not the model without that block."""
-    clean = surface_record(creep=0.004)
+    clean = swelling_record(creep=0.004)
     drive_v = clean.drive_v.copy()
     drive_v[500:800] += 10.0
     held_out = np.zeros(drive_v.size, dtype=np.bool_)
@@ -226,7 +230,7 @@ def test_model_without_a_block_is_fitted_to_the_others() -> None:
 
 def test_first_solution_does_not_depend_on_old_memory() -> None:
     """The fit is the same to the bit every time; unused columns are zero, not what was there."""
-    record = surface_record(delay_periods=1.3)
+    record = swelling_record(delay_s=1.3 / RATE_HZ)
     rubbish = [np.full((record.t_s.size, 34), np.nan) for _ in range(20)]
     first = fitted(record).model.weights
     del rubbish
@@ -238,7 +242,7 @@ def test_first_solution_does_not_depend_on_old_memory() -> None:
 
 def test_short_record_is_refused_with_the_number_of_coefficients() -> None:
     """A surface has 24 coefficients, for any number of operators."""
-    record = surface_record()
+    record = swelling_record()
     short = Record(record.t_s[:110], record.drive_v[:110], record.position_um[:110])
 
     with pytest.raises(DataError) as caught:

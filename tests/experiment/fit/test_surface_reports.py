@@ -12,8 +12,8 @@ from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.surface_parameters import MAX_LAG
 from piezod.experiment.fit.uncertainty import uncertainty_of
 from piezod.experiment.fit.warnings import fit_warnings
-from tests.experiment.fit.made_up_surface import made_up_surface, surface_record
 from tests.experiment.made_up import sine
+from tests.experiment.made_up_surface import made_up_surface, surface_record
 
 SURFACE = FitSettings(method=Method.SURFACE, creep=True, smoothing=False)
 UNDELAYED = replace(SURFACE, delay_s=0.0)

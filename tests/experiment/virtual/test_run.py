@@ -14,7 +14,7 @@ from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.virtual.stage import opened
 from piezod.records.hdf5_file import read_hdf5
 from piezod.records.recording import ExperimentResult
-from tests.experiment.conftest import SHORT, Load
+from tests.experiment.conftest import SLOW_LOOP, Load
 
 MODES = (Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE)
 """Modes in which cases run if the file names none."""
@@ -25,12 +25,18 @@ def run(load: Load, text: str) -> ExperimentResult:
     return run_experiment(load(text), text, "a test", lambda _label, _share: None)
 
 
+@pytest.fixture
+def short() -> str:
+    """Return the text of the short experiment with a slow loop."""
+    return SLOW_LOOP
+
+
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> ExperimentResult:
     """Return the result of the short experiment; no test changes it."""
     path = tmp_path_factory.mktemp("short") / "experiment.yaml"
-    path.write_text(SHORT, encoding="utf-8")
-    return run(lambda _text: load_experiment(path, registry), SHORT)
+    path.write_text(SLOW_LOOP, encoding="utf-8")
+    return run(lambda _text: load_experiment(path, registry), SLOW_LOOP)
 
 
 def test_every_case_runs_in_every_mode(result: ExperimentResult) -> None:
@@ -89,7 +95,7 @@ def test_slow_amplifier_never_exceeds_its_slew_rate(load: Load, short: str) -> N
     hurried = slow.replace("high: 20, frequency_hz: 1", "high: 20, frequency_hz: 3")
     recording = run(load, hurried).recordings[1]
 
-    assert np.max(np.abs(np.diff(recording.drive_v))) == pytest.approx(0.6)
+    assert np.max(np.abs(np.diff(recording.drive_v))) == pytest.approx(600.0 / 200.0)
 
 
 def test_true_errors_are_reported_if_requested(load: Load, short: str) -> None:
