@@ -1,6 +1,6 @@
 """The simulated rig with any allowed options works or gives a reason why it does not."""
 
-from itertools import combinations
+from itertools import combinations, product
 from math import isfinite
 from typing import Any, Final
 
@@ -87,6 +87,16 @@ def test_each_bound_alone_works_or_is_refused() -> None:
         ("sensor", "setback_um", 1e4),
         ("sensor", "saturation_v", 0.1),
     ]
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_bounds_of_a_class_of_hysteresis_work(variant: str) -> None:
+    """All combinations of the bounds of its parameters give a working rig."""
+    law = quantities(type(VARIANTS[variant].parameters.hysteresis))
+    for values in product(*((q.low, q.high) for q in law.values())):
+        keys = {"variant": variant, "hysteresis": dict(zip(law, values, strict=True))}
+
+        assert use(keys), values
 
 
 @given(

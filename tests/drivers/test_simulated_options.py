@@ -1,5 +1,6 @@
 """Options of the simulated rig."""
 
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
@@ -11,6 +12,7 @@ from piezod.config.validate import validate
 from piezod.config.yaml_loader import parse_yaml
 from piezod.errors import ConfigError, DeviceError
 from piezod.plant.effects import EFFECTS
+from piezod.plant.laws import ThermalRelays
 from piezod.plant.parameters import (
     AmplifierParameters,
     SensorParameters,
@@ -86,6 +88,30 @@ def test_given_values_are_exact_and_the_others_vary() -> None:
     assert given.mode_hz == plain.mode_hz != VARIANTS["stack"].parameters.stage.mode_hz
 
 
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("edge", ["low", "high"])
+def test_parameters_of_the_class_of_hysteresis_are_taken(variant: str, edge: str) -> None:
+    """Each has its bounds, is exact, and leaves the others as the seed drew them."""
+    drawn = SimulatedOptions.model_validate({"variant": variant}).plant(SEED)
+    for name, quantity in quantities(type(drawn.hysteresis)).items():
+        value = getattr(quantity, edge)
+        options = {"variant": variant, "hysteresis": {name: value}}
+
+        changed = replace(drawn.hysteresis, **{name: value})
+        assert SimulatedOptions.model_validate(options).plant(SEED).hysteresis == changed
+
+
+def test_class_of_hysteresis_has_its_schema() -> None:
+    """The schema has text, unit and bounds of each parameter of each class."""
+    definition = SimulatedOptions.model_json_schema()["$defs"]["Hysteresis"]["properties"]
+
+    for name, quantity in quantities(ThermalRelays).items():
+        number = definition[name]["anyOf"][0]
+        assert (number["minimum"], number["maximum"]) == (quantity.low, quantity.high)
+        assert quantity.about in definition[name]["description"]
+    assert {"bias_spread", "beta", "pinning"} < definition.keys()
+
+
 def test_switched_off_effect_is_absent_from_the_plant() -> None:
     """A switch in the configuration reaches the plant."""
     plant = SimulatedOptions.model_validate({"effects": {"creep": False, "delay": False}}).plant(
@@ -136,6 +162,15 @@ TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
         (
             "{variant: bouc-wen, stage: {skew: 0.5}}",
             "35: stage.skew: the hysteresis of 'bouc-wen' has no skew; leave it out",
+        ),
+        (
+            "{variant: bouc-wen, hysteresis: {activation: 0.005}}",
+            "46: hysteresis.activation: the hysteresis of 'bouc-wen' has no activation; "
+            "leave it out",
+        ),
+        (
+            "hysteresis: {decay: 0.5}",
+            "21: hysteresis.decay: the hysteresis of 'stack' has no decay; leave it out",
         ),
         ("stage: {modehz: 5}", "9: stage.modehz: unknown key, did you mean 'mode_hz'?"),
         ("effects: {delays: true}", "11: effects.delays: unknown key, did you mean 'delay'?"),

@@ -1,6 +1,9 @@
 """Surfaces for tests, and references that share no code with the kernels."""
 
 from collections.abc import Sequence
+from decimal import Decimal
+from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from hypothesis import strategies as st
@@ -11,6 +14,7 @@ from piezod.hysteresis.everett import N_MIDDLES, N_WIDTHS, SIZE
 from piezod.hysteresis.everett_bounds import least_surface_slope
 
 Floats = NDArray[np.float64]
+Number = TypeVar("Number", float, Decimal)
 
 
 def everett(coefficients: Floats, upper: float, lower: float) -> float:
@@ -20,26 +24,30 @@ def everett(coefficients: Floats, upper: float, lower: float) -> float:
     return float(width * legendre.legval2d(2.0 * np.sqrt(width) - 1.0, middle, table))
 
 
-def all_pairs(coefficients: Floats, drives: Sequence[float]) -> float:
-    """Return the displacement after drives from rest, as the sum over all pairs of extrema.
+def dominant_extrema(past: Sequence[Number]) -> list[Number]:
+    """Return the extrema that count of drives from rest, found anew from the whole past.
 
-    The dominant extrema are found anew from the whole past: from the highest drive on, the lowest
-    after it, the highest after that, and so on (Mayergoyz 1991, section 1.2).
+    They are the drive at the start, the highest one since, the lowest after it, the highest after
+    that, and so on (Mayergoyz 1991, section 1.2). The last one is the present drive.
+
+    Args:
+        past: Drives from rest on, at least two.
     """
-    past = [0.0, *drives]
-    extrema, start, seek_maximum = [0.0], 0, True
-    while start < len(past):
+    extrema, start, seek_maximum = [past[0]], 0, True
+    while start < len(past) - 1:
         rest = past[start:]
         best = max(rest) if seek_maximum else min(rest)
-        # The last occurrence: an equal extremum deletes the earlier one.
-        place = start + len(rest) - 1 - rest[::-1].index(best)
         extrema.append(best)
-        if place == len(past) - 1:
-            break
-        start, seek_maximum = place, not seek_maximum
-    total = 0.0
-    for k in range(1, len(extrema)):
-        before, now = extrema[k - 1], extrema[k]
+        # The last occurrence: an equal extremum deletes the earlier one.
+        start += len(rest) - 1 - rest[::-1].index(best)
+        seek_maximum = not seek_maximum
+    return extrema
+
+
+def all_pairs(coefficients: Floats, drives: Sequence[float]) -> float:
+    """Return the displacement after drives from rest, as the sum over all pairs of extrema."""
+    extrema, total = dominant_extrema([0.0, *drives]), 0.0
+    for before, now in pairwise(extrema):
         sign = 1.0 if now >= before else -1.0
         total += sign * everett(coefficients, max(before, now), min(before, now))
     return total

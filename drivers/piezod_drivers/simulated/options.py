@@ -6,15 +6,15 @@ there a parameter has its unit and bounds.
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
+from itertools import chain, pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.plant.effects import EFFECTS, without
-from piezod.plant.laws import PowerLaw
+from piezod.plant.laws import HysteresisLaw, PowerLaw
 from piezod.plant.parameters import (
     AmplifierParameters,
     PlantParameters,
@@ -80,10 +80,10 @@ class SensorTable(ConfigModel):
             yield ("sensor_v",), what
 
 
-def _overrides(part: type[Any], name: str, about: str) -> type[ConfigModel]:
-    """Return the model of a part of the plant, in which every parameter is optional."""
+def _overrides(name: str, about: str, *parts: type[Any]) -> type[ConfigModel]:
+    """Return the model of parts of the plant, in which every parameter is optional."""
     given: dict[str, Any] = {}
-    for parameter, q in quantities(part).items():
+    for parameter, q in chain.from_iterable(quantities(part).items() for part in parts):
         number: Any = Annotated[float, Quantity(q.low, q.high, q.unit)]
         description = f"{q.about} ({q.unit or 'a number'})"
         given[parameter] = (number | None, Field(None, description=description))
@@ -102,15 +102,21 @@ def _switches() -> type[ConfigModel]:
 if TYPE_CHECKING:  # the fields are known only at run time
     Effects: TypeAlias = ConfigModel
     Stage: TypeAlias = ConfigModel
+    Hysteresis: TypeAlias = ConfigModel
     Amplifier: TypeAlias = ConfigModel
     Sensor: TypeAlias = ConfigModel
 else:
     Effects = _switches()
-    Stage = _overrides(StageParameters, "Stage", "Parameters of the stage that differ.")
-    Amplifier = _overrides(
-        AmplifierParameters, "Amplifier", "Parameters of the amplifier that differ."
+    Stage = _overrides("Stage", "Parameters of the stage that differ.", StageParameters)
+    Hysteresis = _overrides(
+        "Hysteresis",
+        "Parameters of the class of hysteresis that differ.",
+        *get_args(HysteresisLaw),
     )
-    Sensor = _overrides(SensorParameters, "Sensor", "Parameters of the sensor that differ.")
+    Amplifier = _overrides(
+        "Amplifier", "Parameters of the amplifier that differ.", AmplifierParameters
+    )
+    Sensor = _overrides("Sensor", "Parameters of the sensor that differ.", SensorParameters)
 
 
 class SimulatedOptions(ConfigModel):
@@ -132,6 +138,9 @@ class SimulatedOptions(ConfigModel):
     ] = Field("stack", description="kind of stage")
     effects: Effects = Field(Effects(), description="switches, all on by default")
     stage: Stage = Field(Stage(), description="exact values; the others vary with the seed")
+    hysteresis: Hysteresis = Field(
+        Hysteresis(), description="exact values for the variant's class of hysteresis"
+    )
     amplifier: Amplifier = Field(Amplifier(), description="exact values, as for the stage")
     sensor: Sensor = Field(Sensor(), description="exact values, as for the stage")
     calibration: (
@@ -175,20 +184,23 @@ class SimulatedOptions(ConfigModel):
 
     def _unused_parameters(self) -> Iterator[BrokenRule]:
         """Yield given parameters that the variant's class of hysteresis does not have."""
-        law = VARIANTS[self.variant].parameters.hysteresis
-        if isinstance(law, PowerLaw):
-            return
-        for name in self.stage.model_dump(exclude_none=True):
-            if name in ("exponent", "skew"):
-                what = f"the hysteresis of {self.variant!r} has no {name}; leave it out"
-                yield ("stage", name), what
+        law = type(VARIANTS[self.variant].parameters.hysteresis)
+        of_power_law = () if law is PowerLaw else ("exponent", "skew")
+        for part, given, unused in (
+            ("stage", self.stage, of_power_law),
+            ("hysteresis", self.hysteresis, Hysteresis.model_fields.keys() - quantities(law)),
+        ):
+            for name in given.model_dump(exclude_none=True):
+                if name in unused:
+                    what = f"the hysteresis of {self.variant!r} has no {name}; leave it out"
+                    yield (part, name), what
 
     def _configured(self, drawn: PlantParameters) -> PlantParameters:
         configured = PlantParameters(
             stage=replace(drawn.stage, **self.stage.model_dump(exclude_none=True)),
             amplifier=replace(drawn.amplifier, **self.amplifier.model_dump(exclude_none=True)),
             sensor=replace(drawn.sensor, **self.sensor.model_dump(exclude_none=True)),
-            hysteresis=drawn.hysteresis,
+            hysteresis=replace(drawn.hysteresis, **self.hysteresis.model_dump(exclude_none=True)),
         )
         return without(
             configured, [name for name, on in self.effects.model_dump().items() if not on]

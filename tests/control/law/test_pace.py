@@ -4,7 +4,7 @@ from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from piezod.config.first_mode import FirstModeConfig
@@ -51,6 +51,24 @@ def test_learning_never_makes_a_mode_oscillate(
     assert 0.0 < pace <= 1.0
     if frequency_hz < rate_hz / 2:  # beyond, the mode is hardly sampled, and the filters differ
         assert largest_pole(1.0 / rate_hz, mode, 1.5 * share, pace) < 1.0
+
+
+@given(
+    rate_hz=st.floats(2000, 20_000),
+    cycles=st.floats(40, 200),
+    damping=st.floats(0.005, 0.05),
+    share=st.sampled_from([RLS_SHARE, 0.5, 1.18]),
+)
+def test_pace_of_a_sharp_mode_is_close_to_the_edge(
+    rate_hz: float, cycles: float, damping: float, share: float
+) -> None:
+    """Where the mode limits the pace, the loop oscillates if it learns 3.2 times as fast."""
+    mode = FirstModeConfig(frequency_hz=rate_hz / cycles, damping=damping)
+    period_s = 1.0 / rate_hz
+    pace = learning_pace(period_s, mode, share)
+    assume(pace < learning_pace(period_s, None, share))
+
+    assert largest_pole(period_s, mode, share, 3.2 * pace) > 1.0
 
 
 def test_full_pace_would_make_a_sharp_mode_oscillate() -> None:

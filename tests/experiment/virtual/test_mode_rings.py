@@ -1,6 +1,7 @@
 """Tests that learning makes no first mode oscillate, at any rate of the loop."""
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -102,11 +103,22 @@ def at_rate(stage: Identified, rate_hz: float) -> Identified:
     return stage._replace(model=type(model)(**{**vars(model), "delay_s": delay_s})).at(rate_hz)
 
 
-def ringing_pct(stage: Identified) -> float:
-    """Return the largest amplitude between harmonics of a wave that is learned from, in %.
+class Ringing(NamedTuple):
+    """The largest vibration of a stage that learns from a wave, between the harmonics of the wave.
 
-    Infinite if what was learned was dropped, because the stage followed badly, or nothing was.
+    Attributes:
+        amplitude_pct: Its amplitude, in % of the travel.
+        frequency_hz: Its frequency, in Hz.
+        learned: Whether the stage has kept what it learned: it did not follow badly.
     """
+
+    amplitude_pct: float
+    frequency_hz: float
+    learned: bool
+
+
+def ringing(stage: Identified) -> Ringing:
+    """Return the vibration of a stage that learns."""
     rate_hz, width_um = stage.config.rate_hz, stage.model.position_um.width
     wave_hz = min(rate_hz / SAMPLES_PER_WAVE, FASTEST_WAVE_HZ)
     wave = Sine(kind="sine", low=0.3 * width_um, high=0.5 * width_um, frequency_hz=wave_hz)
@@ -118,19 +130,35 @@ def ringing_pct(stage: Identified) -> float:
     before = rig.learned
     traces = [rig.run(part_s) for _ in range(PARTS)]
     dropped = rig.axis.proof.take_verdict() is not None
-    if dropped or np.array_equal(rig.learned, before):
-        return np.inf
+    learned = not dropped and not np.array_equal(rig.learned, before)
     errors_um = [trace[:, TRUE_UM] - trace[:, COMMAND_UM] for trace in traces]
-    return 100.0 / width_um * max(_largest_between(each, waves) for each in errors_um)
+    amplitude_um, line = max(_largest_between(each, waves) for each in errors_um)
+    return Ringing(100.0 / width_um * amplitude_um, line / part_s, learned)
 
 
-def _largest_between(error: FloatArray, waves: int) -> float:
-    """Return the largest amplitude between the harmonics of a wave that repeats so many times."""
+def _largest_between(error: FloatArray, waves: int) -> tuple[float, int]:
+    """Return the largest amplitude between the harmonics of a wave, and its number of cycles.
+
+    Args:
+        error: (n,) errors over time.
+        waves: How often the wave repeats in this time.
+    """
     window = np.hanning(error.size)
     amplitudes = np.abs(np.fft.rfft(window * (error - error.mean()))) * (2.0 / window.sum())
     lines = np.arange(amplitudes.size)
     off_harmonic = np.abs((lines + waves // 2) % waves - waves // 2)
-    return float(np.max(amplitudes[(lines > FIRST_HARMONIC * waves) & (off_harmonic > 2)]))
+    amplitudes[(lines <= FIRST_HARMONIC * waves) | (off_harmonic <= 2)] = 0.0
+    largest = int(np.argmax(amplitudes))
+    return float(amplitudes[largest]), largest
+
+
+def change_pace(patch: pytest.MonkeyPatch, factor: float) -> None:
+    """Let all stages learn faster by a factor."""
+
+    def pace(period_s: float, mode: FirstModeConfig | None, learned_share: float) -> float:
+        return factor * learning_pace(period_s, mode, learned_share)
+
+    patch.setattr(compensated, "learning_pace", pace)
 
 
 def pace_margin(stage: Identified, patch: pytest.MonkeyPatch, *, whole: bool) -> float:
@@ -145,12 +173,9 @@ def pace_margin(stage: Identified, patch: pytest.MonkeyPatch, *, whole: bool) ->
     for factor in FACTORS:
         if factor > LEAST_MARGIN and not whole:
             break
-        patch.setattr(
-            compensated,
-            "learning_pace",
-            lambda *arguments, factor=factor: factor * learning_pace(*arguments),
-        )
-        if ringing_pct(stage) > LARGEST_RINGING_PCT:
+        change_pace(patch, factor)
+        found = ringing(stage)
+        if not found.learned or found.amplitude_pct > LARGEST_RINGING_PCT:
             break
         steady = factor
     return steady
