@@ -11,9 +11,7 @@ from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
-    from piezod.client import StageClient
     from piezod.config.play import WaveConfig
-    from piezod.experiment.live.play import LivePlay
     from piezod.experiment.play.learn import LearnedPlay, PassReport
 
 
@@ -61,17 +59,36 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     Prints the error of each pass in % of the swing. The stage is disarmed at the end.
     """
     from piezod.cli.output import print_json
-    from piezod.experiment.live.play import LivePlay
-    from piezod.experiment.play.task import PlaySettings
+    from piezod.cli.progress import progress_bar, report_part
+    from piezod.experiment.live.play import learn_waveform
+
+    def report(done: "PassReport") -> None:
+        report_part(_pass(done))
+        if not json:
+            typer.echo(_line(done))
+
+    def note(text: str) -> None:
+        if not report_part({"note": f"Tables: {text}."}):
+            typer.echo(f"Tables: {text}.", err=True)
 
     wave = _wave(file)
     if tables is not None:
         tables.mkdir(parents=True, exist_ok=True)
         check_writable(tables)
-    settings = PlaySettings(passes, settle_s, record_s)
-    with unwinding(), connect(stage, socket) as client:
-        what = LivePlay(axis or "", wave, round(1000.0 * interval_us), settings, tables)
-        learned = _learned(client, what, quiet=json)
+    with unwinding(), connect(stage, socket) as client, progress_bar() as progress:
+        progress("playing", 0.0)
+        learned = learn_waveform(
+            client,
+            wave,
+            passes,
+            interval_us=interval_us,
+            settle_s=settle_s,
+            record_s=record_s,
+            axis=axis,
+            tables=tables,
+            report=report,
+            note=note,
+        )
     if json:
         print_json(_document(learned))
     else:
@@ -87,31 +104,6 @@ def _wave(file: Path) -> "WaveConfig":
     document = load_yaml(file)
     document.data.setdefault("name", file.stem[:40])
     return validate(document, WaveConfig, Context(file.parent))
-
-
-def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "LearnedPlay":
-    from piezod.cli.progress import progress_bar, report_part
-    from piezod.experiment.live.play import play_live
-    from piezod.experiment.live.setup import read_setup
-    from piezod.experiment.live.stage import LiveStage
-
-    setup = read_setup(client)
-    name = setup.measured_axis(play.axis or None, "learning")
-
-    def report(done: "PassReport") -> None:
-        report_part(_pass(done))
-        if not quiet:
-            typer.echo(_line(done))
-
-    def note(text: str) -> None:
-        if not report_part({"note": f"Tables: {text}."}):
-            typer.echo(f"Tables: {text}.", err=True)
-
-    with progress_bar() as progress, LiveStage(client, setup, lambda _s: None) as stage:
-        progress(f"playing on axis {name}", 0.0)
-        learned = play_live(stage, setup.axes[name], play._replace(axis=name), report, note)
-        stage.disarm()
-    return learned
 
 
 def _line(done: "PassReport") -> str:
