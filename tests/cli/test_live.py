@@ -21,6 +21,7 @@ from tests.daemon.daemons import SHIPPED, Daemon, configuration
 from tests.daemon.waiting import eventually
 from tests.experiment.conftest import SHORT
 from tests.experiment.made_up import record_of, write_record
+from tests.experiment.play.test_run import SHORT as SHORT_PLAY
 
 RATE_HZ = 30.0
 LIVE = SHORT.replace("period_s: 1\n    duration_s: 3", "period_s: 0.5\n    duration_s: 1")
@@ -37,6 +38,8 @@ identification:
     frequency_hz: 1
     envelope: {kind: decaying, time_constant_s: 4}
 """
+PLAY = SHORT_PLAY.replace("passes: 3", "passes: 1\n  highest_hz: 1000")
+"""The rig is too slow for a multisine up to 3000 Hz."""
 MODEL = SHIPPED.parent / "models" / "simulated-stack.yaml"
 INTERRUPTED = 130
 ATTEMPTS = 3
@@ -69,6 +72,13 @@ def first_model(rig: Daemon) -> None:
     axes = eventually(lambda: rig.ask("GET", "params").json().get("axes"))
     if axes["x"]["model"]["source"]["sha256"] != load_model(MODEL).source.sha256:
         as_new(rig)
+
+
+@pytest.fixture
+def known_afterwards(rig: Daemon) -> Iterator[None]:
+    """Start the daemon again after a play, which makes the hysteresis memory unknown."""
+    yield
+    as_new(rig)
 
 
 @pytest.fixture
@@ -152,29 +162,68 @@ def test_experiment_that_does_not_fit_moves_nothing(
     assert "slow commands 0 to 27 µm, but axis x may be commanded from 0 to 26 µm" in err
 
 
-@pytest.mark.usefixtures("first_model")
-def test_interrupt_stops_the_stage(
-    rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
+@pytest.mark.stress
+@pytest.mark.usefixtures("first_model", "known_afterwards")
+def test_experiment_with_play(
+    piezod: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
 ) -> None:
-    """Ctrl-C during a run ramps to the safe voltage and ends the recording."""
-    live_file.write_text(LIVE.replace("duration_s: 1\n", "duration_s: 20\n"), encoding="utf-8")
-    what = ("experiment", str(live_file), "--live", *socket)
+    """A live experiment with `play` learns on the stage, writes the usual files, and disarms."""
+    live_file.write_text(PLAY, encoding="utf-8")
+    command = ("experiment", live_file, "--live", "--out", "o", "--json", *socket)
+
+    code, out, err = punctual(rig, lambda: piezod(*command))
+
+    assert (err, code) == ("", 0)
+    document = json.loads(out)
+    (wave,) = document["axes"]["x"]["waves"]
+    inverse, response, learned = (play["measured"]["max_pct"] for play in wave["plays"])
+    assert learned < 0.5 * response < 0.25 * inverse
+    assert document["title"] == "short (live on stage rig)"
+    files = sorted(path.name for path in (folder / "o").iterdir())
+    assert files == ["play_x_01.png", "table_x_01.yaml"]
+    assert rig.status()["state"] == "SAFE"
+
+
+def interrupted(rig: Daemon, socket: tuple[str, str], file: Path, state: str) -> Outcome:
+    """Return the outcome of a live experiment that gets Ctrl-C in a state of the stage."""
+    what = ("experiment", str(file), "--live", *socket)
     command = [sys.executable, "-m", "piezod.cli.main", *what]
 
-    def interrupted() -> Outcome:
-        with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
+    def attempt() -> Outcome:
+        with subprocess.Popen(
+            command, cwd=file.parent, stderr=subprocess.PIPE, text=True
+        ) as process:
             eventually(
-                lambda: rig.status().get("state") == "RUN" or process.poll() is not None, 60.0
+                lambda: rig.status().get("state") == state or process.poll() is not None, 60.0
             )
             process.send_signal(signal.SIGINT)
             _, err = process.communicate()
         return Outcome(process.returncode, "", err)
 
-    code, _, err = punctual(rig, interrupted)
+    return punctual(rig, attempt)
+
+
+@pytest.mark.usefixtures("first_model")
+def test_interrupt_stops_the_stage(rig: Daemon, socket: tuple[str, str], live_file: Path) -> None:
+    """Ctrl-C during a run ramps to the safe voltage and ends the recording."""
+    live_file.write_text(LIVE.replace("duration_s: 1\n", "duration_s: 20\n"), encoding="utf-8")
+
+    code, _, err = interrupted(rig, socket, live_file, "RUN")
 
     assert (code, err) == (INTERRUPTED, "interrupted\n")
     rig.until("SAFE")
     assert rig.ask("GET", "recordings").json()["running"] is None
+
+
+@pytest.mark.usefixtures("first_model", "known_afterwards")
+def test_interrupt_aborts_a_play(rig: Daemon, socket: tuple[str, str], live_file: Path) -> None:
+    """Ctrl-C while the device plays a table ramps to the safe voltage."""
+    live_file.write_text(PLAY, encoding="utf-8")
+
+    code, _, err = interrupted(rig, socket, live_file, "IDENT")
+
+    assert (code, err) == (INTERRUPTED, "interrupted\n")
+    rig.until("SAFE")
 
 
 @pytest.mark.parametrize(
