@@ -11,6 +11,7 @@ from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
 from piezod.experiment.play.response import KnownResponse, MultisineSettings
 from piezod.experiment.play.stored import Conditions, find_table
 from piezod.experiment.play.task import PlaySettings
+from piezod.experiment.prefix import prefix_errors
 
 Progress = Callable[[str, float], None]
 """Called with the present step and the share of the experiment that is done."""
@@ -95,11 +96,10 @@ def learn_waves(
     """
     name = axis.conditions.axis
     meter.begin(f"axis {name}, response")
-    known = axis.known(
-        MultisineSettings(
-            axis.interval_ns, play.lowest_hz, play.highest_hz, play.amplitude_pct / 100.0
-        )
-    )
+    amplitude = play.amplitude_pct / 100.0
+    multisine = MultisineSettings(axis.interval_ns, play.lowest_hz, play.highest_hz, amplitude)
+    with prefix_errors("response"):
+        known = axis.known(multisine)
     meter.done(f"axis {name}")
     settings = PlaySettings(play.passes, play.settle_s, play.record_s)
     plays, notes = [], []
@@ -110,6 +110,7 @@ def learn_waves(
             notes.append(f"Axis {name}, {wave.name}: {note}.")
         report = meter.reporting(f"axis {name}, {wave.name}")
         task = known.task(command, settings, first_um)
-        # Without a learned table, the inverse model alone shows what the response adds.
-        plays.append(learn(axis.stage, task, report, compare=first_um is None))
+        with prefix_errors(wave.name):
+            # Without a learned table, the inverse model alone shows what the response adds.
+            plays.append(learn(axis.stage, task, report, compare=first_um is None))
     return PlayedResult(name, known.response, axis.conditions, tuple(plays), tuple(notes))
