@@ -72,8 +72,8 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
         settle_s: Time of the waveform before the periods that count, in s.
         record_s: Time of the periods that count, in s; at least four periods do.
         axis: Name of the axis; None for the only one.
-        tables: Folder of learned tables, present: the play begins with one whose conditions agree,
-            and the learned one is stored there. None for neither.
+        tables: Folder of learned tables: the play begins with one whose conditions agree, and the
+            learned one is stored there. None for neither.
         report: Called after each play.
         note: Called with what to know about stored tables.
 
