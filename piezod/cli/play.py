@@ -1,18 +1,30 @@
 """`piezod play`: a periodic command by the clock of the device, learned pass by pass."""
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import check_writable, existing_file
+from piezod.cli.progress import progress_bar, report_part
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
     from piezod.config.play import WaveConfig
     from piezod.experiment.play.learn import LearnedPlay, PassReport
+
+_TablesOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        readable=False,
+        help="Folder of learned tables: begin with the one in it whose waveform, interval, "
+        "model and device are the same, and store the learned one there.",
+    ),
+]
 
 
 def play(  # noqa: PLR0913, PLR0917 - each argument is an option
@@ -38,15 +50,7 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     record_s: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="Time of the periods that count, s.")
     ] = 1.0,
-    tables: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            readable=False,
-            help="Folder of learned tables: begin with the one in it whose waveform, interval, "
-            "model and device are the same, and store the learned one there.",
-        ),
-    ] = None,
+    tables: _TablesOption = None,
     axis: AxisOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
@@ -59,17 +63,7 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     Prints the error of each pass in % of the swing. The stage is disarmed at the end.
     """
     from piezod.cli.output import print_json
-    from piezod.cli.progress import progress_bar, report_part
     from piezod.experiment.live.play import learn_waveform
-
-    def report(done: "PassReport") -> None:
-        report_part(_pass(done))
-        if not json:
-            typer.echo(_line(done))
-
-    def note(text: str) -> None:
-        if not report_part({"note": f"Tables: {text}."}):
-            typer.echo(f"Tables: {text}.", err=True)
 
     wave = _wave(file)
     if tables is not None:
@@ -86,8 +80,8 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
             record_s=record_s,
             axis=axis,
             tables=tables,
-            report=report,
-            note=note,
+            report=partial(_report, quiet=json),
+            note=_note,
         )
     if json:
         print_json(_document(learned))
@@ -104,6 +98,17 @@ def _wave(file: Path) -> "WaveConfig":
     document = load_yaml(file)
     document.data.setdefault("name", file.stem[:40])
     return validate(document, WaveConfig, Context(file.parent))
+
+
+def _report(done: "PassReport", *, quiet: bool) -> None:
+    report_part(_pass(done))
+    if not quiet:
+        typer.echo(_line(done))
+
+
+def _note(text: str) -> None:
+    if not report_part({"note": f"Tables: {text}."}):
+        typer.echo(f"Tables: {text}.", err=True)
 
 
 def _line(done: "PassReport") -> str:

@@ -20,7 +20,13 @@ from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import command_of
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
 from piezod.experiment.play.response import MultisineSettings
-from piezod.experiment.play.stored import file_part, find_table, to_table_file, write_table
+from piezod.experiment.play.stored import (
+    Conditions,
+    file_part,
+    find_table,
+    to_table_file,
+    write_table,
+)
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 from piezod.units import NS_PER_S
 
@@ -42,6 +48,11 @@ class _Wanted(ConfigModel):
     interval_us: IntervalUs
     settle_s: PauseS
     record_s: PauseS
+
+    @property
+    def settings(self) -> PlaySettings:
+        """Settings of the plays."""
+        return PlaySettings(self.passes, self.settle_s, self.record_s)
 
 
 def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
@@ -77,9 +88,6 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
         report: Called after each play.
         note: Called with what to know about stored tables.
 
-    Returns:
-        All plays, and the best one with its table.
-
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
         ConfigError: If an argument is not valid, or a stored table.
@@ -89,33 +97,31 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
         OSError: If the table cannot be stored.
     """
     wanted = _wanted(
-        wave=wave,
-        passes=passes,
-        interval_us=interval_us,
-        settle_s=settle_s,
-        record_s=record_s,
+        wave, passes=passes, interval_us=interval_us, settle_s=settle_s, record_s=record_s
     )
     setup = read_setup(client)
     name = setup.measured_axis(axis, "learning")
     setup.model_of(name)
     command = command_of(wanted.wave, round(1000.0 * wanted.interval_us))
-    settings = PlaySettings(wanted.passes, wanted.settle_s, wanted.record_s)
     with LiveStage(client, setup, lambda _over_s: None) as stage:
-        stage.disarm()
-        stage.rest(REST_S)
-        stage.arm()
+        stage.arm_at_rest(REST_S)
         playing = playing_axis(stage, setup, name, command.interval_ns, REST_S)
         known, first_um = _known(playing), None
         if tables is not None:
             first_um, text = find_table(tables, playing.conditions, command)
             note(text)
-        learned = learn(playing.stage, known.task(command, settings, first_um), report)
+        learned = learn(playing.stage, known.task(command, wanted.settings, first_um), report)
         stage.disarm()
     if tables is not None:
-        path = tables / f"table_{name}_{file_part(command.name)}.yaml"
-        write_table(path, to_table_file(learned, playing.conditions, datetime.now().astimezone()))
-        note(f"stored as {path.name}")
+        note(f"stored as {_stored(tables, learned, playing.conditions)}")
     return learned
+
+
+def _stored(tables: Path, play: LearnedPlay, conditions: Conditions) -> str:
+    """Store a learned table; return the name of its file."""
+    path = tables / f"table_{conditions.axis}_{file_part(play.given.name)}.yaml"
+    write_table(path, to_table_file(play, conditions, datetime.now().astimezone()))
+    return path.name
 
 
 def _wanted(wave: WaveConfig | Mapping[str, Any], **settings: float) -> _Wanted:

@@ -40,9 +40,7 @@ def run_plays_live(
     meter = PlayMeter(progress, play, len(config.axes))
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         meter.begin("resting")
-        stage.disarm()
-        stage.rest(config.settle_s)
-        stage.arm()
+        stage.arm_at_rest(config.settle_s)
         axes = tuple(
             learn_waves(
                 playing_axis(stage, setup, name, play.interval_ns, config.settle_s),

@@ -28,7 +28,7 @@ def test_multisine_has_a_whole_number_of_points(interval_us: int) -> None:
 
 def test_waveform_is_learned_and_the_stage_disarmed() -> None:
     """The response is measured, the error falls from pass to pass, and each pass is reported."""
-    stage, reported = PlayingStage(), list[PassReport]()
+    stage, reported = PlayingStage(response=None), list[PassReport]()
 
     learned = learn_waveform(stage, WAVE, 2, **BRIEF, report=reported.append)
 

@@ -92,3 +92,16 @@ def test_experiment_that_does_not_fit_moves_nothing(
         run_plays_live(config, config.play, stage, lambda _label, _share: None)
 
     assert not {"arm", "play", "session"} & set(stage.asked)
+
+
+def test_multisine_that_is_too_fast_is_named(file: Path) -> None:
+    """The error says that the response was being measured, and the stage is left disarmed."""
+    text = SHORT.replace("passes: 3", "passes: 3\n  amplitude_pct: 20")
+    file.write_text(text, encoding="utf-8")
+    config, stage = load_experiment(file, registry), PlayingStage(response=None)
+    assert config.play is not None
+
+    with pytest.raises(DataError, match="^response: the table is refused: "):
+        run_plays_live(config, config.play, stage, lambda _label, _share: None)
+
+    assert stage.state == "SAFE"
