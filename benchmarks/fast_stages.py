@@ -72,7 +72,7 @@ def _commanded(play: PlayConfig, low_um: float, high_um: float) -> PlayConfig:
 def largest_pct(variant: str, seed: int) -> list[float]:
     """Return the largest errors of all waveforms, in %, in the order of `COLUMNS`."""
     config = fast_experiment(variant, seed)
-    (result,) = run_plays(config, _plays(config), lambda _label, _share: None)
+    (result,) = run_plays(config, _plays(config), lambda _label, _share: None).axes
     rows = [_errors_pct(play) for play in result.plays]
     return [max(column) for column in zip(*rows, strict=True)]
 

@@ -40,8 +40,8 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
 ) -> None:
     """Run an experiment in virtual time and write a report.
 
-    With --live the cases run in real time on a running stage, which is disarmed at the end. An
-    experiment with `play` learns tables that the device plays with its own clock.
+    With --live it runs in real time on a running stage, which is disarmed at the end. An experiment
+    with `play` learns tables that the device plays with its own clock.
 
     Prints the errors of each case in each mode in % of the displacement range, the origin of the
     model, the warnings, and the path of the report.
@@ -57,7 +57,7 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
 
     check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
     config = load_experiment(file, registry)
-    check_play(plays=config.play is not None, live=live, tables=tables)
+    check_play(plays=config.play is not None, largest_step_pct=largest_step_pct, tables=tables)
     if seed is not None:
         config = config.model_copy(update={"seed": seed})
     folder = out or Path(f"{file.stem}-results")
@@ -66,7 +66,8 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     if config.play is not None:
         from piezod.cli.experiment_play import run_play
 
-        run_play(config, config.play, folder, tables, json=json)
+        on = connect(stage, socket) if live else None
+        run_play(config, config.play, folder, tables, on, json=json)
         return
     with progress_bar() as progress:
         text = file.read_text(encoding="utf-8-sig")

@@ -30,7 +30,7 @@ LiveOption: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--live",
-        help="Run the cases on a running stage, with its devices, axes, rate and model.",
+        help="Run the experiment on a running stage, with its devices, axes, rate and model.",
     ),
 ]
 LargestStepOption: TypeAlias = Annotated[
@@ -74,20 +74,20 @@ def check_usage(*, live: bool, seed: int | None, only_live: tuple[object, ...]) 
         raise typer.BadParameter("--stage, --socket and --largest-step-pct need --live")
 
 
-def check_play(*, plays: bool, live: bool, tables: Path | None) -> None:
+def check_play(*, plays: bool, largest_step_pct: float | None, tables: Path | None) -> None:
     """Refuse options that do not fit the kind of the experiment.
 
     Args:
         plays: Whether it has `play`.
-        live: Whether `--live` is given.
+        largest_step_pct: Value of `--largest-step-pct`; None if not given.
         tables: Value of `--tables`; None if not given.
 
     Raises:
         typer.BadParameter: If they do not fit.
     """
-    if plays and live:
-        message = "an experiment with `play` runs in virtual time only"
-        raise typer.BadParameter(message, param_hint="'--live'")
+    if plays and largest_step_pct is not None:
+        message = "not with `play`: the loop does not make the steps of a table"
+        raise typer.BadParameter(message, param_hint="'--largest-step-pct'")
     if tables is not None and not plays:
         message = "only with an experiment that has `play`"
         raise typer.BadParameter(message, param_hint="'--tables'")

@@ -1,32 +1,29 @@
-"""`piezod experiment` with `play`: runs it, prints the errors of each play, writes the outputs."""
+"""`piezod experiment` with `play`: runs it, and writes the outputs."""
 
-from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from datetime import datetime
 from pathlib import Path
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
+from piezod.cli.experiment_play_view import play_document, print_play
+from piezod.cli.interrupt import unwinding
 from piezod.cli.output import new_console, print_json
 from piezod.cli.progress import progress_bar
+from piezod.client import StageClient
 from piezod.config.experiment import ExperimentConfig
-from piezod.config.play import PlayConfig, WaveConfig
-from piezod.experiment.play.learn import LearnedPlay, PassReport
+from piezod.config.play import PlayConfig
+from piezod.experiment.live.run_plays import run_plays_live
 from piezod.experiment.play.outputs import write_play
-from piezod.experiment.play.task import left_out_share
-from piezod.experiment.virtual.play import PlayedResult, run_plays
-
-_LEFT_OUT = 1e-3
-"""Smallest share of the swing that is reported as left out."""
-_MEANING = (
-    "Errors in % of the swing of the command: measured, of the average of all periods that count; "
-    "true, of every sample. Noise: rms, of that average."
-)
+from piezod.experiment.virtual.play import run_plays
 
 
 def run_play(
-    config: ExperimentConfig, play: PlayConfig, folder: Path, tables: Path | None, *, json: bool
+    config: ExperimentConfig,
+    play: PlayConfig,
+    folder: Path,
+    tables: Path | None,
+    connection: AbstractContextManager[StageClient] | None,
+    *,
+    json: bool,
 ) -> None:
     """Run an experiment with `play`, write its outputs, and print the result.
 
@@ -35,151 +32,24 @@ def run_play(
         play: Its waveforms.
         folder: Output folder, present.
         tables: Folder of tables to begin with; None for none.
+        connection: Opens a connection to the stage that plays; None for virtual time.
         json: Whether one JSON document is printed.
     """
     with progress_bar() as progress:
-        results = run_plays(config, play, progress, tables)
+        if connection is None:
+            played = run_plays(config, play, progress, tables)
+        else:
+            with unwinding(), connection as client:
+                played = run_plays_live(config, play, client, progress, tables)
         progress("writing the figures", 1.0)
         figures = [
             write_play(folder, number, one, wave, result.conditions, datetime.now().astimezone())
-            for result in results
+            for result in played.axes
             for number, (one, wave) in enumerate(
                 zip(result.plays, play.waves, strict=True), start=1
             )
         ]
     if json:
-        print_json(_document(config, play, results, figures))
+        print_json(play_document(played, play, figures))
     else:
-        _print(new_console(), play, results, folder)
-
-
-def _document(
-    config: ExperimentConfig,
-    play: PlayConfig,
-    results: Sequence[PlayedResult],
-    figures: Sequence[Path],
-) -> dict[str, object]:
-    return {
-        "title": config.title,
-        "seed": config.seed,
-        "axes": {
-            result.axis: {
-                "response": {
-                    "delay_s": result.response.model.delay_s,
-                    "highest_hz": result.response.highest_hz,
-                    "resonances": [
-                        {"frequency_hz": one.frequency_hz, "damping": one.damping}
-                        for one in result.response.model.resonances
-                    ],
-                },
-                "waves": [
-                    _wave_document(one, wave)
-                    for one, wave in zip(result.plays, play.waves, strict=True)
-                ],
-                "notes": result.notes,
-            }
-            for result in results
-        },
-        "figures": [str(path) for path in figures],
-    }
-
-
-def _wave_document(play: LearnedPlay, wave: WaveConfig) -> dict[str, object]:
-    return {
-        "name": wave.name,
-        "stopped": play.stopped,
-        "best": play.best.label,
-        "left_out_pct": 100.0 * left_out_share(play.given, play.command),
-        "plays": [
-            {
-                "label": each.label,
-                "measured": each.measured._asdict(),
-                "true": each.true._asdict(),
-                "limit": each.limit._asdict(),
-                "noise_pct": each.noise_pct,
-                "significant": each.significant,
-            }
-            for each in play.reports
-        ],
-        "reference": wave.reference,
-        "reference_pct": wave.reference_pct,
-    }
-
-
-def _print(
-    console: Console, play: PlayConfig, results: Sequence[PlayedResult], folder: Path
-) -> None:
-    for result in results:
-        console.print(_table(result, play.waves, several=len(results) > 1))
-    console.print(_MEANING)
-    for result in results:
-        console.print(_response(result))
-        for one, wave in zip(result.plays, play.waves, strict=True):
-            published = f" Published: {wave.reference}." if wave.reference else ""
-            stopped = f"{wave.name}: {one.stopped}; best is {one.best.label}."
-            console.print(f"{stopped}{_limit(one.best)}{published}")
-        for note in (*result.notes, *_left_out(result)):
-            console.print(f"! {note}", style="yellow")
-    console.print(f"Figures and tables: {folder}", soft_wrap=True)
-
-
-def _table(result: PlayedResult, waves: Sequence[WaveConfig], *, several: bool) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("\nplay", no_wrap=True)
-    for kind in ("measured", "true"):
-        for place, name in enumerate(("worst", "rms", "mean")):
-            table.add_column(f"{'' if place else kind}\n{name}", justify="right", no_wrap=True)
-    table.add_column("\nnoise", justify="right", no_wrap=True)
-    for play, wave in zip(result.plays, waves, strict=True):
-        name = f"{wave.name}, axis {result.axis}" if several else wave.name
-        table.add_row(name, style="underline")
-        for each in play.reports:
-            table.add_row(*_cells(each), style="bold" if each is play.best else "")
-        if wave.reference_pct:
-            published = [_number(wave.reference_pct.get(key)) for key in ("max", "rms", "mean")]
-            table.add_row("published", *published, style="italic")
-        table.add_section()
-    return table
-
-
-def _cells(report: PassReport) -> Iterator[str]:
-    yield report.label
-    for errors in (report.measured, report.true):
-        yield from map(_number, errors)
-    yield _number(report.noise_pct)
-
-
-def _number(pct: float | None) -> str:
-    return "" if pct is None else "–" if pct != pct else f"{pct:.3f}"  # noqa: PLR0124 - NaN
-
-
-def _limit(best: PassReport) -> str:
-    if not best.knows_truth:
-        return ""
-    calibration_pct, apart_pct = best.limit
-    return (
-        f" Limit: the sensor's calibration, {calibration_pct:.2f} %; apart from it the true error "
-        f"is at most {apart_pct:.2f} %."
-    )
-
-
-def _response(result: PlayedResult) -> str:
-    model = result.response.model
-    modes = ", ".join(
-        f"{one.frequency_hz:.4g} Hz (ζ {one.damping:.2g})" for one in model.resonances
-    )
-    return (
-        f"Response of axis {result.axis}, known up to {result.response.highest_hz:.4g} Hz: delay "
-        f"{1e6 * model.delay_s:.3g} µs, resonances {modes or 'none'}."
-    )
-
-
-def _left_out(result: PlayedResult) -> Iterator[str]:
-    for play in result.plays:
-        share = left_out_share(play.given, play.command)
-        if share > _LEFT_OUT:
-            yield (
-                f"{play.given.name}: up to {100 * share:.2g} % of the swing are at frequencies at "
-                "which the response is too small or not known well enough; the command is without "
-                "them"
-            )
+        print_play(new_console(), played, play, folder)

@@ -1,20 +1,30 @@
 """`piezod play`: a periodic command by the clock of the device, learned pass by pass."""
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import check_writable, existing_file
+from piezod.cli.progress import progress_bar, report_part
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
-    from piezod.client import StageClient
     from piezod.config.play import WaveConfig
-    from piezod.experiment.live.play import LivePlay
     from piezod.experiment.play.learn import LearnedPlay, PassReport
+
+_TablesOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        readable=False,
+        help="Folder of learned tables: begin with the one in it whose waveform, interval, "
+        "model and device are the same, and store the learned one there.",
+    ),
+]
 
 
 def play(  # noqa: PLR0913, PLR0917 - each argument is an option
@@ -40,15 +50,7 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     record_s: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="Time of the periods that count, s.")
     ] = 1.0,
-    tables: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            readable=False,
-            help="Folder of learned tables: begin with the one in it whose waveform, interval, "
-            "model and device are the same, and store the learned one there.",
-        ),
-    ] = None,
+    tables: _TablesOption = None,
     axis: AxisOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
@@ -61,17 +63,26 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     Prints the error of each pass in % of the swing. The stage is disarmed at the end.
     """
     from piezod.cli.output import print_json
-    from piezod.experiment.live.play import LivePlay
-    from piezod.experiment.play.task import PlaySettings
+    from piezod.experiment.live.play import learn_waveform
 
     wave = _wave(file)
     if tables is not None:
         tables.mkdir(parents=True, exist_ok=True)
         check_writable(tables)
-    settings = PlaySettings(passes, settle_s, record_s)
-    with unwinding(), connect(stage, socket) as client:
-        what = LivePlay(axis or "", wave, round(1000.0 * interval_us), settings, tables)
-        learned = _learned(client, what, quiet=json)
+    with unwinding(), connect(stage, socket) as client, progress_bar() as progress:
+        progress("playing", 0.0)
+        learned = learn_waveform(
+            client,
+            wave,
+            passes,
+            interval_us=interval_us,
+            settle_s=settle_s,
+            record_s=record_s,
+            axis=axis,
+            tables=tables,
+            report=partial(_report, quiet=json),
+            note=_note,
+        )
     if json:
         print_json(_document(learned))
     else:
@@ -89,29 +100,15 @@ def _wave(file: Path) -> "WaveConfig":
     return validate(document, WaveConfig, Context(file.parent))
 
 
-def _learned(client: "StageClient", play: "LivePlay", *, quiet: bool) -> "LearnedPlay":
-    from piezod.cli.progress import progress_bar, report_part
-    from piezod.experiment.live.play import play_live
-    from piezod.experiment.live.setup import read_setup
-    from piezod.experiment.live.stage import LiveStage
+def _report(done: "PassReport", *, quiet: bool) -> None:
+    report_part(_pass(done))
+    if not quiet:
+        typer.echo(_line(done))
 
-    setup = read_setup(client)
-    name = setup.measured_axis(play.axis or None, "learning")
 
-    def report(done: "PassReport") -> None:
-        report_part(_pass(done))
-        if not quiet:
-            typer.echo(_line(done))
-
-    def note(text: str) -> None:
-        if not report_part({"note": f"Tables: {text}."}):
-            typer.echo(f"Tables: {text}.", err=True)
-
-    with progress_bar() as progress, LiveStage(client, setup, lambda _s: None) as stage:
-        progress(f"playing on axis {name}", 0.0)
-        learned = play_live(stage, setup.axes[name], play._replace(axis=name), report, note)
-        stage.disarm()
-    return learned
+def _note(text: str) -> None:
+    if not report_part({"note": f"Tables: {text}."}):
+        typer.echo(f"Tables: {text}.", err=True)
 
 
 def _line(done: "PassReport") -> str:

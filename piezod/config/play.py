@@ -14,6 +14,8 @@ PlayedCommand: TypeAlias = Annotated[
     Sine | Triangle | Points | Csv,
     Field(discriminator="kind"),
 ]
+IntervalUs: TypeAlias = Annotated[float, Quantity(0.1, 1e6, "µs")]
+Passes: TypeAlias = Annotated[int, Quantity(0, 50)]
 
 
 class WaveConfig(ConfigModel):
@@ -62,12 +64,10 @@ class WaveConfig(ConfigModel):
 class PlayConfig(ConfigModel):
     """Waveforms that a device plays, with a table that is learned pass by pass."""
 
-    interval_us: Annotated[float, Quantity(0.1, 1e6, "µs")] = Field(
+    interval_us: IntervalUs = Field(
         default=50.0, description="Time between two points of the table, µs."
     )
-    passes: Annotated[int, Quantity(0, 50)] = Field(
-        default=6, description="Largest number of corrections."
-    )
+    passes: Passes = Field(default=6, description="Largest number of corrections.")
     settle_s: PauseS = Field(
         default=5.0, description="Time of the waveform before the periods that count, s."
     )
@@ -84,6 +84,11 @@ class PlayConfig(ConfigModel):
         description="Largest deviation of the position while the response is measured, % of range.",
     )
     waves: tuple[WaveConfig, ...] = Field(min_length=1, description="The waveforms.")
+
+    @property
+    def interval_ns(self) -> int:
+        """Time between two points of the table, in ns."""
+        return round(1000.0 * self.interval_us)
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:

@@ -21,6 +21,7 @@ from tests.daemon.daemons import SHIPPED, Daemon, configuration
 from tests.daemon.waiting import eventually
 from tests.experiment.conftest import SHORT
 from tests.experiment.made_up import record_of, write_record
+from tests.experiment.play.test_run import SHORT as SHORT_PLAY
 from tests.forked import Forked
 
 RATE_HZ = 30.0
@@ -38,6 +39,12 @@ identification:
     frequency_hz: 1
     envelope: {kind: decaying, time_constant_s: 4}
 """
+PLAY = (
+    SHORT_PLAY.replace("passes: 3", "passes: 1\n  highest_hz: 1000\n  amplitude_pct: 1")
+    .replace("low: 4, high: 24, frequency_hz: 200", "low: 8, high: 16, frequency_hz: 50")
+    .replace("sine 200 Hz", "sine 50 Hz")
+)
+"""What is not too fast for the rig."""
 MODEL = SHIPPED.parent / "models" / "simulated-stack.yaml"
 INTERRUPTED = 130
 ATTEMPTS = 3
@@ -70,6 +77,13 @@ def first_model(rig: Daemon) -> None:
     axes = eventually(lambda: rig.ask("GET", "params").json().get("axes"))
     if axes["x"]["model"]["source"]["sha256"] != load_model(MODEL).source.sha256:
         as_new(rig)
+
+
+@pytest.fixture
+def known_afterwards(rig: Daemon) -> Iterator[None]:
+    """Start the daemon again after a play, which makes the hysteresis memory unknown."""
+    yield
+    as_new(rig)
 
 
 @pytest.fixture
@@ -165,20 +179,55 @@ def test_experiment_that_does_not_fit_moves_nothing(
     assert "slow commands 0 to 27 µm, but axis x may be commanded from 0 to 26 µm" in err
 
 
+@pytest.mark.stress
+@pytest.mark.usefixtures("first_model", "known_afterwards")
+def test_experiment_with_play(
+    piezod: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
+) -> None:
+    """A live experiment with `play` learns on the stage, writes the usual files, and disarms."""
+    live_file.write_text(PLAY, encoding="utf-8")
+    command = ("experiment", live_file, "--live", "--out", "o", "--json", *socket)
+
+    code, out, err = punctual(rig, lambda: piezod(*command))
+
+    assert (err, code) == ("", 0)
+    document = json.loads(out)
+    (wave,) = document["axes"]["x"]["waves"]
+    inverse, response, learned = (play["measured"]["max_pct"] for play in wave["plays"])
+    assert inverse > response > 2.0 * learned
+    assert document["title"] == "short (live on stage rig)"
+    files = sorted(path.name for path in (folder / "o").iterdir())
+    assert files == ["play_x_01.png", "table_x_01.yaml"]
+    assert rig.status()["state"] == "SAFE"
+
+
+def interrupted(rig: Daemon, socket: tuple[str, str], file: Path, state: str) -> Outcome:
+    """Return the outcome of a live experiment that gets Ctrl-C in a state of the stage."""
+    what = ("experiment", str(file), "--live", *socket)
+    return punctual(rig, lambda: ended_in(rig, state, signal.SIGINT, *what))
+
+
 @pytest.mark.usefixtures("first_model")
 def test_interrupt_stops_the_stage(rig: Daemon, socket: tuple[str, str], live_file: Path) -> None:
     """Ctrl-C during a run ramps to the safe voltage and ends the recording."""
     live_file.write_text(LIVE.replace("duration_s: 1\n", "duration_s: 20\n"), encoding="utf-8")
-    what = ("experiment", str(live_file), "--live", *socket)
 
-    def interrupted() -> Outcome:
-        return ended_in(rig, "RUN", signal.SIGINT, *what)
-
-    code, _, err = punctual(rig, interrupted)
+    code, _, err = interrupted(rig, socket, live_file, "RUN")
 
     assert (code, err) == (INTERRUPTED, "interrupted\n")
     rig.until("SAFE")
     assert rig.ask("GET", "recordings").json()["running"] is None
+
+
+@pytest.mark.usefixtures("first_model", "known_afterwards")
+def test_interrupt_aborts_a_play(rig: Daemon, socket: tuple[str, str], live_file: Path) -> None:
+    """Ctrl-C while the device plays a table ramps to the safe voltage."""
+    live_file.write_text(PLAY, encoding="utf-8")
+
+    code, _, err = interrupted(rig, socket, live_file, "IDENT")
+
+    assert (code, err) == (INTERRUPTED, "interrupted\n")
+    rig.until("SAFE")
 
 
 @pytest.mark.parametrize(

@@ -128,9 +128,7 @@ def columns_of(
 
 
 def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> RecordedTelemetry:
-    stage.disarm()
-    stage.rest(drive.settle_s)
-    stage.arm()
+    stage.arm_at_rest(drive.settle_s)
     stage.faults.clear()
     stage.start_recording(f"identify-{axis}")
     stage.drive({axis: drive.drive_v}, drive.duration_s)

@@ -10,12 +10,14 @@ from piezod.config.experiment_fields import CaseConfig
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
 from piezod.config.packed_waveforms import WaveformCostError, pack_waveforms
+from piezod.config.play import PlayConfig
 from piezod.config.requests import TABLE
 from piezod.config.rules import MIN_JUDGED_SAMPLES
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError, RefusedError
 from piezod.experiment.error_rows import NEED_TRUTH
-from piezod.experiment.live.setup import LiveAxis, LiveSetup
+from piezod.experiment.live.setup import LiveAxis, LiveSetup, no_model
+from piezod.experiment.play.command import command_of
 from piezod.experiment.virtual.case import RANGE_MARGIN
 
 LARGEST_REQUEST_BYTES: Final = TABLE["wave"].access.most_bytes
@@ -56,19 +58,19 @@ def _problems(config: ExperimentConfig, setup: LiveSetup) -> Iterator[str]:
             f"metrics requests {needing}, but the true displacement of a running stage is "
             "unknown; remove these"
         )
-    compensated = [mode for mode in config.modes if mode is not Mode.UNCOMPENSATED]
+    compensated = [f"mode {mode}" for mode in config.modes if mode is not Mode.UNCOMPENSATED]
+    needing_model = ["a table"] if config.play is not None else compensated
     for name in config.axes:
         if name not in setup.axes:
             yield f"no axis {name}; its axes are {', '.join(setup.axes)}"
         elif setup.axes[name].config.sensor is None:
             yield f"axis {name} has no sensor, and an experiment measures its errors: configure one"
-        elif setup.axes[name].model is None and compensated:
-            yield (
-                f"axis {name} has no model, which mode {compensated[0]} needs; "
-                "`piezod identify --live --adopt` makes one"
-            )
+        elif setup.axes[name].model is None and needing_model:
+            yield no_model(name, needing_model[0])
     for case in config.cases:
         yield from _problems_of(case, config, setup)
+    if config.play is not None:
+        yield from _problems_of_play(config.play, config, setup)
 
 
 def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -> Iterator[str]:
@@ -85,6 +87,20 @@ def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -
                 yield f"{case.name}, axis {name}: {why}"
             waveform = build_waveform(command, case.duration_s)
             yield from _out_of_range(case.name, name, setup.axes[name], waveform.low, waveform.high)
+
+
+def _problems_of_play(
+    play: PlayConfig, config: ExperimentConfig, setup: LiveSetup
+) -> Iterator[str]:
+    for wave in play.waves:
+        try:
+            command_of(wave, play.interval_ns)
+        except DataError as error:
+            yield str(error)
+        for name in config.axes:
+            if name in setup.axes:
+                low_high_um = wave.command_um.bounds()
+                yield from _out_of_range(wave.name, name, setup.axes[name], *low_high_um)
 
 
 def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:

@@ -1,38 +1,34 @@
-"""Plays a periodic command on a running stage by the clock of its device, learned pass by pass."""
+"""Learns a periodic waveform on a running stage, whose device plays it by its own clock."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
-import numpy as np
-
-from piezod.config.play import WaveConfig
-from piezod.control.law.compensated import limits_of
+from piezod.client import StageClient
+from piezod.client.waveforms import tupled
+from piezod.config.document import Document, SourcePlace
+from piezod.config.fields import ConfigModel, Context
+from piezod.config.play import IntervalUs, Passes, WaveConfig
+from piezod.config.quantities import PauseS
+from piezod.config.validate import validate
 from piezod.errors import DataError, RefusedError
-from piezod.experiment.live.setup import LiveAxis
+from piezod.experiment.live.running_axis import playing_axis
+from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import command_of
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
-from piezod.experiment.play.response import (
-    KnownResponse,
-    MultisineSettings,
-    measure_response,
-    stored_response,
-)
-from piezod.experiment.play.stage import AxisRecord, AxisTable, Identity, PlayedStage
+from piezod.experiment.play.response import MultisineSettings
 from piezod.experiment.play.stored import (
     Conditions,
     file_part,
     find_table,
-    model_sha256,
     to_table_file,
     write_table,
 )
-from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, PlaySettings
-from piezod.experiment.play.zeroed import ZeroedAxis
-from piezod.units import NS_PER_S, s_to_ns
+from piezod.units import NS_PER_S
 
 REST_S = 1.0
 """Rest at the rest voltage before each play, in s."""
@@ -44,122 +40,95 @@ HIGHEST_SHARE = 0.15
 """Highest frequency of the multisine, as a share of the rate of the table, if that is lower."""
 
 
-class LivePlay(NamedTuple):
-    """What is played on a running stage.
+class _Wanted(ConfigModel):
+    """Arguments of `learn_waveform`."""
 
-    Attributes:
-        axis: Name of the axis.
-        wave: The periodic command.
-        interval_ns: Time between two points of the table, in ns.
-        settings: Settings of the plays.
+    wave: WaveConfig
+    passes: Passes
+    interval_us: IntervalUs
+    settle_s: PauseS
+    record_s: PauseS
+
+    @property
+    def settings(self) -> PlaySettings:
+        """Settings of the plays."""
+        return PlaySettings(self.passes, self.settle_s, self.record_s)
+
+
+def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
+    client: StageClient,
+    wave: WaveConfig | Mapping[str, Any],
+    passes: int = 6,
+    *,
+    interval_us: float = 50.0,
+    settle_s: float = 1.0,
+    record_s: float = 1.0,
+    axis: str | None = None,
+    tables: Path | None = None,
+    report: Callable[[PassReport], None] = lambda _report: None,
+    note: Callable[[str], None] = lambda _text: None,
+) -> LearnedPlay:
+    """Learn the table of a periodic waveform on a running stage, pass by pass.
+
+    The table is made by the inverse model and the response of the axis, played, and corrected by
+    the error that the sensor shows, until that is at the noise or no longer falls. The stage is
+    disarmed at the end in any case.
+
+    Args:
+        client: A connection to the daemon of the stage.
+        wave: The waveform: `command_um` with one period of the position, in µm, and a `name`, as in
+            the file of `piezod play`.
+        passes: Largest number of corrections, 0 to 50.
+        interval_us: Time between two points of the table, in µs.
+        settle_s: Time of the waveform before the periods that count, in s.
+        record_s: Time of the periods that count, in s; at least four periods do.
+        axis: Name of the axis; None for the only one.
         tables: Folder of learned tables: the play begins with one whose conditions agree, and the
             learned one is stored there. None for neither.
-    """
-
-    axis: str
-    wave: WaveConfig
-    interval_ns: int
-    settings: PlaySettings
-    tables: Path | None = None
-
-
-class RunningAxis:
-    """Implements `PlayedStage` for one axis of a running stage, which is armed and at rest.
-
-    Args:
-        stage: The stage.
-        name: Name of the axis.
-        rest_v: Its rest voltage, in V.
-
-    Attributes:
-        identity: Identity of the device, known after the first play.
-    """
-
-    def __init__(self, stage: LiveStage, name: str, rest_v: float) -> None:
-        self._stage, self._name, self._rest_v = stage, name, rest_v
-        self.identity = Identity("", "", "", "")
-
-    def rest(self) -> float:
-        """Rest; return the rest voltage, in V."""
-        self._stage.pause(REST_S)
-        return self._rest_v
-
-    def play(self, table: AxisTable) -> AxisRecord:
-        """Play a table, which the daemon checks; return its record."""
-        played = self._stage.play(
-            self._name,
-            table.period_v.tolist(),
-            table.lead_in_v.tolist(),
-            table.interval_ns / NS_PER_S,
-            table.cycles,
-        )
-        self.identity = Identity(**played["device"], firmware="")
-        position_um = np.array(played["position_um"], dtype=np.float64)  # null becomes NaN
-        interval_ns = s_to_ns(played["record_interval_s"])
-        unknown = np.full(position_um.size, np.nan)
-        return AxisRecord(interval_ns, position_um, unknown, int(played["first_point"]))
-
-
-def play_live(
-    stage: LiveStage,
-    axis: LiveAxis,
-    play: LivePlay,
-    report: Callable[[PassReport], None],
-    note: Callable[[str], None],
-) -> LearnedPlay:
-    """Learn the table of a command on a running stage; the stage is disarmed and at rest.
-
-    Args:
-        stage: The stage.
-        axis: The axis.
-        play: What is played.
         report: Called after each play.
         note: Called with what to know about stored tables.
 
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
-        ConfigError: If a stored table is not valid.
-        DataError: If the axis has no model, the command leaves its range, or nothing was learned.
+        ConfigError: If an argument is not valid, or a stored table.
+        DataError: If the axis has no sensor or no model, the command leaves its range, or nothing
+            was learned.
+        ModelError: If a model in use is not valid.
         OSError: If the table cannot be stored.
     """
-    model, config = axis.model, axis.config
-    if model is None:
-        raise DataError(
-            f"axis {play.axis} has no model, and a table is made by its inverse: "
-            "`piezod identify --live --adopt` makes one"
-        )
-    stage.rest(REST_S)
-    stage.arm()
-    limits = limits_of(config)
-    range_v = limits.drive_min_v, limits.drive_max_v
-    maker = TableMaker(model, play.interval_ns, range_v, limits.slew_v_per_s)
-    device = RunningAxis(stage, play.axis, config.limits.rest_v)
-    running = ZeroedAxis(device, play.interval_ns)
-    if config.response is not None:
-        known = stored_response(config.response, play.interval_ns)
-    else:
-        highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * NS_PER_S / play.interval_ns)
-        lowest_hz = near_frequency_hz(LOWEST_HZ, play.interval_ns)
-        settings = MultisineSettings(play.interval_ns, lowest_hz, highest_hz, AMPLITUDES[0])
-        known = _measured(running, maker, model.position_um, settings)
-    of = KnownAxis(maker, model.creep, known, config.compensator.sensor_delay_s)
-    command = command_of(play.wave, play.interval_ns)
-    if play.tables is None:
-        return learn(running, of.task(command, play.settings), report)
-    conditions = Conditions(
-        play.axis,
-        device.identity,
-        model_sha256(model),
-        config.compensator.sensor_delay_s,
-        config.limits.rest_v,
+    wanted = _wanted(
+        wave, passes=passes, interval_us=interval_us, settle_s=settle_s, record_s=record_s
     )
-    found = find_table(play.tables, conditions, command)
-    note(found.note)
-    learned = learn(running, of.task(command, play.settings, found.wanted_um), report)
-    path = play.tables / f"table_{play.axis}_{file_part(command.name)}.yaml"
-    write_table(path, to_table_file(learned, conditions, datetime.now().astimezone()))
-    note(f"stored as {path.name}")
+    setup = read_setup(client)
+    name = setup.measured_axis(axis, "learning")
+    setup.model_of(name)
+    command = command_of(wanted.wave, round(1000.0 * wanted.interval_us))
+    with LiveStage(client, setup, lambda _over_s: None) as stage:
+        stage.arm_at_rest(REST_S)
+        playing = playing_axis(stage, setup, name, command.interval_ns, REST_S)
+        known, first_um = _known(playing), None
+        if tables is not None:
+            first_um, text = find_table(tables, playing.conditions, command)
+            note(text)
+        learned = learn(playing.stage, known.task(command, wanted.settings, first_um), report)
+        stage.disarm()
+    if tables is not None:
+        note(f"stored as {_stored(tables, learned, playing.conditions)}")
     return learned
+
+
+def _stored(tables: Path, play: LearnedPlay, conditions: Conditions) -> str:
+    """Store a learned table; return the name of its file."""
+    path = tables / f"table_{conditions.axis}_{file_part(play.given.name)}.yaml"
+    write_table(path, to_table_file(play, conditions, datetime.now().astimezone()))
+    return path.name
+
+
+def _wanted(wave: WaveConfig | Mapping[str, Any], **settings: float) -> _Wanted:
+    if not isinstance(wave, WaveConfig):
+        wave = {"name": "waveform"} | {key: tupled(value) for key, value in wave.items()}
+    document = Document("learn_waveform", {"wave": wave, **settings}, {(): SourcePlace(0, 0)}, {})
+    return validate(document, _Wanted, Context())
 
 
 def near_frequency_hz(frequency_hz: float, interval_ns: int) -> float:
@@ -171,19 +140,14 @@ def near_frequency_hz(frequency_hz: float, interval_ns: int) -> float:
     return NS_PER_S / (n_points * interval_ns)
 
 
-def _measured(
-    running: PlayedStage,
-    maker: TableMaker,
-    range_um: tuple[float, float],
-    settings: MultisineSettings,
-) -> KnownResponse:
-    """Measure the response with the largest amplitude that the daemon accepts."""
+def _known(axis: PlayingAxis) -> KnownAxis:
+    """Return what is known of an axis, measured with the largest amplitude that it accepts."""
+    highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * NS_PER_S / axis.interval_ns)
+    lowest_hz = near_frequency_hz(LOWEST_HZ, axis.interval_ns)
     refusal = None
     for amplitude in AMPLITUDES:
         try:
-            return measure_response(
-                running, maker, range_um, settings._replace(amplitude=amplitude)
-            )
+            return axis.known(MultisineSettings(axis.interval_ns, lowest_hz, highest_hz, amplitude))
         except RefusedError as error:
             refusal = error
     raise DataError(f"no multisine is slow enough for the axis: {refusal}")

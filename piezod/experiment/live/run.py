@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,7 +12,6 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
 from piezod.control.reference.waveforms import build_waveform
-from piezod.errors import ClientError, DataError
 from piezod.experiment.fit.account import parameters_of
 from piezod.experiment.live.late import late_note
 from piezod.experiment.live.plan import check_live, not_used
@@ -21,6 +19,7 @@ from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.slower import slow_enough
 from piezod.experiment.live.stage import ZERO_S, LiveStage
+from piezod.experiment.prefix import prefix_errors
 from piezod.experiment.virtual.run import Progress, versions
 from piezod.experiment.warnings import rate_warnings, run_warnings
 from piezod.records.recording import ExperimentResult, Identification, Recording
@@ -68,7 +67,7 @@ def run_live(
         for case in config.cases:
             for mode in config.modes:
                 meter.label = f"{case.name}, {mode.value}"
-                with _prefix_errors(meter.label):
+                with prefix_errors(meter.label):
                     for recording, run_notes in runs.run(case, mode):
                         recordings.append(recording)
                         warnings += run_notes
@@ -151,17 +150,6 @@ class _ProgressMeter:
     def advance(self, passed_s: float) -> None:
         self._passed_s += passed_s
         self._progress(self.label, min(1.0, self._passed_s / self._total_s))
-
-
-@contextmanager
-def _prefix_errors(run: str) -> Iterator[None]:
-    """Put case and mode before the text of an error."""
-    try:
-        yield
-    except ClientError as error:
-        raise type(error)(f"{run}: {error.what}", error.remedy, error.code) from error
-    except DataError as error:
-        raise DataError(f"{run}: {error}") from error
 
 
 def _models(config: ExperimentConfig, setup: LiveSetup) -> Iterator[Identification]:

@@ -104,6 +104,24 @@ class LiveSetup:
             )
         return chosen
 
+    def model_of(self, name: str) -> StageModel:
+        """Return the model of an axis that plays.
+
+        Raises:
+            DataError: If it has none.
+        """
+        model = self.axes[name].model
+        if model is None:
+            raise DataError(no_model(name, "a table"))
+        return model
+
+
+def no_model(axis: str, what: str) -> str:
+    """Return the text that an axis has no model, which something needs."""
+    return (
+        f"axis {axis} has no model, which {what} needs; `piezod identify --live --adopt` makes one"
+    )
+
 
 def read_setup(client: StageClient) -> LiveSetup:
     """Return the setup of the stage of a daemon.

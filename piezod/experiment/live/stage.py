@@ -125,6 +125,16 @@ class LiveStage:
         self._client.arm()
         self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 
+    def arm_at_rest(self, settle_s: float) -> None:
+        """Disarm, rest as `rest` does, and arm.
+
+        Args:
+            settle_s: Duration of the rest, in s.
+        """
+        self.disarm()
+        self.rest(settle_s)
+        self.arm()
+
     def drive(self, drive_v: Waveforms, duration_s: float) -> None:
         """Drive voltages from rest and back to rest; the stage is armed.
 

@@ -30,4 +30,13 @@ class PlayedStage(Protocol):
         ...
 
 
-__all__ = ["AxisRecord", "AxisTable", "Identity", "PlayedStage"]
+class IdentifiedStage(PlayedStage, Protocol):
+    """An axis of a device that says which one it is."""
+
+    @property
+    def identity(self) -> Identity:
+        """Identity of the device, known after the first play."""
+        ...
+
+
+__all__ = ["AxisRecord", "AxisTable", "IdentifiedStage", "Identity", "PlayedStage"]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from piezod.client import StageClient
+from piezod.experiment.live.play import learn_waveform
 from tests.daemon.conftest import StartDaemon
 
 WAVE = "command_um: {kind: sine, low: 8, high: 16, frequency_hz: 50}\n"
@@ -60,3 +62,19 @@ def test_error_falls_from_pass_to_pass(rig_file: Path, start: StartDaemon) -> No
     assert stored["max_pct"] < errors_pct[0]
     assert "table_x_wave.yaml is not used, changed since: another waveform" in other.stderr
     assert daemon.status()["state"] == "SAFE"
+
+
+@pytest.mark.stress
+def test_program_learns_on_a_running_stage(rig_file: Path, start: StartDaemon) -> None:
+    """`learn_waveform` measures the response, corrects the table, and disarms the stage."""
+    daemon = start(rig_file)
+    daemon.until("SAFE")
+    command_um = {"kind": "sine", "low": 8, "high": 16, "frequency_hz": 50}
+    with StageClient(socket=daemon.paths.api_socket) as stage:
+        learned = learn_waveform(stage, {"command_um": command_um}, 1, settle_s=0.2, record_s=0.2)
+        state = stage.status().state
+
+    before, after = (each.measured.max_pct for each in learned.reports)
+    assert after < 0.5 * before
+    assert learned.best.label == "pass 1"
+    assert state == "SAFE"

@@ -1,9 +1,19 @@
-"""Plays on a running stage: what is measured before the first one."""
+"""A waveform that is learned on a running stage, as a program of Python does it."""
+
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from piezod.experiment.live.play import LOWEST_HZ, near_frequency_hz
+from piezod.config.fields import Context
+from piezod.config.play import WaveConfig
+from piezod.errors import ConfigError, DataError, RefusedError
+from piezod.experiment.live.play import LOWEST_HZ, learn_waveform, near_frequency_hz
 from piezod.experiment.play.command import points_of
+from piezod.experiment.play.learn import PassReport
+from tests.experiment.live.playing_stage import WAVE, PlayingStage
+
+BRIEF: dict[str, Any] = {"settle_s": 0.3, "record_s": 0.2}
 
 
 @pytest.mark.parametrize("interval_us", [24, 50, 240, 650])
@@ -14,3 +24,101 @@ def test_multisine_has_a_whole_number_of_points(interval_us: int) -> None:
 
     assert frequency_hz == pytest.approx(LOWEST_HZ, rel=0.01)
     assert points_of("the multisine", 1.0 / frequency_hz, interval_ns) > 100
+
+
+def test_waveform_is_learned_and_the_stage_disarmed() -> None:
+    """The response is measured, the error falls from pass to pass, and each pass is reported."""
+    stage, reported = PlayingStage(response=None), list[PassReport]()
+
+    learned = learn_waveform(stage, WAVE, 2, **BRIEF, report=reported.append)
+
+    labels = ["inverse and response", "pass 1", "pass 2"]
+    assert [each.label for each in learned.reports] == labels
+    assert reported == list(learned.reports)
+    first, _, last = (each.measured.max_pct for each in learned.reports)
+    assert last < 0.3 * first
+    assert learned.best is learned.reports[-1]
+    assert learned.given.name == "waveform"
+    assert stage.asked.count("play") == 1 + 1 + len(labels)  # zero, response, passes
+    assert (stage.state, stage.asked[-2:]) == ("SAFE", ["stop", "end of the session"])
+
+
+def test_learned_table_is_stored_and_used_again(tmp_path: Path) -> None:
+    """The next call begins with it; its waveform may be a mapping or a model of the file."""
+    notes = list[str]()
+    model = WaveConfig.model_validate({"name": "scan", **WAVE}, context=Context())
+
+    for wave in (model, {"name": "scan", **WAVE}):
+        learned = learn_waveform(
+            PlayingStage(), wave, 0, **BRIEF, tables=tmp_path, note=notes.append
+        )
+
+    assert [each.label for each in learned.reports] == ["stored table"]
+    assert notes[0] == f"no table of this waveform in {tmp_path}"
+    assert notes[1::2] == ["stored as table_x_scan.yaml"] * 2
+    assert notes[2].startswith("begins with table_x_scan.yaml, learned on ")
+
+
+def test_armed_stage_is_disarmed_first() -> None:
+    """Learning begins in any state of the stage."""
+    stage = PlayingStage()
+    stage.arm()
+
+    learn_waveform(stage, WAVE, 0, **BRIEF)
+
+    assert stage.state == "SAFE"
+
+
+def test_exception_between_two_plays_leaves_the_stage_disarmed() -> None:
+    """An error of the caller passes on, after the stop."""
+    stage = PlayingStage()
+
+    def fail(_report: PassReport) -> None:
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        learn_waveform(stage, WAVE, **BRIEF, report=fail)
+
+    assert (stage.state, stage.asked[-2:]) == ("SAFE", ["stop", "end of the session"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"wave": {"command_um": {"kind": "reversals"}}}, "learn_waveform: wave.command_um.kind: "),
+        ({"wave": {}}, "learn_waveform: wave.command_um: required key is missing"),
+        ({"passes": 51}, "learn_waveform: passes: out of range (got 51), allowed range 0 to 50"),
+        ({"interval_us": 0.0}, "learn_waveform: interval_us: out of range"),
+    ],
+)
+def test_wrong_argument_is_named_before_anything_moves(changes: dict[str, Any], what: str) -> None:
+    """The message has the place in the argument, as that of a file has the line."""
+    stage = PlayingStage()
+
+    with pytest.raises(ConfigError) as refused:
+        learn_waveform(stage, **{"wave": WAVE, **changes})
+
+    assert str(refused.value).startswith(what)
+    assert stage.asked == []
+
+
+def test_axis_without_a_model_is_refused_before_anything_moves() -> None:
+    """The message says which command makes one."""
+    stage = PlayingStage()
+    stage.model = None
+
+    with pytest.raises(DataError, match="which a table needs; `piezod identify --live"):
+        learn_waveform(stage, WAVE)
+
+    assert "arm" not in stage.asked
+
+
+def test_refused_request_ends_learning() -> None:
+    """A refusal of the daemon is raised, and the stage is stopped."""
+    stage = PlayingStage()
+    stage.refused["play"] = "no device plays"
+
+    with pytest.raises(RefusedError, match="no device plays"):
+        learn_waveform(stage, WAVE)
+
+    assert stage.asked[-2:] == ["stop", "end of the session"]

@@ -126,7 +126,10 @@ def test_noise_of_the_read_back_at_rest_refuses_no_table(
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
-    [(("--live",), "virtual time only"), (("--tables", "missing"), "does not exist")],
+    [
+        (("--live", "--largest-step-pct", "1"), "the loop does not make the steps of a table"),
+        (("--tables", "missing"), "does not exist"),
+    ],
 )
 def test_options_that_do_not_fit_are_refused(
     piezod: Command, file: Path, arguments: tuple[str, ...], text: str

@@ -1,0 +1,55 @@
+"""An experiment with `play` on a running stage: its waveforms are learned there."""
+
+from pathlib import Path
+
+from piezod.client import StageClient
+from piezod.config.experiment import ExperimentConfig
+from piezod.config.play import PlayConfig
+from piezod.experiment.live.plan import check_live, not_used
+from piezod.experiment.live.running_axis import playing_axis
+from piezod.experiment.live.setup import read_setup
+from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.play.waves import PlayedExperiment, PlayMeter, Progress, learn_waves
+
+
+def run_plays_live(
+    config: ExperimentConfig,
+    play: PlayConfig,
+    client: StageClient,
+    progress: Progress,
+    tables: Path | None = None,
+) -> PlayedExperiment:
+    """Learn every waveform on every axis of a running stage, and disarm it at the end.
+
+    Args:
+        config: The experiment; its devices, models and responses are not used.
+        play: Its waveforms.
+        client: A connection to the daemon of the stage.
+        progress: Called as the experiment advances.
+        tables: Folder of tables to begin with, if their conditions agree; None for none.
+
+    Raises:
+        ClientError: If a request is refused, or the stage leaves the expected states.
+        ConfigError: If a table file is not valid.
+        DataError: If the experiment does not fit the stage, before anything moves; or if a record
+            cannot be used, or a command leaves its range.
+        ModelError: If a model in use is not valid.
+    """
+    setup = read_setup(client)
+    check_live(config, setup)
+    meter = PlayMeter(progress, play, len(config.axes))
+    with LiveStage(client, setup, lambda _over_s: None) as stage:
+        meter.begin("resting")
+        stage.arm_at_rest(config.settle_s)
+        axes = tuple(
+            learn_waves(
+                playing_axis(stage, setup, name, play.interval_ns, config.settle_s),
+                play,
+                meter,
+                tables,
+            )
+            for name in config.axes
+        )
+        stage.disarm()
+    title = f"{config.title} (live on stage {setup.stage})".strip()
+    return PlayedExperiment(title, setup.seed, axes, tuple(not_used(config, setup)))

@@ -1,0 +1,68 @@
+"""An axis of a running stage that plays tables."""
+
+import numpy as np
+
+from piezod.experiment.live.setup import LiveSetup
+from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.play.axis import PlayingAxis
+from piezod.experiment.play.stage import AxisRecord, AxisTable, Identity
+from piezod.units import NS_PER_S, s_to_ns
+
+
+class RunningAxis:
+    """Implements `IdentifiedStage` for one axis of a running stage, which is armed and at rest.
+
+    Args:
+        stage: The stage.
+        name: Name of the axis.
+        rest_v: Its rest voltage, in V.
+        rest_s: Rest before each play, in s.
+
+    Attributes:
+        identity: Identity of the device, known after the first play.
+    """
+
+    def __init__(self, stage: LiveStage, name: str, rest_v: float, rest_s: float) -> None:
+        self._stage, self._name, self._rest_v, self._rest_s = stage, name, rest_v, rest_s
+        self.identity = Identity("", "", "", "")
+
+    def rest(self) -> float:
+        """Rest; return the rest voltage, in V."""
+        self._stage.pause(self._rest_s)
+        return self._rest_v
+
+    def play(self, table: AxisTable) -> AxisRecord:
+        """Play a table, which the daemon checks; return its record."""
+        played = self._stage.play(
+            self._name,
+            table.period_v.tolist(),
+            table.lead_in_v.tolist(),
+            table.interval_ns / NS_PER_S,
+            table.cycles,
+        )
+        self.identity = Identity(**played["device"], firmware="")
+        position_um = np.array(played["position_um"], dtype=np.float64)  # null becomes NaN
+        interval_ns = s_to_ns(played["record_interval_s"])
+        unknown = np.full(position_um.size, np.nan)
+        return AxisRecord(interval_ns, position_um, unknown, int(played["first_point"]))
+
+
+def playing_axis(
+    stage: LiveStage, setup: LiveSetup, name: str, interval_ns: int, rest_s: float
+) -> PlayingAxis:
+    """Return an axis of a running stage, which is armed and at rest, as one that plays.
+
+    Args:
+        stage: The stage.
+        setup: Its setup.
+        name: Name of the axis, which has a model.
+        interval_ns: Time between two points of a table, in ns.
+        rest_s: Rest before each play, in s.
+
+    Raises:
+        ClientError: If a request is refused, or the stage leaves the expected states.
+        DataError: If the axis has no model, or does not play.
+    """
+    config = setup.axes[name].config
+    running = RunningAxis(stage, name, config.limits.rest_v, rest_s)
+    return PlayingAxis.at_rest(running, name, config, setup.model_of(name), interval_ns)

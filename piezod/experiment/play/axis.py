@@ -1,0 +1,87 @@
+"""An axis that plays, virtual or running: its zero, its tables, and the conditions of these."""
+
+from dataclasses import dataclass
+from typing import Self
+
+from piezod.config.axes import AxisConfig
+from piezod.config.response_file import ResponseFile
+from piezod.control.law.compensated import limits_of
+from piezod.control.law.model import StageModel
+from piezod.experiment.play.response import MultisineSettings, measure_response, stored_response
+from piezod.experiment.play.stage import IdentifiedStage
+from piezod.experiment.play.stored import Conditions, model_sha256
+from piezod.experiment.play.tables import TableMaker
+from piezod.experiment.play.task import KnownAxis
+from piezod.experiment.play.zeroed import ZeroedAxis
+
+
+@dataclass(frozen=True, eq=False)
+class PlayingAxis:
+    """An axis that plays tables.
+
+    Attributes:
+        stage: The axis, relative to its zero.
+        interval_ns: Time between two points of a table, in ns.
+        model: Its model.
+        maker: Makes tables for it, by its inverse model.
+        response: Its response from a file; None if it has to be measured.
+        conditions: Conditions of its tables.
+    """
+
+    stage: ZeroedAxis
+    interval_ns: int
+    model: StageModel
+    maker: TableMaker
+    response: ResponseFile | None
+    conditions: Conditions
+
+    @classmethod
+    def at_rest(
+        cls,
+        stage: IdentifiedStage,
+        name: str,
+        config: AxisConfig,
+        model: StageModel,
+        interval_ns: int,
+    ) -> Self:
+        """Return an axis, zeroed by a play at rest: it drifts between the waveforms.
+
+        Args:
+            stage: The axis, at rest.
+            name: Its name.
+            config: Its configuration.
+            model: Its model.
+            interval_ns: Time between two points of a table, in ns.
+
+        Raises:
+            PiezodError: If the play failed.
+        """
+        limits, rest_v = limits_of(config), config.limits.rest_v
+        sensor_delay_s = config.compensator.sensor_delay_s
+        zeroed = ZeroedAxis(stage, interval_ns)
+        range_v = limits.drive_min_v, limits.drive_max_v
+        return cls(
+            zeroed,
+            interval_ns,
+            model,
+            TableMaker(model, interval_ns, range_v, limits.slew_v_per_s),
+            config.response,
+            Conditions(name, stage.identity, model_sha256(model), sensor_delay_s, rest_v),
+        )
+
+    def known(self, multisine: MultisineSettings) -> KnownAxis:
+        """Return what is known of the axis; a response that no file has is measured.
+
+        Args:
+            multisine: Settings of that measurement.
+
+        Raises:
+            PiezodError: If the response could not be measured.
+        """
+        if self.response is not None:
+            response = stored_response(self.response, self.interval_ns)
+        else:
+            range_um = self.model.position_um
+            response = measure_response(self.stage, self.maker, range_um, multisine)
+        delay_s = self.conditions.sensor_delay_s
+        return KnownAxis(self.maker, self.model.creep, response, delay_s)

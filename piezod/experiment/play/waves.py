@@ -1,0 +1,116 @@
+"""The waveforms of an experiment, learned one after the other on an axis, virtual or running."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from piezod.config.play import PlayConfig
+from piezod.experiment.play.axis import PlayingAxis
+from piezod.experiment.play.command import command_of
+from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
+from piezod.experiment.play.response import KnownResponse, MultisineSettings
+from piezod.experiment.play.stored import Conditions, find_table
+from piezod.experiment.play.task import PlaySettings
+from piezod.experiment.prefix import prefix_errors
+
+Progress = Callable[[str, float], None]
+"""Called with the present step and the share of the experiment that is done."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedResult:
+    """What was played on one axis.
+
+    Attributes:
+        axis: Name of the axis.
+        response: Its response.
+        conditions: Conditions of its tables.
+        plays: The learned waveforms, in order.
+        notes: Notes on stored tables, for people.
+    """
+
+    axis: str
+    response: KnownResponse
+    conditions: Conditions
+    plays: tuple[LearnedPlay, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedExperiment:
+    """What was played in an experiment.
+
+    Attributes:
+        title: Description, for people.
+        seed: Seed of the random values in simulated devices.
+        axes: Each axis, in order.
+        warnings: Warnings, a sentence each.
+    """
+
+    title: str
+    seed: int
+    axes: tuple[PlayedResult, ...]
+    warnings: tuple[str, ...] = ()
+
+
+class PlayMeter:
+    """Turns the number of plays into a share of the experiment.
+
+    Args:
+        progress: Called as the experiment advances.
+        play: Its waveforms.
+        n_axes: Number of its axes.
+    """
+
+    def __init__(self, progress: Progress, play: PlayConfig, n_axes: int) -> None:
+        self._progress, self._done = progress, 0
+        self._plays = n_axes * (1 + len(play.waves) * (play.passes + 2))
+
+    def begin(self, label: str) -> None:
+        """Tell what is done now."""
+        self._progress(label, min(1.0, self._done / self._plays))
+
+    def done(self, label: str) -> None:
+        """Tell that a play has ended."""
+        self._done += 1
+        self.begin(label)
+
+    def reporting(self, label: str) -> Callable[[PassReport], None]:
+        """Return a function that tells the end of a play of a waveform."""
+        return lambda report: self.done(f"{label}: {report.label}")
+
+
+def learn_waves(
+    axis: PlayingAxis, play: PlayConfig, meter: PlayMeter, tables: Path | None
+) -> PlayedResult:
+    """Measure the response of an axis, then learn every waveform.
+
+    Args:
+        axis: The axis.
+        play: The waveforms.
+        meter: Told about each play.
+        tables: Folder of tables to begin with, if their conditions agree; None for none.
+
+    Raises:
+        PiezodError: If the response could not be measured, or nothing of a waveform was learned.
+    """
+    name = axis.conditions.axis
+    meter.begin(f"axis {name}, response")
+    amplitude = play.amplitude_pct / 100.0
+    multisine = MultisineSettings(axis.interval_ns, play.lowest_hz, play.highest_hz, amplitude)
+    with prefix_errors("response"):
+        known = axis.known(multisine)
+    meter.done(f"axis {name}")
+    settings = PlaySettings(play.passes, play.settle_s, play.record_s)
+    plays, notes = [], []
+    for wave in play.waves:
+        command, first_um = command_of(wave, axis.interval_ns), None
+        if tables is not None:
+            first_um, note = find_table(tables, axis.conditions, command)
+            notes.append(f"Axis {name}, {wave.name}: {note}.")
+        report = meter.reporting(f"axis {name}, {wave.name}")
+        task = known.task(command, settings, first_um)
+        with prefix_errors(wave.name):
+            # Without a learned table, the inverse model alone shows what the response adds.
+            plays.append(learn(axis.stage, task, report, compare=first_um is None))
+    return PlayedResult(name, known.response, axis.conditions, tuple(plays), tuple(notes))
