@@ -89,7 +89,7 @@ class ModelFile(ConfigModel):
     )
     first_mode: FoundModeConfig | None = Field(
         default=None,
-        description="First mode that the data show; the loop uses that of the axis.",
+        description="First mode that the data show; the loop uses it if the axis has none.",
     )
     right_stop_thresholds: Thresholds = Field(
         default=(), description="Increasing, between 0 and 1; version 1."

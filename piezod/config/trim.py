@@ -13,9 +13,10 @@ class TrimConfig(ConfigModel):
     """Parameters of the trim of mode `trimmed`."""
 
     base: TrimBase = Field(default="feedforward", description="Mode that the trim is added to.")
-    gain_per_s: Annotated[float, Quantity(0.01, 5000, "1/s")] = Field(
-        default=50.0,
-        description="Gain of the integral, 1/s: errors decay with time constant 1/gain.",
+    gain_per_s: Annotated[float, Quantity(0.01, 5000, "1/s")] | None = Field(
+        default=None,
+        description="Gain of the integral, 1/s: errors decay with time constant 1/gain; default: "
+        "50, or the largest gain with enough margin if that is smaller.",
     )
     proportional: Annotated[float, Quantity(0, 2)] = Field(
         default=0.0, description="Share of the error that is added to the integral."

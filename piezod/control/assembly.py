@@ -12,7 +12,7 @@ from piezod.control.faults.register import FaultRegister
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.creep import CreepState
 from piezod.control.law.gains import check_gains, prefix_errors
-from piezod.control.law.model import StageModel, unidentified_form
+from piezod.control.law.model import StageModel, unidentified_form, with_found_mode
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
@@ -141,7 +141,7 @@ def _build_axis(
     config: DaemonConfig, name: str, model: StageModel | None, in_force_v: float, lag_ns: int
 ) -> WatchedAxis:
     """Return an axis and its watches."""
-    axis, period_ns = config.axes[name], round(NS_PER_S / config.rate_hz)
+    axis, period_ns = with_found_mode(config.axes[name], model), round(NS_PER_S / config.rate_hz)
     law_model = model or _proportional_model(axis)
     mode = config.mode if model else Mode.UNCOMPENSATED
     creep = _at_rest(law_model, period_ns / NS_PER_S)

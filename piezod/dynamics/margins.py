@@ -138,6 +138,12 @@ def refuse_unstable(law: TrimLaw, period_s: float, stage: ResponseModel) -> Trim
     return margins
 
 
+def within_margins(law: TrimLaw, period_s: float, stage: ResponseModel) -> TrimLaw:
+    """Return a trim, with smaller gains if its margins are too small; arguments as `margins_of`."""
+    largest = margins_of(law, period_s, stage).largest
+    return law if law.gain_per_s <= largest.gain_per_s else rounded_down(largest)
+
+
 def propose(period_s: float, stage: ResponseModel, notches: tuple[Resonance, ...] = ()) -> TrimLaw:
     """Return the trim with the largest gain of its integral that has all required margins.
 

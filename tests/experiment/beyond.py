@@ -15,8 +15,7 @@ OTHER_FILES = {
 }
 """Variant → its experiment, if it is not that of the stack."""
 _LIGHTLY_DAMPED = "light-damping"
-_SLOW_TRIM_PER_S = 5.0
-"""Gain of the trim for this variant; 50 per second is refused for its mode."""
+"""Its first mode is that of its data sheet; the gain of the trim follows from it."""
 _UNCLOSED = "bouc-wen"
 """Its loops do not close, so that the errors of any model exceed the authority of the trim."""
 _UNFILTERED, _UNFILTERED_DELAY_S = "no-antialias", 0.00013
@@ -51,8 +50,17 @@ LIMITS: Final = (
     Limit("preisach-exponential", "exact sensor", _EXACT),
     Limit("preisach-gaussian", "exact sensor", _EXACT),
     Limit("preisach-asymmetric", "exact sensor", _EXACT),
-    Limit("thermal-relays", "no creep, no drift", {"effects": {"creep": False, "drift": False}}),
-    Limit("bouc-wen", "no hysteresis", {"effects": {"hysteresis": False}}),
+    Limit("thermal-relays", "half the thermal energy", {"hysteresis": {"activation": 0.0045}}),
+    Limit(
+        "thermal-relays",
+        "half the part of the relays",
+        {"stage": {"reversible_um": 22.85, "irreversible_um": 7.15}},
+    ),
+    Limit(
+        "bouc-wen",
+        "half the Bouc-Wen part",
+        {"stage": {"reversible_um": 23.05, "irreversible_um": 6.95}},
+    ),
     Limit("light-damping", "exact sensor", _EXACT),
     Limit("no-antialias", "no noise, no mode", {"effects": {"sensor_noise": False, "mode": False}}),
     Limit("gain-drift", "constant gain", {"stage": {"gain_growth_per_s": 0.0}}),
@@ -75,12 +83,7 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
         assert axis.first_mode is not None
         stage = VARIANTS[variant].parameters.stage
         known = {"frequency_hz": stage.mode_hz, "damping": stage.mode_damping}
-        axis = axis.model_copy(
-            update={
-                "first_mode": axis.first_mode.model_copy(update=known),
-                "trim": axis.trim.model_copy(update={"gain_per_s": _SLOW_TRIM_PER_S}),
-            }
-        )
+        axis = axis.model_copy(update={"first_mode": axis.first_mode.model_copy(update=known)})
     if variant == _UNCLOSED:
         axis = axis.model_copy(update={"trim": axis.trim.model_copy(update={"base": "adaptive"})})
     if variant == _UNFILTERED:

@@ -287,8 +287,8 @@ def _trim(config: AxisConfig, model: StageModel, period_ns: int) -> Trim:
         check_trim(config, period_s, model.delay_s)
     except ModelError as error:
         refusal = str(error)
-    law, fade_cycles = trim_law(config, period_s), _cycles(FADE_S, period_ns)
-    settings = trim.gain_per_s, period_s, trim.authority_pct / 100.0, fade_cycles, refusal
+    law, fade_cycles = trim_law(config, period_s, model.delay_s), _cycles(FADE_S, period_ns)
+    settings = law.gain_per_s, period_s, trim.authority_pct / 100.0, fade_cycles, refusal
     if law.proportional or law.notches:
         notches = [notch(mode, period_s) for mode in law.notches]
         return NotchedTrim(*settings, proportional=law.proportional, notches=notches)

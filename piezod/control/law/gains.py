@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
 from piezod.control.law.compensated import check_identifier
-from piezod.control.law.model import unidentified_form
+from piezod.control.law.model import unidentified_form, with_found_mode
 from piezod.control.law.model_files import read_model
 from piezod.control.law.trim_gains import check_trim
 from piezod.errors import DataError, ModelError
@@ -32,7 +32,7 @@ def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: boo
         if axis.model is not None:
             model, _ = read_model(axis.model)
             properties = LoopProperties(model.form, model.delay_s, period_s)
-            check_axis_gains(name, axis, properties, trimmed=trimmed)
+            check_axis_gains(name, with_found_mode(axis, model), properties, trimmed=trimmed)
             continue
         delay_s = axis.compensator.delay_s
         configured_s = None if delay_s == "auto" else delay_s

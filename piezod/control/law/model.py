@@ -1,15 +1,19 @@
 """The identified model of a stage: hysteresis, ranges, creep and delay."""
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from piezod.config.axes import AxisConfig
+from piezod.config.first_mode import FirstModeConfig
 from piezod.control.law.creep import NO_CREEP, CreepLaw
 from piezod.control.law.first_mode import FirstMode
 from piezod.errors import DataError
 from piezod.hysteresis import AffineRange, ModelForm, StopForm
 from piezod.hysteresis.memory import FloatArray
+
+AnyAxisConfig = TypeVar("AnyAxisConfig", bound=AxisConfig)
 
 REST_BEYOND = 0.01
 """The rest voltage may be outside the model's voltages by this share of their range."""
@@ -26,7 +30,7 @@ class StageModel:
         position_um: Range of the displacement without creep that is [0, 1], in µm.
         delay_s: Delay of the displacement behind the voltage, in s.
         creep: Creep, which adds to the displacement of the hysteresis.
-        mode: First mode, if the data showed one; the loop uses that of its configuration.
+        mode: First mode, if the data showed one; the loop uses it if its configuration has none.
     """
 
     form: ModelForm
@@ -62,6 +66,19 @@ class StageModel:
         rest_um = self.position_um.from_unit(float(np.interp(rest, z, x)))
         low, high = self.position_um
         return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
+
+
+def with_found_mode(config: AnyAxisConfig, model: StageModel | None) -> AnyAxisConfig:
+    """Return the configuration of an axis, with the first mode of its model if it has none.
+
+    Args:
+        config: Configuration of the axis; a response is better than the mode of a model.
+        model: Model of the axis, if it has one.
+    """
+    if config.first_mode or config.response or model is None or model.mode is None:
+        return config
+    mode = FirstModeConfig(frequency_hz=model.mode.frequency_hz, damping=model.mode.damping)
+    return config.model_copy(update={"first_mode": mode})
 
 
 def unidentified_form(config: AxisConfig) -> ModelForm:

@@ -1,48 +1,62 @@
 """Gains of the trim of an axis: what they are, whether they are safe, and which are proposed."""
 
+from typing import Final
+
 from piezod.config.axes import AxisConfig
 from piezod.control.law.dynamics import known_dynamics
 from piezod.control.law.response_files import response_model
 from piezod.dynamics import Resonance, ResponseModel
 from piezod.dynamics.loop import TrimLaw
-from piezod.dynamics.margins import gains_text, margins_of, propose, refuse_unstable
+from piezod.dynamics.margins import (
+    gains_text,
+    margins_of,
+    propose,
+    refuse_unstable,
+    within_margins,
+)
 from piezod.dynamics.notch import notched
 
+USUAL_GAIN_PER_S: Final = 50.0
+"""Gain of a trim whose configuration gives none: errors decay within 20 ms."""
 
-def trim_law(config: AxisConfig, period_s: float) -> TrimLaw:
+
+def trim_law(config: AxisConfig, period_s: float, delay_s: float) -> TrimLaw:
     """Return the gains and notches of an axis.
 
-    Args:
-        config: Configuration of the axis.
-        period_s: Period of the loop, in s.
-    """
-    trim, dynamics = config.trim, known_dynamics(config, period_s)
-    notches: tuple[Resonance, ...] = ()
-    if trim.notch == "auto" and dynamics is not None:
-        notches = notched(dynamics.modes, period_s)
-    return TrimLaw(trim.gain_per_s, trim.proportional, notches)
-
-
-def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
-    """Refuse gains of the trim that leave too little margin.
+    A gain that is not given is the usual one, or the largest with enough margin. A given one, also
+    a given proportional gain, is never changed.
 
     Args:
         config: Configuration of the axis, with its trim, and with its response or its first mode.
         period_s: Period of the loop, in s.
         delay_s: Delay from drive to sensor of an identified model, in s; a response has its own.
+    """
+    trim, dynamics = config.trim, known_dynamics(config, period_s)
+    notches: tuple[Resonance, ...] = ()
+    if trim.notch == "auto" and dynamics is not None:
+        notches = notched(dynamics.modes, period_s)
+    law = TrimLaw(trim.gain_per_s or USUAL_GAIN_PER_S, trim.proportional, notches)
+    if trim.gain_per_s is not None or trim.proportional:
+        return law
+    return within_margins(law, period_s, _loop_stage(config, period_s, delay_s))
+
+
+def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
+    """Refuse gains of the trim that leave too little margin; arguments as for `trim_law`.
 
     Raises:
         ModelError: If a margin is too small.
     """
-    refuse_unstable(trim_law(config, period_s), period_s, _loop_stage(config, period_s, delay_s))
+    law, stage = trim_law(config, period_s, delay_s), _loop_stage(config, period_s, delay_s)
+    refuse_unstable(law, period_s, stage)
 
 
 def margins_text(config: AxisConfig, period_s: float, delay_s: float) -> str:
     """Return the margins of the trim of an axis, and the gains that are proposed, for people.
 
-    Arguments as for `check_trim`.
+    Arguments as for `trim_law`.
     """
-    law, stage = trim_law(config, period_s), _loop_stage(config, period_s, delay_s)
+    law, stage = trim_law(config, period_s, delay_s), _loop_stage(config, period_s, delay_s)
     margins = margins_of(law, period_s, stage)
     notches = ", ".join(f"{mode.frequency_hz:g} Hz" for mode in law.notches)
     return (

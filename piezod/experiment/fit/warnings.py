@@ -72,7 +72,7 @@ def mode_warnings(
     """
     found = f"The record shows the first mode at {mode_text(mode, half)}"
     if configured is None:
-        yield f"{found}, and the configuration has none: give it as `first_mode` of the axis."
+        yield f"{found}. The configuration has none, so that the loop uses it with this model."
         return
     far_hz = max(half.frequency_hz, FREQUENCY_SHARE * configured.frequency_hz)
     far = max(half.damping, DAMPING_SHARE * configured.damping)

@@ -11,7 +11,7 @@ from piezod.client.results import Document
 from piezod.client.waveforms import tupled
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
-from piezod.control.law.model import StageModel
+from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import from_model_file
 from piezod.control.reference.motion import Motion, lead_in, waveform_motion
 from piezod.control.reference.waveforms import Waveform
@@ -53,7 +53,8 @@ class LiveAxis:
             duration_s: Duration of the waveform, in s.
             start_um: Command before, constant, in µm.
         """
-        limits = motion_limits(self.config, self.range_um, self.period_s)
+        config = with_found_mode(self.config, self.model)
+        limits = motion_limits(config, self.range_um, self.period_s)
         before = lead_in(waveform, start_um, 0.0, limits)
         return waveform_motion(waveform, duration_s, before)
 

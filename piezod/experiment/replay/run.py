@@ -16,7 +16,7 @@ from piezod.config.modes import Mode
 from piezod.control.law.axis import CompensatedAxis, TimeFunction
 from piezod.control.law.compensated import Start, check_identifier, compensated_axis
 from piezod.control.law.creep import CreepState
-from piezod.control.law.model import StageModel
+from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.trim_gains import check_trim
 from piezod.devices.interface import Sample
 from piezod.experiment.replay.recorded_axis import RecordedAxis
@@ -78,7 +78,7 @@ def replay(
     Raises:
         ModelError: If a gain of the configuration is not safe with this model.
     """
-    period_s = 1.0 / rate_hz
+    period_s, config = 1.0 / rate_hz, with_found_mode(config, model)
     check_identifier(config, model.form)
     if Mode.TRIMMED.value in modes:
         check_trim(config, period_s, model.delay_s)

@@ -131,14 +131,14 @@ def _axes(
     """Return the axes at the start of a run."""
     return [
         compensated_axis(
-            axis,
+            identified[name].config,
             identified[name].model,
             identified[name].creeping.state,
             mode,
             references[name].value,
             Start(stage.now_ns, stage.period_ns, in_force_v),
         )
-        for (name, axis), in_force_v in zip(config.axes.items(), stage.in_force_v, strict=True)
+        for name, in_force_v in zip(config.axes, stage.in_force_v, strict=True)
     ]
 
 

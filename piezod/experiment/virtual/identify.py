@@ -13,7 +13,7 @@ from piezod.config.modes import Mode
 from piezod.control.law.axis import TimeFunction
 from piezod.control.law.dynamics import known_dynamics
 from piezod.control.law.gains import LoopProperties, check_axis_gains, check_gains, prefix_errors
-from piezod.control.law.model import StageModel
+from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import read_model
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError
@@ -42,12 +42,14 @@ class IdentifiedAxis:
     """An axis with its model.
 
     Attributes:
+        config: Configuration of the axis, with the first mode of its model if it has none.
         model: The model, with its zero at rest.
         creeping: The creep of the axis so far.
         account: Origin of the model.
         warnings: Warnings for the user of the model.
     """
 
+    config: AxisConfig
     model: StageModel
     creeping: Creeping
     account: Identification
@@ -83,7 +85,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
     }
     for name, one in identified.items():
         properties = LoopProperties(one.model.form, one.model.delay_s, period_s)
-        check_axis_gains(name, config.axes[name], properties, trimmed=trimmed)
+        check_axis_gains(name, one.config, properties, trimmed=trimmed)
     return identified
 
 
@@ -148,6 +150,7 @@ def _from_record(
     creeping = Creeping(model, record.period_s)
     creeping.watch(record.position_um)
     return IdentifiedAxis(
+        with_found_mode(axis, model),
         model,
         creeping,
         account,
@@ -180,7 +183,8 @@ def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> Ident
         fit_errors=file.fit.model_dump(exclude_none=True),
         parameters=parameters_of(model),
     )
-    return IdentifiedAxis(model, Creeping(model, period_ns / NS_PER_S), account, ())
+    creeping = Creeping(model, period_ns / NS_PER_S)
+    return IdentifiedAxis(with_found_mode(axis, model), model, creeping, account, ())
 
 
 def _for_axis(axis: str, warnings: Iterable[str]) -> tuple[str, ...]:

@@ -118,10 +118,10 @@ def test_notches_are_at_the_modes_of_the_response() -> None:
     """Without a response, or if they are not wanted, there are none."""
     known = response_of(MODE)
 
-    assert trim_law(axis_of(known), PERIOD_S).notches == (Resonance(734.0, 0.03),)
-    assert trim_law(axis_of(known, notch="none"), PERIOD_S).notches == ()
-    assert trim_law(axis_of(None), PERIOD_S).notches == ()
-    assert trim_law(axis_of(known), 1e-3).notches == ()  # beyond the rate
+    assert trim_law(axis_of(known), PERIOD_S, 0.0).notches == (Resonance(734.0, 0.03),)
+    assert trim_law(axis_of(known, notch="none"), PERIOD_S, 0.0).notches == ()
+    assert trim_law(axis_of(None), PERIOD_S, 0.0).notches == ()
+    assert trim_law(axis_of(known), 1e-3, 0.0).notches == ()  # beyond the rate
 
 
 def test_response_decides_which_gains_are_safe() -> None:

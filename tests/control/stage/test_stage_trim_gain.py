@@ -6,6 +6,7 @@ import pytest
 
 from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
+from piezod.config.first_mode import FoundModeConfig
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.trim import TrimConfig
@@ -77,3 +78,28 @@ def test_model_with_a_longer_delay_is_judged_when_it_is_adopted() -> None:
     assert "a trim gain of 100 1/s is not safe" in trimmed.ask(slower).why
     assert other.ask(slower).accepted
     assert not other.ask(rq.SelectMode(mode=Mode.TRIMMED)).accepted
+
+
+@pytest.mark.parametrize(("trim", "accepted"), [({"gain_per_s": 50.0}, False), ({}, True)])
+def test_mode_of_an_adopted_model_counts_if_the_axis_has_none(
+    trim: dict[str, Any], accepted: bool
+) -> None:
+    """A given gain is refused for it, one that is not given becomes smaller; moves are longer."""
+    config = with_trim(trim, 1000.0, Mode.TRIMMED)
+    axis = config.axes["x"].model_copy(update={"first_mode": None})
+    assert axis.model is not None
+    sharp = FoundModeConfig(frequency_hz=100.0, damping=0.005)
+    found = load_model(axis.model).model_copy(update={"first_mode": sharp})
+    stage = RigStage(config.model_copy(update={"axes": {"x": axis}}))
+    stage.until("SAFE")
+    before_s = stage.stage.axes[0].motion_limits.shortest_s
+
+    answer = stage.ask(rq.AdoptModel(model=found))
+
+    assert answer.accepted is accepted
+    if accepted:
+        shortest_s = stage.stage.axes[0].motion_limits.shortest_s
+        assert shortest_s > before_s
+        assert shortest_s == pytest.approx(3.0 / 100.0)
+    else:
+        assert "first mode 100 Hz with damping 0.005" in answer.why
