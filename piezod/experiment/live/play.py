@@ -20,7 +20,7 @@ from piezod.experiment.play.response import (
     measure_response,
     stored_response,
 )
-from piezod.experiment.play.stage import AxisRecord, AxisTable, Identity, PlayedStage
+from piezod.experiment.play.stage import AtRest, AxisRecord, AxisTable, Identity, PlayedStage
 from piezod.experiment.play.stored import (
     Conditions,
     file_part,
@@ -79,10 +79,9 @@ class RunningAxis:
         self._stage, self._name, self._rest_v = stage, name, rest_v
         self.identity = Identity("", "", "", "")
 
-    def rest(self) -> float:
-        """Rest; return the rest voltage, in V."""
-        self._stage.pause(REST_S)
-        return self._rest_v
+    def rest(self) -> AtRest:
+        """Rest, at the rest voltage."""
+        return AtRest(self._stage.pause(REST_S), self._rest_v)
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table, which the daemon checks; return its record."""

@@ -17,12 +17,14 @@ from piezod.experiment.play.response import (
     measure_response,
     stored_response,
 )
+from piezod.experiment.play.stage import AtRest
 from piezod.experiment.play.stored import Conditions, find_table, model_sha256
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, LearningTask, PlaySettings
 from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.experiment.virtual.identify import IdentifiedAxis, identify_axes
 from piezod.experiment.virtual.stage import VirtualStage, opened
+from piezod.units import NS_PER_S
 
 Progress = Callable[[str, float], None]
 """Called with the present step and the share of the experiment that is done."""
@@ -66,13 +68,13 @@ class VirtualAxis:
         self._stage, self._name, self._guard = stage, name, guard
         self._rest_v, self._rest_s = rest_v, rest_s
 
-    def rest(self) -> float:
-        """Go to rest; return the rest voltage, in V.
+    def rest(self) -> AtRest:
+        """Go to rest, at the rest voltage.
 
         The read-back voltage has noise, which may be beyond a limit.
         """
         self._stage.go_to_rest(self._rest_s)
-        return self._rest_v
+        return AtRest(self._stage.now_ns / NS_PER_S, self._rest_v)
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table that the guard has checked; return its record."""

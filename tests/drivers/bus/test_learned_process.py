@@ -14,6 +14,7 @@ from piezod.devices.player import PlayState
 from piezod.devices.wiring import ChannelPair
 from piezod.experiment.play.command import command_of
 from piezod.experiment.play.learn import learn
+from piezod.experiment.play.stage import AtRest
 from piezod.experiment.play.task import PlaySettings
 from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.units import NS_PER_S
@@ -70,12 +71,12 @@ class DistantAxis:
         self._guard = TableGuard(LIMITS, 0.0, able.at_end, able.cycles)
         self._interval_ns, self._in_force_v = interval_ns, 0.0
 
-    def rest(self) -> float:
-        """Play a ramp to 0 V; return the voltage in force."""
+    def rest(self) -> AtRest:
+        """Play a ramp to 0 V."""
         n = round(RAMP_S * NS_PER_S / self._interval_ns)
         down_v = self._in_force_v * (0.5 + 0.5 * np.cos(np.pi * np.arange(n) / n))
         self.play(AxisTable(self._interval_ns, down_v, np.zeros(n), 10))
-        return self._in_force_v
+        return AtRest(time.monotonic(), self._in_force_v)
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table that the guard accepts."""
