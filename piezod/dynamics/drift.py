@@ -15,7 +15,7 @@ differs (bars are weighted means of one waveform):
 Its variance is 1 / Σ g (t - t̄)² by the known σ, and χ² times that by the misfits of the values, where
 χ² is their sum of squares, in σ, per degree of freedom. A rate that either of them explains by
 chance is taken for 0: a constant stage is left alone. A jump is no drift, because it misses the
-line. σ is the noise, and a share of the correction that the play asks for, because the response by
+line. Creep and settling become slower: if the last two plays show less of the rate, that counts. σ is the noise, and a share of the correction that the play asks for, because the response by
 which the correction is found is wrong by such a share. The next play at t + Δt takes
 
     w(t + Δt) = w(t) + λ (correction) + rate_s Δt b + rate_o Δt,
@@ -100,7 +100,13 @@ class Trend:
         rate = float((weight * t_s) @ value) / spread
         misfit = float(weight @ (value - rate * t_s) ** 2) / free
         least = max(SIGNIFICANT, STUDENT[free - 1] * np.sqrt(misfit)) / np.sqrt(spread)
-        return rate if abs(rate) > least else 0.0
+        if abs(rate) <= least:
+            return 0.0
+        *_, before, last = self._seen
+        if before.waveform != last.waveform:
+            return rate
+        slower = np.clip((last.value - before.value) / (last.t_s - before.t_s) / rate, 0.0, 1.0)
+        return rate * float(slower)
 
 
 class Drift:
