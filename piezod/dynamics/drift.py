@@ -156,6 +156,11 @@ class Drift:
         self._scale.forget()
         self._offset.forget()
 
-    def rates(self) -> tuple[float, float]:
-        """Return the rates of the scale and of the offset, per second."""
-        return self._scale.rate(), self._offset.rate()
+    @property
+    def is_seen(self) -> bool:
+        """Whether the scale or the offset drifts."""
+        return bool(self._scale.rate() or self._offset.rate())
+
+    def change(self, begin_s: float, end_s: float) -> FloatArray:
+        """Return the change of the input from one time to another, shape (n,)."""
+        return (end_s - begin_s) * (self._scale.rate() * self._model + self._offset.rate())

@@ -142,7 +142,7 @@ class Learner:
         self._drift = drift or Drift()
         self.best_pass = 0
         self._rms: list[float] = []  # of each pass so far
-        self._gain, self._growths = GAIN, 0
+        self._gain, self._growths, self._foreseen = GAIN, 0, False
         self._largest = CAREFUL * float(np.ptp(command)) * self._size / 2.0
         self._step = np.zeros_like(self._target)  # the last change of the input
         nothing = self._step
@@ -183,7 +183,7 @@ class Learner:
         else:
             carried = self._drift.begin(t_s, self._model_input)
             self._wanted = carried if self._first is None else self._first
-        self._t_s = t_s
+        self._t_s, self._foreseen = t_s, self._drift.is_seen
         return self._wanted
 
     def take(self, found: Assessment) -> Stop | None:
@@ -211,8 +211,7 @@ class Learner:
         step[0] = self._base.correction[0]
         too_large = np.maximum(np.abs(step) / self._largest, 1.0)
         self._step = np.where(self._base.followed, step, step / too_large)
-        scale, offset = (rate * (t_s - self._base.t_s) for rate in self._drift.rates())
-        drifted = scale * self._model_input + offset
+        drifted = self._drift.change(self._base.t_s, t_s)
         self._wanted = self._base.wanted + self._period(self._step) + drifted
 
     def _followed(self, error: ComplexArray) -> Lines:
@@ -232,7 +231,9 @@ class Learner:
         if self._growths == ALLOWED_GROWTHS:
             return Stop.GREW
         before, last = self._rms[:-2], self._rms[-2:]
-        if before and min(last) > FALLS * min(before):
+        # A drift that has been seen just now has not been foreseen yet: the error may fall.
+        seen_anew = self._drift.is_seen and not self._foreseen
+        if before and min(last) > FALLS * min(before) and not seen_anew:
             return Stop.SETTLED
         return Stop.PASSES if len(self._rms) > self._passes else None
 

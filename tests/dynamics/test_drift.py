@@ -103,10 +103,10 @@ def test_scale_and_offset_drift_apart() -> None:
     for k in range(4):
         seen(drift, PLAY_S * k, 0.98 * MODEL + 0.1 * k)
 
-    assert drift.rates() == (0.0, pytest.approx(0.1 / PLAY_S))
+    assert drift.change(1.0, 1.0 + PLAY_S) == pytest.approx(0.1)
     assert drift.begin(4.0 * PLAY_S, MODEL) == pytest.approx(0.98 * MODEL + 0.4)
     drift.forget()
-    assert drift.rates() == (0.0, 0.0)
+    assert not drift.is_seen
     assert drift.begin(4.0 * PLAY_S, MODEL) == pytest.approx(0.98 * MODEL + 0.3)
 
 
@@ -117,7 +117,7 @@ def test_gain_that_grows_is_no_offset() -> None:
     for k in range(4):
         seen(drift, PLAY_S * k, (1.0 - 0.002 * k) * MODEL)
 
-    assert drift.rates() == (pytest.approx(-0.002 / PLAY_S), 0.0)
+    assert drift.change(0.0, PLAY_S) == pytest.approx(-0.002 * MODEL)
     smaller = 3.0 + 0.5 * MODEL
     assert drift.begin(4.0 * PLAY_S, smaller) == pytest.approx(0.992 * smaller)
 
