@@ -77,10 +77,6 @@ class Trend:
         self._seen.append(_Seen(t_s, found.value, weight, waveform))
         del self._seen[:-LAST]
 
-    def forget(self) -> None:
-        """Forget the rate."""
-        self._seen.clear()
-
     def at(self, t_s: float) -> float:
         """Return the value that is expected at a time in s."""
         return self._value + self.rate() * (t_s - self._t_s)
@@ -150,11 +146,6 @@ class Drift:
         parts = noise[0] / n, doubt[0].real / n, mean * sigma
         self._scale.saw(t_s, self._waveform, Estimate(scale, sigma))
         self._offset.saw(t_s, self._waveform, Estimate(offset, float(np.linalg.norm(parts))))
-
-    def forget(self) -> None:
-        """Forget the rates: the stage has changed otherwise than by a drift."""
-        self._scale.forget()
-        self._offset.forget()
 
     @property
     def is_seen(self) -> bool:

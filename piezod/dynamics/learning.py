@@ -202,7 +202,6 @@ class Learner:
             self._growths += 1
             self._gain /= 2.0
             self._base = self._best
-            self._drift.forget()
         self._rms.append(found.rms)
         return self._stop(found.significant)
 
