@@ -1,29 +1,32 @@
-"""Slow drift of a stage: what its plays have shown so far predicts the next one.
+"""Slow drift of a stage: what its plays have shown predicts the next one.
 
 The record of a play at the time t shows the input w* that would have put the stage on its command.
 In terms of b, the input that the model of the stage asks for, this is
 
     w*(t) = s(t) b + o(t) + what the model lacks, which does not change.
 
-A gain that grows is a scale s that falls, a zero that drifts an offset o. A correction by the last
-record is late by one play, by (dv/dt) Δt, where v is s or o. So v of the last plays is fitted by a
-line, with weights g = 1/σ² and a level of its own for each waveform, because what the model lacks
-differs (bars are weighted means of one waveform):
+A gain that grows is a scale s that falls; a zero that drifts is an offset o. A correction by the
+last record is late by one play. So each of them, v, is fitted by a line over the last plays, with
+weights g = 1/σ² and a level of its own for each waveform, because what the model lacks differs
+(bars are the weighted means of a waveform):
 
     rate = Σ g (t - t̄) (v - v̄) / Σ g (t - t̄)².
 
-Its variance is 1 / Σ g (t - t̄)² by the known σ, and χ² times that by the misfits of the values, where
-χ² is their sum of squares, in σ, per degree of freedom. A rate that either of them explains by
-chance is taken for 0: a constant stage is left alone. A jump is no drift, because it misses the
-line. Creep and settling become slower: if the last two plays show less of the rate, that counts. σ is the noise, and a share of the correction that the play asks for, because the response by
-which the correction is found is wrong by such a share. The next play at t + Δt takes
+σ is the noise, and a share of the correction that the play asks for, because the response by which
+that is found is wrong by some share. The variance of the rate is 1 / Σ g (t - t̄)² by σ, and χ²
+times that by the misfits of v, where χ² is their sum of squares, in σ, per degree of freedom. A
+rate that chance explains by either of them is taken for 0: a constant stage is left alone, and a
+jump is no drift, because it misses the line. Creep and settling become slower, so the last two
+plays may lower the rate. The next play at t + Δt takes
 
     w(t + Δt) = w(t) + λ (correction) + rate_s Δt b + rate_o Δt,
 
-a learning law of second order in the two quantities that drift as a whole. The first play of
-another waveform begins with s b + o of the last one. What the model lacks is in s and o, too: of a
-small waveform it may be a large share, but it is about as many µm of a larger one. So s - 1 is
-carried over to a larger waveform in the ratio of the swings, about the mean of the smaller one.
+a learning law of second order in the two quantities that drift as a whole.
+
+The first play of another waveform takes s b + o of the last one. What the model lacks is in s and
+o, too. Of a small waveform it may be a large share, but it is about as many µm of a larger one: so
+s - 1 is carried over to a larger waveform by the ratio of the swings, about the mean of the
+smaller one.
 """
 
 from typing import NamedTuple
@@ -96,13 +99,15 @@ class Trend:
         rate = float((weight * t_s) @ value) / spread
         misfit = float(weight @ (value - rate * t_s) ** 2) / free
         least = max(SIGNIFICANT, STUDENT[free - 1] * np.sqrt(misfit)) / np.sqrt(spread)
-        if abs(rate) <= least:
-            return 0.0
+        return self._slowed(rate) if abs(rate) > least else 0.0
+
+    def _slowed(self, rate: float) -> float:
+        """Return the part of a rate that the last two plays show, if they are of one waveform."""
         *_, before, last = self._seen
         if before.waveform != last.waveform:
             return rate
-        slower = np.clip((last.value - before.value) / (last.t_s - before.t_s) / rate, 0.0, 1.0)
-        return rate * float(slower)
+        latest = (last.value - before.value) / (last.t_s - before.t_s)
+        return rate * float(np.clip(latest / rate, 0.0, 1.0))
 
 
 class Drift:

@@ -9,9 +9,10 @@ The samples of a stage that is exactly on its command r are S R, so that the err
 An error at a harmonic shrinks by the factor |1 - λ G' / G| per pass, if the true response is G'. It
 is at most 1 - λ (1 - δ) if G is wrong by the share δ. So a harmonic is learned only if δ is small
 enough for `SLOWEST`, and only while its error exceeds the noise. A stage may have a mode that G
-does not have, so a harmonic is corrected in small steps until the stage has followed it. Source of
-the idea: S. Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", J.
-Robotic Systems 1 (1984).
+does not have, so a harmonic is corrected in small steps until the stage has followed it. A scale
+and an offset that drift from play to play are foreseen (`drift.py`). Source of the idea: S.
+Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", J. Robotic Systems 1
+(1984).
 """
 
 from enum import StrEnum

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from piezod.dynamics.drift import Drift
 from piezod.dynamics.learning import Learner, Stop
 from piezod.dynamics.model import FloatArray, Resonance, ResponseModel
-from tests.dynamics.test_learning import COMMAND, KNOWN, N, PLAY_S, LinearStage, harmonics, learned
+from tests.dynamics.test_learning import COMMAND, KNOWN, PLAY_S, LinearStage, harmonics, learned
 
 OTHER = ResponseModel(205e-6, (Resonance(801.0, 0.031),))
 """A response that is a little wrong."""
@@ -23,7 +23,7 @@ class Blind(Drift):
         return False
 
     def change(self, begin_s: float, end_s: float) -> FloatArray:
-        return np.zeros(N)
+        return 0.0 * super().change(begin_s, end_s)
 
 
 class DriftingStage(LinearStage):
