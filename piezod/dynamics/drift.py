@@ -133,16 +133,24 @@ class Drift:
         self._model, self._swing, self._mean = model_input, swing, float(np.mean(model_input))
         return carried * model_input + offset
 
-    def saw(self, t_s: float, needed: ComplexArray, noise: FloatArray, doubt: ComplexArray) -> None:
-        """Take what a play of the present waveform has shown.
+    def saw(
+        self,
+        t_s: float,
+        model: ComplexArray,
+        needed: ComplexArray,
+        noise: FloatArray,
+        doubt: ComplexArray,
+    ) -> None:
+        """Take what a play of the present waveform has shown, as harmonics of the samples.
 
         Args:
             t_s: Time of the play, in s.
-            needed: (n // 2 + 1,) harmonics of the input that would have had no error.
-            noise: (n // 2 + 1,) their standard deviations.
-            doubt: (n // 2 + 1,) amount by which they may be wrong all together.
+            model: (n // 2 + 1,) samples that are expected for the input of the model.
+            needed: (n // 2 + 1,) those for the input that would have had no error.
+            noise: (n // 2 + 1,) standard deviations of the samples.
+            doubt: (n // 2 + 1,) amount by which `needed` may be wrong all together.
         """
-        n, mean, moving = self._model.size, self._mean, np.fft.rfft(self._model)[1:]
+        n, mean, moving = self._model.size, self._mean, model[1:]
         size = float(np.linalg.norm(moving))
         scale = float(np.vdot(moving, needed[1:]).real) / size**2
         noise_of_scale = float(np.linalg.norm(np.abs(moving) * noise[1:])) / np.sqrt(2.0) / size**2

@@ -160,7 +160,7 @@ class Learner:
 
     def expected(self, wanted: FloatArray) -> FloatArray:
         """Return the samples that the response expects for an input, shape (n,)."""
-        return self._period(np.fft.rfft(wanted) * self._harmonics.response)
+        return self._period(self._expected(wanted))
 
     def assess(self, average: Average) -> Assessment:
         """Return the error of a record, and its correction."""
@@ -192,10 +192,9 @@ class Learner:
         smallest = min(self._rms, default=np.inf)
         followed = self._followed(found.spectrum)
         self._base = _Tried(self._t_s, self._wanted, found.spectrum, found.correction, followed)
-        response = self._harmonics.response
-        needed = np.fft.rfft(self._wanted) + found.spectrum / response
-        noise = found.sigma / np.abs(response)
-        self._drift.saw(self._t_s, needed, noise, DOUBT * found.correction)
+        model, wanted = (self._expected(each) for each in (self._model_input, self._wanted))
+        doubt = DOUBT * np.where(found.correction, found.spectrum, 0.0)
+        self._drift.saw(self._t_s, model, wanted + found.spectrum, found.sigma, doubt)
         if found.rms < smallest:
             self.best, self.best_pass = self._wanted, len(self._rms)
             self._best = self._base
@@ -236,6 +235,9 @@ class Learner:
         if before and min(last) > FALLS * min(before) and not seen_anew:
             return Stop.SETTLED
         return Stop.PASSES if len(self._rms) > self._passes else None
+
+    def _expected(self, wanted: FloatArray) -> ComplexArray:
+        return np.asarray(np.fft.rfft(wanted) * self._harmonics.response)
 
     def _period(self, spectrum: ComplexArray) -> FloatArray:
         return np.fft.irfft(spectrum, self._size)

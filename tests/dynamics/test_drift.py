@@ -91,9 +91,10 @@ MODEL = 12.0 - 10.0 * np.cos(2.0 * np.pi * np.arange(N) / N)
 NOISE = np.full(N // 2 + 1, 1e-4)
 
 
-def seen(drift: Drift, t_s: float, needed: FloatArray) -> None:
+def seen(drift: Drift, t_s: float, needed: FloatArray, model: FloatArray = MODEL) -> None:
     """Show a drift the input that a play has needed."""
-    drift.saw(t_s, np.fft.rfft(needed), NOISE, np.zeros(N // 2 + 1, dtype=np.complex128))
+    nothing = np.zeros(N // 2 + 1, dtype=np.complex128)
+    drift.saw(t_s, np.fft.rfft(model), np.fft.rfft(needed), NOISE, nothing)
 
 
 def test_scale_and_offset_drift_apart() -> None:
@@ -124,7 +125,7 @@ def test_small_waveform_says_little_of_a_large_one() -> None:
     drift = Drift()
     small = 8.0 + 0.1 * (MODEL - 12.0)
     drift.begin(0.0, small)
-    seen(drift, 0.0, 7.5 + 0.11 * (MODEL - 12.0))
+    seen(drift, 0.0, 7.5 + 0.11 * (MODEL - 12.0), small)
 
     assert drift.begin(PLAY_S, MODEL) == pytest.approx(7.5 + 1.01 * (MODEL - 8.0))
 
