@@ -146,12 +146,11 @@ class Learner:
         self._gain, self._growths, self._foreseen = GAIN, 0, False
         self._largest = CAREFUL * float(np.ptp(command)) * self._size / 2.0
         self._step = np.zeros_like(self._target)  # the last change of the input
-        nothing = self._step
         self._t_s, self._wanted = 0.0, self._model_input
         self.best = self._wanted
         # The next input is that of `_base` plus a step towards its correction.
-        self._base = _Tried(0.0, self._wanted, nothing, nothing, harmonics.learned)
-        self._best = self._base
+        none = self._step
+        self._base = self._best = _Tried(0.0, self._wanted, none, none, harmonics.learned)
 
     @property
     def target(self) -> FloatArray:
