@@ -9,31 +9,21 @@ The samples of a stage that is exactly on its command r are S R, so that the err
 An error at a harmonic shrinks by the factor |1 - λ G' / G| per pass, if the true response is G'. It
 is at most 1 - λ (1 - δ) if G is wrong by the share δ. So a harmonic is learned only if δ is small
 enough for `SLOWEST`, and only while its error exceeds the noise. A stage may have a mode that G
-does not have, so a harmonic is corrected in small steps until the stage has followed it. Source of
-the idea: S. Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", J.
-Robotic Systems 1 (1984).
+does not have, so a harmonic is corrected in small steps until the stage has followed it. A scale
+and an offset that drift from play to play are foreseen (`drift.py`). Source of the idea: S.
+Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", J. Robotic Systems 1
+(1984).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
+from piezod.dynamics.drift import Drift
+from piezod.dynamics.harmonics import GAIN, Harmonics, Lines
 from piezod.dynamics.model import ComplexArray, FloatArray
 
-GAIN = 0.7
-"""λ: share of an error that a pass corrects. That of the mean is corrected as a whole, because the
-mean drifts from pass to pass."""
-SLOWEST = 0.75
-"""Largest factor by which the error of a learned harmonic may shrink per pass."""
-LEAST_RESPONSE = 0.05
-"""A harmonic is not learned if the stage follows it by less than this: it would take more voltage,
-and more slew rate, than all others."""
-MEASURED_SHIFT, STORED_SHIFT = 0.003, 0.01
-"""The frequencies of the modes may be wrong by this share, if they were measured just before, and
-if they were measured on another day: they depend on load and temperature."""
 FOLLOWS = 0.5
 """A stage follows a harmonic if its motion is wrong by at most this share."""
 CAREFUL = 1e-3
@@ -47,11 +37,8 @@ ALLOWED_GROWTHS = 2
 """At this number of growths learning stops."""
 FALLS = 0.9
 """An error falls if it gets below this share of the smallest one within two passes."""
-
-Lines: TypeAlias = np.ndarray[tuple[int], np.dtype[np.bool_]]
-"""Mask of the mean and of the harmonics of a period."""
-ResponseAt: TypeAlias = Callable[[FloatArray], ComplexArray]
-"""Returns a response at frequencies in Hz."""
+DOUBT = 0.1
+"""Share of a correction by which it may be wrong, because the response is."""
 
 
 class Stop(StrEnum):
@@ -89,60 +76,6 @@ def average_of(periods: FloatArray) -> Average:
     )
 
 
-def response_doubt(response: ResponseAt, frequency_hz: FloatArray, shift: float) -> FloatArray:
-    """Return the largest relative error of a response if its modes are shifted, shape (n,).
-
-    Args:
-        response: The response.
-        frequency_hz: (n,) frequencies, in Hz.
-        shift: Share by which the frequencies of the modes may be wrong.
-    """
-    known = response(frequency_hz)
-    shifted = [response(frequency_hz * factor) for factor in (1.0 + shift, 1.0 - shift)]
-    return np.asarray(np.max([np.abs(other / known - 1.0) for other in shifted], axis=0))
-
-
-@dataclass(frozen=True)
-class Harmonics:
-    """What is known at each harmonic of a period, the mean first, shape (n // 2 + 1,) each.
-
-    Attributes:
-        response: From the input to the samples, with a static gain of one.
-        sensor: From the displacement to the samples; its mean is one.
-        learned: Whether a harmonic is learned; the mean always is.
-    """
-
-    response: ComplexArray
-    sensor: ComplexArray
-    learned: Lines
-
-    @classmethod
-    def known(
-        cls,
-        frequency_hz: FloatArray,
-        response: ResponseAt,
-        sensor: ResponseAt,
-        uncertainty: FloatArray,
-        shift: float,
-    ) -> "Harmonics":
-        """Return the harmonics, and which of them are known well enough to be learned.
-
-        Args:
-            frequency_hz: (n // 2 + 1,) frequencies, in Hz, from 0.
-            response: From the input to the samples.
-            sensor: From the displacement to the samples.
-            uncertainty: (n // 2 + 1,) relative error of the response; inf where it was not
-                measured.
-            shift: Share by which the frequencies of the modes may be wrong.
-        """
-        doubt = uncertainty + response_doubt(response, frequency_hz, shift)
-        followed = response(frequency_hz)
-        learned = 1.0 - GAIN * (1.0 - doubt) <= SLOWEST
-        learned &= np.abs(followed) >= LEAST_RESPONSE
-        learned[0] = True
-        return cls(followed, sensor(frequency_hz), learned)
-
-
 class Assessment(NamedTuple):
     """The error of a record; in the unit of the command.
 
@@ -152,6 +85,7 @@ class Assessment(NamedTuple):
         noise: Rms noise of the harmonics that are learned.
         significant: Number of learned harmonics whose error exceeds the noise, with the mean.
         spectrum: (n // 2 + 1,) harmonics of the error.
+        sigma: (n // 2 + 1,) their standard deviations.
         correction: (n // 2 + 1,) input that would remove the error of the significant ones.
     """
 
@@ -160,12 +94,14 @@ class Assessment(NamedTuple):
     noise: float
     significant: int
     spectrum: ComplexArray
+    sigma: FloatArray
     correction: ComplexArray
 
 
 class _Tried(NamedTuple):
     """An input that was played, its error and correction, and which harmonics were followed."""
 
+    t_s: float
     wanted: FloatArray
     error: ComplexArray
     correction: ComplexArray
@@ -181,9 +117,9 @@ class Learner:
         passes: Largest number of corrections.
         static_gain: Mean displacement per mean input; it differs from one by the creep.
         first: (n,) first input; None for the command through the inverse response.
+        drift: Drift of the stage, from plays of other commands; None if there are none.
 
     Attributes:
-        wanted: (n,) present input.
         best: (n,) input of the smallest error so far.
         best_pass: Number of corrections of that input.
     """
@@ -195,6 +131,7 @@ class Learner:
         passes: int,
         static_gain: float = 1.0,
         first: FloatArray | None = None,
+        drift: Drift | None = None,
     ) -> None:
         self._size, self._harmonics, self._passes = command.size, harmonics, passes
         spectrum = np.fft.rfft(command)
@@ -202,14 +139,18 @@ class Learner:
         # What is not known is not driven: a harmonic at a mode would be amplified.
         inverted = np.where(harmonics.learned, self._target / harmonics.response, 0.0)
         inverted[0] = spectrum[0] / static_gain
-        self.wanted = self.best = self._period(inverted) if first is None else first
+        self._model_input, self._first = self._period(inverted), first
+        self._drift = drift or Drift()
         self.best_pass = 0
         self._rms: list[float] = []  # of each pass so far
-        self._gain, self._growths = GAIN, 0
+        self._gain, self._growths, self._foreseen = GAIN, 0, False
         self._largest = CAREFUL * float(np.ptp(command)) * self._size / 2.0
         self._step = np.zeros_like(self._target)  # the last change of the input
+        self._t_s, self._wanted = 0.0, self._model_input
+        self.best = self._wanted
         # The next input is that of `_base` plus a step towards its correction.
-        self._base = self._best = _Tried(self.wanted, self._step, self._step, harmonics.learned)
+        none = self._step
+        self._base = self._best = _Tried(0.0, self._wanted, none, none, harmonics.learned)
 
     @property
     def target(self) -> FloatArray:
@@ -218,7 +159,7 @@ class Learner:
 
     def expected(self, wanted: FloatArray) -> FloatArray:
         """Return the samples that the response expects for an input, shape (n,)."""
-        return self._period(np.fft.rfft(wanted) * self._harmonics.response)
+        return self._period(self._expected(wanted))
 
     def assess(self, average: Average) -> Assessment:
         """Return the error of a record, and its correction."""
@@ -231,16 +172,30 @@ class Learner:
             self._rms_of(np.where(learned, average.noise**2, 0.0)),
             int(np.count_nonzero(significant)),
             error,
+            average.noise,
             np.where(significant, error / self._harmonics.response, 0.0),
         )
 
+    def next(self, t_s: float) -> FloatArray:
+        """Return the input of the next play, which begins at a time in s, shape (n,)."""
+        if self._rms:
+            self._correct(t_s)
+        else:
+            carried = self._drift.begin(t_s, self._model_input)
+            self._wanted = carried if self._first is None else self._first
+        self._t_s, self._foreseen = t_s, self._drift.is_seen
+        return self._wanted
+
     def take(self, found: Assessment) -> Stop | None:
-        """Take the error of the present input; return why learning stops, None if it goes on."""
+        """Take the error of the last play; return why learning stops, None if it goes on."""
         smallest = min(self._rms, default=np.inf)
         followed = self._followed(found.spectrum)
-        self._base = _Tried(self.wanted, found.spectrum, found.correction, followed)
+        self._base = _Tried(self._t_s, self._wanted, found.spectrum, found.correction, followed)
+        model, wanted = (self._expected(each) for each in (self._model_input, self._wanted))
+        doubt = DOUBT * np.where(found.correction, found.spectrum, 0.0)
+        self._drift.saw(self._t_s, model, wanted + found.spectrum, found.sigma, doubt)
         if found.rms < smallest:
-            self.best, self.best_pass = self.wanted, len(self._rms)
+            self.best, self.best_pass = self._wanted, len(self._rms)
             self._best = self._base
         elif found.rms > GREW * smallest + found.noise:
             self._growths += 1
@@ -249,14 +204,13 @@ class Learner:
         self._rms.append(found.rms)
         return self._stop(found.significant)
 
-    def correct(self) -> FloatArray:
-        """Return the input of the next pass, shape (n,)."""
+    def _correct(self, t_s: float) -> None:
         step = self._gain * self._base.correction
         step[0] = self._base.correction[0]
         too_large = np.maximum(np.abs(step) / self._largest, 1.0)
         self._step = np.where(self._base.followed, step, step / too_large)
-        self.wanted = self._base.wanted + self._period(self._step)
-        return self.wanted
+        drifted = self._drift.change(self._base.t_s, t_s)
+        self._wanted = self._base.wanted + self._period(self._step) + drifted
 
     def _followed(self, error: ComplexArray) -> Lines:
         """Return which harmonics the stage has followed in the last play, with the mean."""
@@ -275,9 +229,14 @@ class Learner:
         if self._growths == ALLOWED_GROWTHS:
             return Stop.GREW
         before, last = self._rms[:-2], self._rms[-2:]
-        if before and min(last) > FALLS * min(before):
+        # A drift that has been seen just now has not been foreseen yet: the error may fall.
+        seen_anew = self._drift.is_seen and not self._foreseen
+        if before and min(last) > FALLS * min(before) and not seen_anew:
             return Stop.SETTLED
         return Stop.PASSES if len(self._rms) > self._passes else None
+
+    def _expected(self, wanted: FloatArray) -> ComplexArray:
+        return np.asarray(np.fft.rfft(wanted) * self._harmonics.response)
 
     def _period(self, spectrum: ComplexArray) -> FloatArray:
         return np.fft.irfft(spectrum, self._size)

@@ -5,7 +5,7 @@ import numpy as np
 from piezod.experiment.live.setup import LiveSetup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
-from piezod.experiment.play.stage import AxisRecord, AxisTable, Identity
+from piezod.experiment.play.stage import AtRest, AxisRecord, AxisTable, Identity
 from piezod.units import NS_PER_S, s_to_ns
 
 
@@ -26,10 +26,9 @@ class RunningAxis:
         self._stage, self._name, self._rest_v, self._rest_s = stage, name, rest_v, rest_s
         self.identity = Identity("", "", "", "")
 
-    def rest(self) -> float:
-        """Rest; return the rest voltage, in V."""
-        self._stage.pause(self._rest_s)
-        return self._rest_v
+    def rest(self) -> AtRest:
+        """Rest, at the rest voltage."""
+        return AtRest(self._stage.pause(self._rest_s), self._rest_v)
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table, which the daemon checks; return its record."""

@@ -145,9 +145,9 @@ class LiveStage:
         self._client.identify(drive_v, duration_s)
         self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 
-    def pause(self, duration_s: float) -> None:
-        """Hold the voltage of an armed stage, in s."""
-        self._wait_in(duration_s, State.READY)
+    def pause(self, duration_s: float) -> float:
+        """Hold the voltage of an armed stage for a duration in s; return the time, in s."""
+        return self._wait_in(duration_s, State.READY)
 
     def play(
         self,
@@ -249,7 +249,7 @@ class LiveStage:
 
     # ------------------------------------------------------------------ waiting
 
-    def _wait_in(self, duration_s: float, *states: State) -> None:
+    def _wait_in(self, duration_s: float, *states: State) -> float:
         start_s = inf
 
         def passed(interval: Interval) -> bool:
@@ -257,7 +257,7 @@ class LiveStage:
             start_s = min(start_s, interval.t_s)
             return interval.state in states and interval.t_s - start_s >= duration_s
 
-        self._wait(passed, states)
+        return self._wait(passed, states).t_s
 
     def _wait(self, done: Callable[[Interval], bool], through: Collection[State]) -> Interval:
         """Return the first interval for which `done` is true.

@@ -8,7 +8,7 @@ from piezod.config.play import WaveConfig
 from piezod.config.waveforms import Csv, Points
 from piezod.control.reference.waveforms import build_waveform
 from piezod.devices.player import PlayerCapabilities
-from piezod.dynamics.learning import Lines
+from piezod.dynamics.harmonics import Lines
 from piezod.errors import DataError, DeviceError
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S

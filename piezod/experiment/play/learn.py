@@ -115,15 +115,15 @@ def learn(
     """
     run = _Run(stage, task, report)
     if compare:
-        run.play(INVERSE, task.command.values_um)
+        run.play(INVERSE, lambda _t_s: task.command.values_um)
     learner, first = run.learner, len(run.reports)
     label = RESPONSE if task.first_um is None else STORED
-    stop = learner.take(run.play(label, learner.wanted))
+    stop = learner.take(run.play(label, learner.next))
     stopped, number = "", 0
     while stop is None:
         number += 1
         try:
-            stop = learner.take(run.play(f"pass {number}", learner.correct()))
+            stop = learner.take(run.play(f"pass {number}", learner.next))
         except PiezodError as error:
             stopped = str(error)
             break
@@ -141,15 +141,27 @@ class _Run:
         self._stage, self._task, self._report = stage, task, report
         command, settings = task.command, task.settings
         self.learner = Learner(
-            command.values_um, task.harmonics, settings.passes, task.static_gain, task.first_um
+            command.values_um,
+            task.harmonics,
+            settings.passes,
+            task.static_gain,
+            task.first_um,
+            task.drift,
         )
         self.reports: list[PassReport] = []
         self._counted = command.cycles(settings.record_s, FEWEST_PERIODS)
         self._cycles = command.cycles(settings.settle_s, 1) + self._counted
 
-    def play(self, label: str, wanted_um: FloatArray) -> Assessment:
-        """Play an input from rest; report the play, and return its error."""
-        table = self._task.maker.table(wanted_um, self._stage.rest(), self._cycles)
+    def play(self, label: str, wanted_at: Callable[[float], FloatArray]) -> Assessment:
+        """Play an input from rest; report the play, and return its error.
+
+        Args:
+            label: Name of the play.
+            wanted_at: Returns the input for the time at which the play begins, in s.
+        """
+        at_rest = self._stage.rest()
+        wanted_um = wanted_at(at_rest.t_s)
+        table = self._task.maker.table(wanted_um, at_rest.drive_v, self._cycles)
         periods = counted_periods(self._stage.play(table), table, self._counted)
         check_periods(periods.position_um, self.learner.expected(wanted_um))
         average = average_of(periods.position_um)

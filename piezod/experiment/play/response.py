@@ -7,7 +7,7 @@ import numpy as np
 from piezod.config.response_file import ResponseFile
 from piezod.control.law.response_files import response_model
 from piezod.dynamics.fitting import fit_response
-from piezod.dynamics.learning import MEASURED_SHIFT, STORED_SHIFT
+from piezod.dynamics.harmonics import MEASURED_SHIFT, STORED_SHIFT
 from piezod.dynamics.measured import from_periods
 from piezod.dynamics.model import ComplexArray, ResponseModel
 from piezod.dynamics.multisine import low_peak_multisine, odd_harmonics
@@ -113,7 +113,7 @@ def measure_response(
     multisine = low_peak_multisine(odd_harmonics(1, highest, LINES))
     deviation = multisine.sample(np.arange(n) / n) / multisine.peak
     wanted_um = 0.5 * (low_um + high_um) + settings.amplitude * (high_um - low_um) * deviation
-    table = maker.table(wanted_um, stage.rest(), SETTLING + COUNTED)
+    table = maker.table(wanted_um, stage.rest().drive_v, SETTLING + COUNTED)
     position_um = counted_periods(stage.play(table), table, COUNTED).position_um
     if np.ptp(position_um) == 0.0:
         raise DataError("the sensor is stuck: all samples of the multisine are equal")

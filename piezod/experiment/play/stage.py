@@ -1,16 +1,28 @@
 """The stage that tables are played on, as the procedures see it."""
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from piezod.devices.interface import Identity
 from piezod.devices.played_axis import AxisRecord, AxisTable
 
 
+class AtRest(NamedTuple):
+    """An axis at rest.
+
+    Attributes:
+        t_s: Present time of the stage, in s.
+        drive_v: Voltage at which a table begins, in V.
+    """
+
+    t_s: float
+    drive_v: float
+
+
 class PlayedStage(Protocol):
     """An axis that plays tables; a virtual or a running one."""
 
-    def rest(self) -> float:
-        """Bring the axis to rest; return the voltage at which a table begins, in V.
+    def rest(self) -> AtRest:
+        """Bring the axis to rest.
 
         Raises:
             PiezodError: If that failed.
@@ -39,4 +51,4 @@ class IdentifiedStage(PlayedStage, Protocol):
         ...
 
 
-__all__ = ["AxisRecord", "AxisTable", "IdentifiedStage", "Identity", "PlayedStage"]
+__all__ = ["AtRest", "AxisRecord", "AxisTable", "IdentifiedStage", "Identity", "PlayedStage"]

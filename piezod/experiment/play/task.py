@@ -1,12 +1,13 @@
 """What is learned: a command on an axis whose model and response are known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from piezod.control.law.creep import CreepLaw
-from piezod.dynamics.learning import Harmonics
+from piezod.dynamics.drift import Drift
+from piezod.dynamics.harmonics import Harmonics
 from piezod.dynamics.model import ResponseModel
 from piezod.errors import DataError
 from piezod.experiment.play.command import PeriodicCommand
@@ -43,6 +44,7 @@ class LearningTask:
         harmonics: Response and sensor at the harmonics of the command.
         static_gain: Mean displacement per mean input, with creep.
         settings: Settings of the plays.
+        drift: Drift of the axis, from all of its plays.
         first_um: (n,) input that was learned before, in µm; None to begin with the response.
     """
 
@@ -52,6 +54,7 @@ class LearningTask:
     harmonics: Harmonics
     static_gain: float
     settings: PlaySettings
+    drift: Drift
     first_um: FloatArray | None = None
 
 
@@ -64,12 +67,14 @@ class KnownAxis:
         creep: Its creep.
         response: From the input of the inverse model to the samples.
         sensor_delay_s: Part of the delay that is the sensor's, in s.
+        drift: Its drift since the first play.
     """
 
     maker: TableMaker
     creep: CreepLaw
     response: KnownResponse
     sensor_delay_s: float
+    drift: Drift = field(default_factory=Drift)
 
     def task(
         self,
@@ -108,7 +113,9 @@ class KnownAxis:
                 "without the surroundings of modes with little damping"
             )
         gain = static_gain(self.creep, settings.settle_s + 0.5 * settings.record_s)
-        return LearningTask(given, command, self.maker, harmonics, gain, settings, first_um)
+        return LearningTask(
+            given, command, self.maker, harmonics, gain, settings, self.drift, first_um
+        )
 
 
 def left_out_share(given: PeriodicCommand, command: PeriodicCommand) -> float:

@@ -7,7 +7,7 @@ every waveform.
 import numpy as np
 
 from piezod.devices.played_axis import AxisRecord, AxisTable
-from piezod.experiment.play.stage import PlayedStage
+from piezod.experiment.play.stage import AtRest, PlayedStage
 from piezod.units import NS_PER_S
 
 ZERO_S = 1.0
@@ -31,13 +31,13 @@ class ZeroedAxis:
         self._axis = axis
         points = max(1, round(ZERO_S * NS_PER_S / interval_ns))
         period = min(points, _LONGEST_PERIOD)
-        period_v = np.full(period, axis.rest())
+        period_v = np.full(period, axis.rest().drive_v)
         record = axis.play(AxisTable(interval_ns, np.empty(0), period_v, points // period))
         self._zero_um = _mean(record.position_um)
         self._true_zero_um = _mean(record.true_um)
 
-    def rest(self) -> float:
-        """Bring the axis to rest; return the voltage at which a table begins, in V."""
+    def rest(self) -> AtRest:
+        """Bring the axis to rest."""
         return self._axis.rest()
 
     def play(self, table: AxisTable) -> AxisRecord:

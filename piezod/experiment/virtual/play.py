@@ -9,10 +9,11 @@ from piezod.control.law.model import StageModel
 from piezod.control.table_guard import TableGuard
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import legal_interval_ns
-from piezod.experiment.play.stage import AxisRecord, AxisTable, Identity
+from piezod.experiment.play.stage import AtRest, AxisRecord, AxisTable, Identity
 from piezod.experiment.play.waves import PlayedExperiment, PlayMeter, Progress, learn_waves
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import VirtualStage, opened
+from piezod.units import NS_PER_S
 
 
 class VirtualAxis:
@@ -37,13 +38,13 @@ class VirtualAxis:
         """Identity of the device."""
         return self._stage.identity(self._name)
 
-    def rest(self) -> float:
-        """Go to rest; return the rest voltage, in V.
+    def rest(self) -> AtRest:
+        """Go to rest, at the rest voltage.
 
         The read-back voltage has noise, which may be beyond a limit.
         """
         self._stage.go_to_rest(self._rest_s)
-        return self._rest_v
+        return AtRest(self._stage.now_ns / NS_PER_S, self._rest_v)
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table that the guard has checked; return its record."""

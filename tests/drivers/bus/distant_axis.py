@@ -15,6 +15,7 @@ from piezod.devices.interface import Identity
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import ChannelPair
+from piezod.experiment.play.stage import AtRest
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
 from tests.daemon.waiting import eventually
@@ -52,12 +53,12 @@ class DistantAxis:
         """Close the device."""
         self._device.close()
 
-    def rest(self) -> float:
-        """Play a ramp to 0 V; return the voltage in force."""
+    def rest(self) -> AtRest:
+        """Play a ramp to 0 V."""
         n = round(RAMP_S * NS_PER_S / self._interval_ns)
         down_v = self._in_force_v * (0.5 + 0.5 * np.cos(np.pi * np.arange(n) / n))
         self.play(AxisTable(self._interval_ns, down_v, np.zeros(n), 10))
-        return self._in_force_v
+        return AtRest(time.monotonic(), self._in_force_v)
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table that the guard accepts."""

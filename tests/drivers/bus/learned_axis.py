@@ -14,7 +14,9 @@ from piezod.devices.outputs import CalibratedOutput
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import ChannelPair
+from piezod.experiment.play.stage import AtRest
 from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 from tests.drivers.serial_line.scripted_line import MS, TestTime
@@ -96,12 +98,12 @@ class LearnedAxis:
         record = self._play_now(self._at_rest(np.zeros(0), ZERO_NS))
         self._zero = float(np.mean(record.position_um)), float(np.mean(record.true_um))
 
-    def rest(self) -> float:
-        """Play a ramp to 0 V; return the voltage in force."""
+    def rest(self) -> AtRest:
+        """Play a ramp to 0 V."""
         n = round(RAMP_NS / self._interval_ns)
         down_v = self._in_force_v() * (0.5 + 0.5 * np.cos(np.pi * np.arange(n) / n))
         self._play_now(self._at_rest(down_v, REST_NS))
-        return self._in_force_v()
+        return AtRest(self._time.t_ns / NS_PER_S, self._in_force_v())
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table that the guard accepts."""

@@ -8,10 +8,14 @@ import pytest
 from piezod.config.fields import Context
 from piezod.config.play import WaveConfig
 from piezod.errors import ConfigError, DataError, RefusedError
-from piezod.experiment.live.play import LOWEST_HZ, learn_waveform, near_frequency_hz
+from piezod.experiment.live.play import LOWEST_HZ, REST_S, learn_waveform, near_frequency_hz
+from piezod.experiment.live.running_axis import RunningAxis
+from piezod.experiment.live.setup import read_setup
+from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.command import points_of
 from piezod.experiment.play.learn import PassReport
 from tests.experiment.live.playing_stage import WAVE, PlayingStage
+from tests.experiment.live_fakes import FakeStage
 
 BRIEF: dict[str, Any] = {"settle_s": 0.3, "record_s": 0.2}
 
@@ -122,3 +126,15 @@ def test_refused_request_ends_learning() -> None:
         learn_waveform(stage, WAVE)
 
     assert stage.asked[-2:] == ["stop", "end of the session"]
+
+
+def test_rest_tells_the_time_of_the_daemon() -> None:
+    """A drift is told by the times of the plays: those of the clock that drives the stage."""
+    client = FakeStage()
+    with LiveStage(client, read_setup(client), lambda _s: None) as stage:
+        stage.arm()
+        axis = RunningAxis(stage, "x", 2.0, REST_S)
+        first, second = axis.rest(), axis.rest()
+
+    assert second.t_s - first.t_s == pytest.approx(REST_S, abs=0.11)
+    assert second.drive_v == 2.0

@@ -14,13 +14,15 @@ from piezod.devices.interface import Wiring
 from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
 from piezod.devices.player import AtEnd, PlayerCapabilities
 from piezod.devices.wiring import ChannelPair
-from piezod.dynamics.learning import MEASURED_SHIFT
+from piezod.dynamics.harmonics import MEASURED_SHIFT
 from piezod.dynamics.model import Resonance, ResponseModel
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.response import KnownResponse
+from piezod.experiment.play.stage import AtRest
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis, LearningTask, PlaySettings
 from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 
@@ -113,12 +115,12 @@ class RigAxis:
         """Change all later records."""
         self._record = record
 
-    def rest(self) -> float:
-        """Ramp to 0 V; return the voltage in force."""
+    def rest(self) -> AtRest:
+        """Ramp to 0 V."""
         (from_v,) = self._rig.abort(self._now_ns)
         down_v = from_v * (0.5 + 0.5 * np.cos(np.pi * np.arange(2000) / 2000))
         self._play_now(AxisTable(INTERVAL_NS, down_v, np.zeros(4000), 1))
-        return self._rig.read_back(self._now_ns)[0]
+        return AtRest(self._now_ns / NS_PER_S, self._rig.read_back(self._now_ns)[0])
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table that the guard accepts."""

@@ -7,6 +7,7 @@ from piezod.devices.played_axis import AxisRecord, AxisTable
 from piezod.dynamics.model import ResponseModel
 from piezod.experiment.play.calibration import sensor_limit
 from piezod.experiment.play.record import CountedPeriods
+from piezod.experiment.play.stage import AtRest
 from piezod.experiment.play.zeroed import ZeroedAxis
 from piezod.hysteresis.memory import FloatArray
 from tests.experiment.play.rig_axis import INTERVAL_NS, sine
@@ -53,8 +54,8 @@ class NoisyRest:
     def __init__(self) -> None:
         self.durations_ns: list[int] = []
 
-    def rest(self) -> float:
-        return 1.0
+    def rest(self) -> AtRest:
+        return AtRest(0.0, 1.0)
 
     def play(self, table: AxisTable) -> AxisRecord:
         self.durations_ns.append(table.duration_ns)
@@ -69,7 +70,7 @@ def test_zero_is_the_mean_of_a_play_at_rest() -> None:
     axis = ZeroedAxis(NoisyRest(), INTERVAL_NS)
     record = axis.play(AxisTable(INTERVAL_NS, np.empty(0), np.ones(20_000), 1))
 
-    assert axis.rest() == 1.0
+    assert axis.rest().drive_v == 1.0
     assert np.nanmean(record.position_um) == pytest.approx(0.0, abs=5e-3)
     assert np.isnan(record.true_um).all()
 

@@ -15,9 +15,9 @@ STAGES = (
     "flexure",
     "light-damping",
     "thermal-relays",
+    "gain-drift",
 )
-"""Without `bouc-wen`, which no model with a memory of turning points describes, and without
-`gain-drift`, whose gain grows between two plays."""
+"""Without `bouc-wen`, which no model with a memory of turning points describes."""
 
 
 @pytest.mark.stress

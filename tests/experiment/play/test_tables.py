@@ -74,7 +74,7 @@ def test_same_play_after_different_pasts() -> None:
     last = []
     for before in (sine(200.0, 10.0, 28.0), sine(50.0, 0.5, 15.0)):
         axis = RigAxis()
-        axis.play(maker().table(before.values_um, axis.rest(), 20))
+        axis.play(maker().table(before.values_um, axis.rest().drive_v, 20))
         axis.rest()
         true_um = axis.play(table).true_um
         last.append(true_um[-command.values_um.size :])
