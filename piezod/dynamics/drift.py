@@ -139,7 +139,7 @@ class Drift:
         model: ComplexArray,
         needed: ComplexArray,
         noise: FloatArray,
-        doubt: ComplexArray,
+        doubt: FloatArray,
     ) -> None:
         """Take what a play of the present waveform has shown, as harmonics of the samples.
 
@@ -156,7 +156,7 @@ class Drift:
         noise_of_scale = float(np.linalg.norm(np.abs(moving) * noise[1:])) / np.sqrt(2.0) / size**2
         sigma = float(np.hypot(noise_of_scale, np.linalg.norm(doubt[1:]) / size))
         offset = float(needed[0].real) / n - scale * mean
-        parts = noise[0] / n, doubt[0].real / n, mean * sigma
+        parts = noise[0] / n, doubt[0] / n, mean * sigma
         self._scale.saw(t_s, self._waveform, Estimate(scale, sigma))
         self._offset.saw(t_s, self._waveform, Estimate(offset, float(np.linalg.norm(parts))))
 

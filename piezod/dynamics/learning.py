@@ -192,7 +192,7 @@ class Learner:
         followed = self._followed(found.spectrum)
         self._base = _Tried(self._t_s, self._wanted, found.spectrum, found.correction, followed)
         model, wanted = (self._expected(each) for each in (self._model_input, self._wanted))
-        doubt = DOUBT * np.where(found.correction, found.spectrum, 0.0)
+        doubt = DOUBT * np.where(found.correction != 0.0, np.abs(found.spectrum), 0.0)
         self._drift.saw(self._t_s, model, wanted + found.spectrum, found.sigma, doubt)
         if found.rms < smallest:
             self.best, self.best_pass = self._wanted, len(self._rms)

@@ -93,8 +93,7 @@ NOISE = np.full(N // 2 + 1, 1e-4)
 
 def seen(drift: Drift, t_s: float, needed: FloatArray, model: FloatArray = MODEL) -> None:
     """Show a drift the input that a play has needed."""
-    nothing = np.zeros(N // 2 + 1, dtype=np.complex128)
-    drift.saw(t_s, np.fft.rfft(model), np.fft.rfft(needed), NOISE, nothing)
+    drift.saw(t_s, np.fft.rfft(model), np.fft.rfft(needed), NOISE, np.zeros(NOISE.size))
 
 
 def test_scale_and_offset_drift_apart() -> None:
