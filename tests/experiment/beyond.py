@@ -17,8 +17,6 @@ OTHER_FILES = {
 _LIGHTLY_DAMPED = "light-damping"
 _SLOW_TRIM_PER_S = 5.0
 """Gain of the trim for this variant; 50 per second is refused for its mode."""
-_UNCLOSED = "bouc-wen"
-"""Its loops do not close, so that the errors of any model exceed the authority of the trim."""
 _UNFILTERED, _UNFILTERED_DELAY_S = "no-antialias", 0.00013
 """Without its filter the sensor has the delays of converter and bandwidth only."""
 
@@ -81,8 +79,6 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
                 "trim": axis.trim.model_copy(update={"gain_per_s": _SLOW_TRIM_PER_S}),
             }
         )
-    if variant == _UNCLOSED:
-        axis = axis.model_copy(update={"trim": axis.trim.model_copy(update={"base": "adaptive"})})
     if variant == _UNFILTERED:
         prompt = {"sensor_delay_s": _UNFILTERED_DELAY_S}
         axis = axis.model_copy(update={"compensator": axis.compensator.model_copy(update=prompt)})

@@ -6,9 +6,11 @@ from piezod.control.law.creep import logarithmic
 from piezod.experiment.fit.creep_regressors import with_creep
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.hysteresis.surface_form import SurfaceForm
 from tests.control.made_up import SURFACE
 from tests.experiment.made_up import DRIVE_V, FINER, POSITION_UM, RATE_HZ, swells
+from tests.hysteresis.surfaces import invertible_with
 
 
 def several(t_s: FloatArray) -> FloatArray:
@@ -26,6 +28,7 @@ def surface_record(
     seed: int = 1,
     one_frequency: bool = False,
     activation: float = 0.0,
+    path: PathRelaxation | None = None,
 ) -> Record:
     """Return a record of the made-up stage.
 
@@ -40,13 +43,15 @@ def surface_record(
         one_frequency: Whether the drive has a single frequency.
         activation: Growth of the lag of its hysteresis per e-fold of the rate, as a share of the
             drive's range; 0 for a stage whose loops do not widen with the rate.
+        path: Part of its displacement that relaxes along the path of the drive.
     """
     step_s = 1.0 / (RATE_HZ * FINER)
     t_s: FloatArray = np.arange(round(duration_s * RATE_HZ) * FINER, dtype=np.float64) * step_s
     drives = swells(t_s) if one_frequency else several(t_s)
     drives /= drives.max()
-    form = SurfaceForm(activation, 0.3 if activation else 0.0, step_s)
-    quick = form.positions_at(SURFACE.weights, drives)[:, np.newaxis]
+    form = SurfaceForm(activation, 0.3 if activation else 0.0, step_s, path)
+    weights = invertible_with(path, SURFACE.weights) if path else SURFACE.weights
+    quick = form.positions_at(weights, drives)[:, np.newaxis]
     moved = with_creep(quick, logarithmic(creep).weights, step_s)[:, 0] + offset
     samples = np.arange(0, t_s.size, FINER)
     shown = moved[np.clip(samples - round(delay_periods * FINER), 0, t_s.size - 1)]

@@ -134,7 +134,7 @@ def play_live(
     range_v = limits.drive_min_v, limits.drive_max_v
     maker = TableMaker(model, play.interval_ns, range_v, limits.slew_v_per_s)
     device = RunningAxis(stage, play.axis, config.limits.rest_v)
-    running = ZeroedAxis(device, play.interval_ns)
+    running = ZeroedAxis(device, play.interval_ns, maker.conditioning(config.limits.rest_v))
     if config.response is not None:
         known = stored_response(config.response, play.interval_ns)
     else:

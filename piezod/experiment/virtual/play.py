@@ -139,8 +139,6 @@ class _AxisPlays:
         self._play, self._identified, self._name = play, identified, name
         self._interval_ns = legal_interval_ns(able, play.interval_us)
         resting = VirtualAxis(stage, name, guard, axis.limits.rest_v, config.settle_s)
-        # Zeroed once: the stage drifts between the waveforms.
-        self._stage = ZeroedAxis(resting, self._interval_ns)
         self._stored = axis.response
         self._conditions = Conditions(
             name,
@@ -155,6 +153,9 @@ class _AxisPlays:
             (limits.drive_min_v, limits.drive_max_v),
             limits.slew_v_per_s,
         )
+        conditioning_v = self._maker.conditioning(axis.limits.rest_v)
+        # Zeroed once: the stage drifts between the waveforms.
+        self._stage = ZeroedAxis(resting, self._interval_ns, conditioning_v)
 
     def run(self, meter: _Meter, tables: Path | None) -> PlayedResult:
         """Measure the response, then learn every waveform."""

@@ -17,10 +17,12 @@ from piezod.experiment.fit.uncertainty import SIGMAS_95, covariance_of, uncertai
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.hysteresis.surface_form import SurfaceForm, surface_regressors
 from tests.control.made_up import SURFACE
 from tests.experiment.made_up import DRIVE_V, POSITION_UM, RATE_HZ
 from tests.experiment.made_up_surface import surface_record
+from tests.hysteresis.surfaces import invertible_with
 
 NOISE = 1e-3
 
@@ -86,6 +88,38 @@ def test_lag_with_the_rate_is_found_only_where_it_is(activation: float) -> None:
     assert (form.prompt_slope > 0.0) == (activation > 0.0)
 
 
+@pytest.mark.parametrize(
+    ("decay", "skew"),
+    [
+        (2.0, 0.1),
+        pytest.param(1.0, 0.0, marks=pytest.mark.stress),
+        pytest.param(8.0, -0.3, marks=pytest.mark.stress),
+    ],
+)
+def test_relaxation_along_the_path_is_found(decay: float, skew: float) -> None:
+    """A stage with it gets its parameters, in units of its range."""
+    path = PathRelaxation(-0.2, decay, skew)
+    fit = fitted(surface_record(path=path, creep=0.004, noise=NOISE, duration_s=50.0), creep=True)
+
+    assert fit.path is not None
+    unit = SurfaceForm(path=path).rise(invertible_with(path, SURFACE.weights))
+    assert fit.path.weight * unit == pytest.approx(path.weight, rel=0.1)
+    assert fit.path.decay == pytest.approx(decay, rel=0.15)
+    assert fit.path.skew == pytest.approx(skew, abs=0.1)
+    assert fit.smallest_slope > 0.0
+    highest = fit.model.form.positions_at(fit.model.weights, np.array([1.0]))
+    assert highest[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("creep", [True, False])
+@pytest.mark.parametrize("activation", [0.0, 0.01])
+def test_no_relaxation_is_found_where_there_is_none(activation: float, creep: bool) -> None:
+    """A stage that creeps and remembers turning points only gets a model without it."""
+    record = surface_record(activation=activation, creep=0.004, noise=NOISE)
+
+    assert fitted(record, creep=creep).path is None
+
+
 def test_displacement_is_one_at_the_highest_drive() -> None:
     """[0, 1] of the model is the displacement without creep at the ends of the drive."""
     fit = fitted(surface_record())
@@ -102,7 +136,7 @@ def test_constraints_hold_if_the_record_would_break_them() -> None:
     drives = 0.5 - 0.5 * np.cos(k / 37) * np.exp(-k / 200.0)
     noise = 0.05 * np.random.default_rng(1).standard_normal(k.size)
     positions = SURFACE.form.positions_at(SURFACE.weights, drives) + noise
-    regressors = surface_regressors(drives, 0.0, 1.0 / RATE_HZ)[:, :24]
+    regressors = surface_regressors(drives, SurfaceForm())[:, :24]
     free: FloatArray = np.linalg.lstsq(regressors, positions, rcond=None)[0].astype(np.float64)
     assert least_surface_slope(free) < -1.0
 

@@ -15,9 +15,9 @@ STAGES = (
     "flexure",
     "light-damping",
     "thermal-relays",
+    "bouc-wen",
 )
-"""Without `bouc-wen`, which no model with a memory of turning points describes, and without
-`gain-drift`, whose gain grows between two plays."""
+"""Without `gain-drift`, whose gain grows between two plays."""
 
 
 @pytest.mark.stress
