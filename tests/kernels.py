@@ -33,7 +33,7 @@ def fits() -> None:
         creep = method is not Method.LMS
         fit_model(record, FitSettings(method=method, order=4, creep=creep, delay_s=0.0))
     drives = np.linspace(0.0, 1.0, 10)
-    branch_slopes(SurfaceForm().straight_line(), drives, 0.0, 1.0)
+    branch_slopes(SurfaceForm().straight_line(), drives, SurfaceForm())
 
 
 def identifiers() -> None:

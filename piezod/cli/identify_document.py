@@ -69,6 +69,7 @@ def _settings(fit: Fit) -> Document:
         "creep": settings.creep,
         "creep_per_decade": fit.model.creep.per_decade,
         "rate_lag": fit.rate_lag,
+        "path_relaxation": asdict(fit.path) if fit.path else None,
     }
 
 

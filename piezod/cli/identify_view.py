@@ -41,8 +41,8 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     if fitted.choice:
         _print_choice(console, fitted.choice)
     console.print(
-        f"Model {_settings(fit.settings)}{_rate(fit)}. Error of the drive voltage predicted from "
-        "the position, in % of its range:"
+        f"Model {_settings(fit.settings)}{_rate(fit)}{_path(fit)}. Error of the drive voltage "
+        "predicted from the position, in % of its range:"
     )
     console.print(_errors(fitted, "voltage"))
     console.print("Error of the position predicted from the drive voltage, in % of its range:")
@@ -91,6 +91,14 @@ def _rate(fit: Fit) -> str:
     """Return how the loops widen with the rate of the drive, in words; empty if they do not."""
     share = fit.rate_lag
     return f", lag {100 * share:.2g} % of the drive's range per e-fold of its rate" if share else ""
+
+
+def _path(fit: Fit) -> str:
+    """Return what relaxes along the path of the drive, in words; empty if nothing does."""
+    if fit.path is None:
+        return ""
+    way_pct = 100.0 / fit.path.decay
+    return f", a part relaxes over {way_pct:.2g} % of the drive's range, up or down"
 
 
 def _count(number: int, one: str) -> str:

@@ -64,6 +64,20 @@ class FitConfig(ConfigModel):
     )
 
 
+class PathConfig(ConfigModel):
+    """The part of the displacement of a surface that relaxes along the path of the drive."""
+
+    weight: Annotated[float, Quantity(-100, 100)] = Field(
+        description="Displacement per change of the state, both as a share of the range."
+    )
+    decay: Annotated[float, Quantity(0.01, 1000)] = Field(
+        description="Relaxation of the state per path of the drive, per range."
+    )
+    skew: Annotated[float, Quantity(-0.99, 0.99)] = Field(
+        description="How much faster it relaxes on its way from zero than to it, as a share."
+    )
+
+
 class ModelFile(ConfigModel):
     """A model of a stage over normalised drive and displacement, 0 to 1."""
 
@@ -108,6 +122,9 @@ class ModelFile(ConfigModel):
     )
     surface_prompt_slope: Annotated[float, Quantity(0, 10)] = Field(
         default=0.0, description="Slope of the part of the displacement that has no such lag."
+    )
+    surface_path: PathConfig | None = Field(
+        default=None, description="Part that relaxes along the path of the drive, if data show it."
     )
 
     @property

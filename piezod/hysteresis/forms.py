@@ -35,6 +35,10 @@ class ModelForm(Protocol):
     def two_sided(self) -> bool:
         """Whether half of the weights belong to the right operators, and half to the left ones."""
 
+    @property
+    def rest_depends_on_path(self) -> bool:
+        """Whether the displacement at the lowest drive depends on the drives before."""
+
     def sampled(self, period_s: float) -> "ModelForm":
         """Return the form for records and steps of this period, in s."""
 
@@ -47,6 +51,9 @@ class ModelForm(Protocol):
     def projected(self, weights: FloatArray) -> FloatArray:
         """Return the weights, shape (size,), projected onto models that can be inverted."""
 
+    def reachable(self, positions: FloatArray) -> FloatArray:
+        """Return displacements, shape (n,), or the nearest ones that the form may have."""
+
     def drives_at(
         self, weights: FloatArray, positions: FloatArray, deadband: float = 0.0
     ) -> FloatArray:
@@ -54,7 +61,7 @@ class ModelForm(Protocol):
 
         Args:
             weights: (size,) weights.
-            positions: (n,) displacements in [0, 1].
+            positions: (n,) displacements that are reachable.
             deadband: Width of the backlash before the memory, in units of the range.
         """
 
@@ -121,6 +128,11 @@ class StopForm:
         """True: M weights belong to left stops, and M to right stops."""
         return True
 
+    @property
+    def rest_depends_on_path(self) -> bool:
+        """False: the lowest drive clears the memory of turning points."""
+        return False
+
     def sampled(self, period_s: float) -> "StopForm":  # noqa: ARG002 - stops know no rate
         """Return the form itself: it is the same for every period."""
         return self
@@ -142,6 +154,10 @@ class StopForm:
     def projected(self, weights: FloatArray) -> FloatArray:
         """Return the weights, shape (2 M,), projected onto models that can be inverted."""
         return projected(self.bank, weights)
+
+    def reachable(self, positions: FloatArray) -> FloatArray:
+        """Return displacements, shape (n,), or the nearest ones in [0, 1]."""
+        return np.clip(positions, 0.0, 1.0)
 
     def drives_at(
         self, weights: FloatArray, positions: FloatArray, deadband: float = 0.0

@@ -28,8 +28,9 @@ MAXIMUM, MINIMUM = 0, 1
 """Rows of `Memory.levels` and `Memory.values`; indices of the stack sizes in `Memory.counts`."""
 RISING, MERGED = 2, 3
 """Further indices in `Memory.counts`: 1 if the last move rose, else 0; number of removed pairs."""
-SEEN, RAW = 0, 1
-"""Indices in `Memory.last`: the last input after the dead-band, and before the dead-band."""
+SEEN, RAW, PINNED, CHANGE = 0, 1, 2, 3
+"""Indices in `Memory.last`: the last input after the dead-band, and before the dead-band; the state
+of `path_relaxation`: the input after its backlash, and h - h_0."""
 
 # Depths seen: 5 for noise, 10 for random inputs, 25 for a decaying one. What a smaller capacity
 # costs is measured in tests/hysteresis/test_capacity.py.
@@ -43,7 +44,8 @@ class Memory(NamedTuple):
         levels: (2, capacity + 1) inputs at the extrema, outermost first; the last column is spare.
         values: (2, capacity + 1, width) values that the operators had at each extremum.
         now: (width,) values that the operators have at the last input.
-        last: (2,) the last input after the dead-band and before it.
+        last: (4,) the last input after the dead-band and before it, and the state of a term that
+            relaxes along the path.
         counts: (4,) number of maxima, number of minima, direction, number of removed pairs.
     """
 
@@ -80,7 +82,7 @@ def new_memory(width: int, capacity: int = DEFAULT_CAPACITY) -> Memory:
         levels=np.zeros((2, capacity + 1)),
         values=np.zeros((2, capacity + 1, width)),
         now=np.zeros(width),
-        last=np.zeros(2),
+        last=np.zeros(4),
         counts=np.zeros(4, dtype=np.int64),
     )
     relax(memory)

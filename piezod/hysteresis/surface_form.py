@@ -15,6 +15,7 @@ from piezod.hysteresis.everett_memory import (
     new_surface_memory,
 )
 from piezod.hysteresis.memory import (
+    CHANGE,
     MAXIMUM,
     MINIMUM,
     RAW,
@@ -22,6 +23,12 @@ from piezod.hysteresis.memory import (
     SEEN,
     FloatArray,
     Memory,
+)
+from piezod.hysteresis.path_relaxation import (
+    NO_PATH,
+    WEIGHT,
+    PathRelaxation,
+    relaxation_slope,
 )
 from piezod.hysteresis.rate_lag import new_lag
 from piezod.jit import compiled
@@ -32,16 +39,26 @@ class SurfaceStage:
 
     Args:
         coefficients: (24,) coefficients.
-        lag: (3,) lag behind the drive, from `new_lag`.
+        terms: (7,) constants of the optional terms, from `SurfaceForm.terms`.
     """
 
-    def __init__(self, coefficients: FloatArray, lag: FloatArray) -> None:
-        self._coefficients, self._lag = coefficients.copy(), lag
+    def __init__(self, coefficients: FloatArray, terms: FloatArray) -> None:
+        self._coefficients, self._terms = coefficients.copy(), terms
         self._memory = new_displacement_memory(self._coefficients)
 
     def step(self, drive: float, /) -> float:
         """Return the displacement for the next drive in [0, 1]. Real-time safe."""
-        return advance_displacement(self._memory, self._coefficients, self._lag, drive)
+        return advance_displacement(self._memory, self._coefficients, self._terms, drive)
+
+    @property
+    def change(self) -> float:
+        """State of the part that relaxes along the path, see `path_relaxation`."""
+        return float(self._memory.last[CHANGE])
+
+    @property
+    def relaxing(self) -> float:
+        """Displacement that the path has left, which later moves relax."""
+        return float(self._terms[WEIGHT]) * self.change
 
 
 @dataclass(frozen=True)
@@ -52,16 +69,33 @@ class SurfaceForm:
         activation: w of `rate_lag`, in units of the range; 0 for a hysteresis without rate.
         prompt_slope: Slope of the part that does not lag, dimensionless.
         period_s: Sample period of records and steps.
+        path: Part of the displacement that relaxes along the path of the drive; None without it.
     """
 
     activation: float = 0.0
     prompt_slope: float = 0.0
     period_s: float = 1.0
+    path: PathRelaxation | None = None
 
     @property
-    def lag(self) -> FloatArray:
-        """Lag behind the drive, shape (3,), for the kernels."""
-        return new_lag(self.activation, self.prompt_slope, self.period_s)
+    def terms(self) -> FloatArray:
+        """Constants of the optional terms, shape (7,), for the kernels."""
+        path = self.path.constants if self.path else NO_PATH
+        return np.concatenate((new_lag(self.activation, self.prompt_slope, self.period_s), path))
+
+    @property
+    def slow(self) -> "SurfaceForm":
+        """The form of slow motion, which does not lag."""
+        return replace(self, activation=0.0, prompt_slope=0.0)
+
+    def rise(self, weights: FloatArray) -> float:
+        """Return the displacement of a slow rise of the drive from rest over its range."""
+        return surface(weights, 1.0, 0.0)[0] + (self.path.rise if self.path else 0.0)
+
+    def in_units_of(self, unit: float) -> "SurfaceForm":
+        """Return the form whose displacements are multiples of a unit."""
+        path = self.path and replace(self.path, weight=self.path.weight / unit)
+        return replace(self, prompt_slope=self.prompt_slope / unit, path=path)
 
     def sampled(self, period_s: float) -> "SurfaceForm":
         """Return the form for records and steps of this period, in s."""
@@ -77,13 +111,26 @@ class SurfaceForm:
         """False: every coefficient serves both branches."""
         return False
 
+    @property
+    def rest_depends_on_path(self) -> bool:
+        """Whether it has a part that relaxes along the path; the lowest drive clears all others."""
+        return self.path is not None
+
     def straight_line(self) -> FloatArray:
-        """Return the coefficients, shape (24,), with which drive and displacement agree."""
-        return np.eye(SIZE)[0]
+        """Return the coefficients, shape (24,), with which drive and displacement agree.
+
+        With a path they agree less, because its part of the displacement is kept.
+        """
+        return (1.0 - self.least_slope_beside) * np.eye(SIZE)[0]
 
     def smallest_slope(self, weights: FloatArray) -> float:
         """Return a lower bound of the slopes on all loops; it is monotone if positive."""
-        return least_surface_slope(weights)
+        return least_surface_slope(weights) + self.least_slope_beside
+
+    @property
+    def least_slope_beside(self) -> float:
+        """Lower bound of the slopes that the optional terms add."""
+        return self.path.least_slope if self.path else 0.0
 
     def projected(self, weights: FloatArray) -> FloatArray:
         """Return the coefficients, shape (24,), if the surface can be inverted.
@@ -91,11 +138,19 @@ class SurfaceForm:
         Raises:
             ModelError: If it cannot: a surface is identified such that it can.
         """
-        slope = least_surface_slope(weights)
+        slope = self.smallest_slope(weights)
         if slope <= 0.0:
             message = f"the surface is not monotone: its smallest slope may be {slope:.3g}"
             raise ModelError(f"{message}, allowed is above 0; identify again")
         return weights.copy()
+
+    def reachable(self, positions: FloatArray) -> FloatArray:
+        """Return displacements, shape (n,), or the nearest ones that the form may have.
+
+        Loops that do not close leave [0, 1], at drives inside the range.
+        """
+        beyond = self.path.reach if self.path else 0.0
+        return np.clip(positions, -beyond, 1.0 + beyond)
 
     def drives_at(
         self, weights: FloatArray, positions: FloatArray, deadband: float = 0.0
@@ -104,40 +159,39 @@ class SurfaceForm:
 
         Args:
             weights: (24,) coefficients.
-            positions: (n,) displacements in [0, 1].
+            positions: (n,) displacements that are reachable.
             deadband: Width of the backlash before the memory, in units of the range.
         """
         drives = np.empty_like(positions)
         memory = new_surface_memory()
-        _invert(memory, weights, self.lag, deadband, np.ascontiguousarray(positions), drives)
+        _invert(memory, weights, self.terms, deadband, np.ascontiguousarray(positions), drives)
         return drives
 
     def positions_at(self, weights: FloatArray, drives: FloatArray) -> FloatArray:
         """Return the displacements for a record of drives in [0, 1], shape (n,)."""
         positions = np.empty_like(drives)
         memory = new_displacement_memory(weights)
-        _follow(memory, weights, self.lag, np.ascontiguousarray(drives), positions)
+        _follow(memory, weights, self.terms, np.ascontiguousarray(drives), positions)
         return positions
 
     def stage(self, weights: FloatArray) -> SurfaceStage:
         """Return a relaxed stage, which makes `positions_at` step by step."""
-        return SurfaceStage(weights, self.lag)
+        return SurfaceStage(weights, self.terms)
 
     def widest_loop(
         self, weights: FloatArray, positions: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the drives on both branches of the widest slow loop, shape (n,) each."""
-        slow = SurfaceForm()
-        drives = slow.drives_at(weights, np.concatenate((positions, positions[::-1])))
+        drives = self.slow.drives_at(weights, np.concatenate((positions, positions[::-1])))
         return drives[: positions.size], drives[positions.size :][::-1]
 
     def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:
         """Return the change of the drives per change of each coefficient, shape (n, 24)."""
-        memory, rows, slow = new_surface_memory(), [], new_lag(0.0, 0.0, 1.0)
+        memory, rows, slow = new_surface_memory(), [], self.slow.terms
         for position in positions.tolist():
             drive = drive_for(memory, weights, slow, position)
             advance_drive(memory, slow, 0.0, drive)
-            rows.append(-memory.now / _branch_slope(memory, weights))  # the position stays
+            rows.append(-memory.now / _branch_slope(memory, weights, slow))  # the position stays
         return np.array(rows)
 
     def as_recorded(self, weights: FloatArray) -> FloatArray:
@@ -145,33 +199,28 @@ class SurfaceForm:
         return weights
 
 
-def surface_regressors(drives: FloatArray, activation: float, period_s: float) -> FloatArray:
-    """Return the factors of the coefficients and of the prompt slope, shape (n, 25).
+def surface_regressors(drives: FloatArray, form: SurfaceForm) -> FloatArray:
+    """Return the factors of the coefficients, prompt slope and weight of the path, shape (n, 26).
 
     Args:
         drives: (n,) drives in [0, 1], evenly in time; the memory is relaxed before the first.
-        activation: w of `rate_lag`, in units of the range.
-        period_s: Sample period, in s.
+        form: The form; its prompt slope and the weight of its path have no effect.
     """
-    regressors, lag = np.empty((drives.size, SIZE + 1)), new_lag(activation, 0.0, period_s)
-    _fill_regressors(new_surface_memory(), lag, np.ascontiguousarray(drives), regressors)
+    regressors = np.empty((drives.size, SIZE + 2))
+    _fill_regressors(new_surface_memory(), form.terms, np.ascontiguousarray(drives), regressors)
     return regressors
 
 
-def branch_slopes(
-    coefficients: FloatArray, drives: FloatArray, activation: float, period_s: float
-) -> FloatArray:
+def branch_slopes(coefficients: FloatArray, drives: FloatArray, form: SurfaceForm) -> FloatArray:
     """Return the slope of the present branch at each drive of a record, shape (n,).
 
     Args:
         coefficients: (24,) coefficients.
         drives: (n,) drives in [0, 1], evenly in time; the memory is relaxed before the first.
-        activation: w of `rate_lag`, in units of the range.
-        period_s: Sample period, in s.
+        form: The form.
     """
-    slopes, lag = np.empty_like(drives), new_lag(activation, 0.0, period_s)
-    memory = new_surface_memory()
-    _fill_slopes(memory, coefficients, lag, np.ascontiguousarray(drives), slopes)
+    slopes, memory = np.empty_like(drives), new_surface_memory()
+    _fill_slopes(memory, coefficients, form.terms, np.ascontiguousarray(drives), slopes)
     return slopes
 
 
@@ -179,59 +228,61 @@ def branch_slopes(
 def _fill_slopes(
     memory: Memory,
     coefficients: FloatArray,
-    lag: FloatArray,
+    terms: FloatArray,
     drives: FloatArray,
     slopes: FloatArray,
 ) -> None:
     for k in range(drives.size):
-        advance_drive(memory, lag, 0.0, drives[k])
-        slopes[k] = _branch_slope(memory, coefficients)
+        advance_drive(memory, terms, 0.0, drives[k])
+        slopes[k] = _branch_slope(memory, coefficients, terms)
 
 
 @compiled
-def _branch_slope(memory: Memory, coefficients: FloatArray) -> float:
-    """Return the slope of the branch of the last drive."""
+def _branch_slope(memory: Memory, coefficients: FloatArray, terms: FloatArray) -> float:
+    """Return the slope of the branch of the last drive, without the part that does not lag."""
     levels, counts, drive = memory.levels, memory.counts, memory.last[SEEN]
-    if counts[RISING] == 1:
+    rising = counts[RISING] == 1
+    if rising:
         _, slope, _ = surface(coefficients, drive, levels[MINIMUM, counts[MINIMUM] - 1])
     else:
         _, _, slope = surface(coefficients, levels[MAXIMUM, counts[MAXIMUM] - 1], drive)
-    return slope
+    return slope + terms[WEIGHT] * relaxation_slope(terms, memory.last, rising)
 
 
 @compiled
 def _fill_regressors(
-    memory: Memory, lag: FloatArray, drives: FloatArray, regressors: FloatArray
+    memory: Memory, terms: FloatArray, drives: FloatArray, regressors: FloatArray
 ) -> None:
     now, last = memory.now, memory.last
     for k in range(drives.size):
-        advance_drive(memory, lag, 0.0, drives[k])
+        advance_drive(memory, terms, 0.0, drives[k])
         for j in range(now.size):
             regressors[k, j] = now[j]
         regressors[k, now.size] = last[RAW] - last[SEEN]
+        regressors[k, now.size + 1] = last[CHANGE]
 
 
 @compiled
 def _follow(
     memory: Memory,
     coefficients: FloatArray,
-    lag: FloatArray,
+    terms: FloatArray,
     drives: FloatArray,
     positions: FloatArray,
 ) -> None:
     for k in range(drives.size):
-        positions[k] = advance_displacement(memory, coefficients, lag, drives[k])
+        positions[k] = advance_displacement(memory, coefficients, terms, drives[k])
 
 
 @compiled
 def _invert(
     memory: Memory,
     coefficients: FloatArray,
-    lag: FloatArray,
+    terms: FloatArray,
     deadband: float,
     positions: FloatArray,
     drives: FloatArray,
 ) -> None:
     for k in range(positions.size):
-        drives[k] = drive_for(memory, coefficients, lag, positions[k])
-        advance_drive(memory, lag, deadband, drives[k])
+        drives[k] = drive_for(memory, coefficients, terms, positions[k])
+        advance_drive(memory, terms, deadband, drives[k])

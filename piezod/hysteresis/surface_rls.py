@@ -26,7 +26,7 @@ from piezod.hysteresis.covariance import (
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.everett_bounds import slope_rows
 from piezod.hysteresis.everett_memory import new_surface_memory, relax_surface
-from piezod.hysteresis.memory import DEFAULT_CAPACITY, MERGED, SEEN, FloatArray, relax
+from piezod.hysteresis.memory import CHANGE, DEFAULT_CAPACITY, MERGED, SEEN, FloatArray, relax
 from piezod.hysteresis.surface_form import SurfaceForm
 
 SHAPE_VARIANCE, SHAPE_BOUND, SHAPE_WALK = 1e-5, 1e-4, 1e-10
@@ -40,7 +40,7 @@ class SurfaceIdentifier:
 
     Args:
         weights: (24,) coefficients of an identified surface.
-        form: Form of the surface; without rate dependence by default.
+        form: Form of the surface; without optional terms by default.
         pace: Factor of all random walks and of the information of a pair, above 0.
         deadband: Width of the backlash before the memory of drives, in units of the range.
         capacity: Extrema stored on each side.
@@ -58,7 +58,9 @@ class SurfaceIdentifier:
         deadband: float = 0.0,
         capacity: int = DEFAULT_CAPACITY,
     ) -> None:
-        self._weights, self._scalars = np.zeros(SIZE), np.zeros(4)
+        self._weights, self._scalars = np.zeros(SIZE), np.zeros(5)
+        self._form = form or SurfaceForm()
+        self._scalars[kernel.FLOOR] = kernel.SMALLEST - self._form.least_slope_beside
         self._memory = new_surface_memory(capacity)
         self._deadband = checked_deadband(deadband)
         if not pace > 0.0:
@@ -80,7 +82,7 @@ class SurfaceIdentifier:
             np.abs(rows).max(axis=0),
             self._deadband,
             MEASUREMENT_VARIANCE / pace,
-            (form or SurfaceForm()).lag,
+            self._form.terms,
         )
         self.adopt(weights)
 
@@ -122,7 +124,7 @@ class SurfaceIdentifier:
         if array.shape != (SIZE,) or not np.all(np.isfinite(array + offset)) or scale:
             message = f"need {SIZE} finite weights, a finite offset and no scale, got {array}"
             raise ModelError(f"{message}, {offset:g} and {scale:g}")
-        self._weights[:] = SurfaceForm().projected(array)
+        self._weights[:] = self._form.projected(array)
         self._scalars[kernel.OFFSET], self._scalars[kernel.MARGIN] = offset, 0.0
         pace, along = self._pace, np.outer(array, array)
         for matrix, shape, gain, drift in (
@@ -133,10 +135,15 @@ class SurfaceIdentifier:
             matrix[:SIZE, SIZE] = matrix[SIZE, :SIZE] = 0.0
             matrix[SIZE, SIZE] = drift
 
-    def reset(self) -> None:
-        """Clear the hysteresis memory; the learned model stays."""
+    def reset(self, change: float = 0.0) -> None:
+        """Clear the hysteresis memory; the learned model stays.
+
+        Args:
+            change: State of the part that relaxes along the path.
+        """
         relax(self._memory)
         relax_surface(self._memory)
+        self._memory.last[CHANGE] = change
 
     @property
     def weights(self) -> FloatArray:

@@ -6,17 +6,18 @@ from piezod.hysteresis.covariance import GAIN, REGRESSOR, fill_gain, update_cova
 from piezod.hysteresis.everett_memory import (
     advance_drive,
     displacement,
-    prompt_displacement,
+    displacement_beside,
 )
 from piezod.hysteresis.learner import OFFSET_LIMIT, is_finite, limited, limited_error
 from piezod.hysteresis.memory import SEEN, FloatArray, IntArray, Memory
 from piezod.jit import compiled
 
-OFFSET, POSITION, DRIVE, MARGIN = 0, 1, 2, 3
-"""Indices of the scalars: offset, last displacement without its prompt part, last drive, and a
-lower bound of the smallest slope minus `SMALLEST`."""
+OFFSET, POSITION, DRIVE, MARGIN, FLOOR = 0, 1, 2, 3, 4
+"""Indices of the scalars: offset, last displacement without what is beside the surface, last drive,
+a lower bound of the smallest slope of the surface minus `FLOOR`, and the smallest slope that the
+surface keeps."""
 SMALLEST = 0.025
-"""Smallest slope that a learned surface keeps. Half of that of an identified one, so that a surface
+"""Smallest slope that a learned model keeps. Half of that of an identified one, so that a surface
 that was identified at its limit can still learn."""
 _ROUNDS = 6  # corrections that are tried after a step out of the condition
 _OVERSHOOT = 1.5  # exact corrections of one row after the other approach the condition without end
@@ -52,8 +53,8 @@ def keep_surface_invertible(
     size = coefficients.size
     for _ in range(_ROUNDS):
         least, worst = _least(rows, coefficients)
-        scalars[MARGIN] = least - SMALLEST
-        if least >= SMALLEST:
+        scalars[MARGIN] = least - scalars[FLOOR]
+        if least >= scalars[FLOOR]:
             return
         power = 0.0
         for i in range(size):
@@ -61,7 +62,7 @@ def keep_surface_invertible(
                 power += rows[worst, i] * covariance[i, j] * rows[worst, j]
         if power <= 0.0:
             break
-        part = _OVERSHOOT * (SMALLEST - least) / power
+        part = _OVERSHOOT * (scalars[FLOOR] - least) / power
         for i in range(size):
             moved = 0.0
             for j in range(size):
@@ -69,8 +70,8 @@ def keep_surface_invertible(
             coefficients[i] += part * moved
             gain[i] += part * moved / stride  # so that the whole step can be taken back
     least, _ = _least(rows, coefficients)
-    scalars[MARGIN] = least - SMALLEST
-    if least < SMALLEST:
+    scalars[MARGIN] = least - scalars[FLOOR]
+    if least < scalars[FLOOR]:
         for i in range(size):
             coefficients[i] -= stride * gain[i]
         scalars[MARGIN] = 0.0
@@ -127,7 +128,7 @@ def step(
     steepest: FloatArray,
     deadband: float,
     variance: float,
-    lag: FloatArray,
+    terms: FloatArray,
     position: float,
     drive: float,
     learn: bool,
@@ -137,11 +138,11 @@ def step(
     if not is_finite(drive):
         return np.nan
     before = memory.last[SEEN]
-    advance_drive(memory, lag, deadband, drive)
+    advance_drive(memory, terms, deadband, drive)
     scalars[DRIVE] = drive
     if not is_finite(position):
         return np.nan
-    scalars[POSITION] = position - prompt_displacement(memory, lag)
+    scalars[POSITION] = position - displacement_beside(memory, terms)
     error = scalars[POSITION] - displacement(coefficients, memory.now) - scalars[OFFSET]
     # Without a move the pair repeats known information. Learning it would only let P grow.
     if learn and memory.last[SEEN] != before:

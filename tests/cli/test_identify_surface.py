@@ -12,6 +12,7 @@ from piezod.config.model_file import load_model
 from piezod.control.law.model_files import read_model
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis import SurfaceForm
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from tests.cli.conftest import Command
 from tests.experiment.fit.made_up_ringing import ringing_record
 from tests.experiment.made_up import write_record
@@ -53,6 +54,24 @@ def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     assert document["rate_lag"] == pytest.approx(0.01, rel=0.1)
     shown = f"lag {100 * document['rate_lag']:.2g} % of the drive's range per e-fold of its rate"
     assert shown in " ".join(text.split())
+
+
+def test_relaxation_along_the_path_is_shown_and_kept(piezod: Command, folder: Path) -> None:
+    """A stage whose loops do not close has it in the text, in the document and in the file."""
+    path = PathRelaxation(-0.2, 2.0, 0.1)
+    record = surface_record(path=path, creep=0.004, noise=0.0005)
+    write_record(folder / "data.csv", record)
+
+    text = piezod("identify", "data.csv", *SURFACE, "--out", "model.yaml").out
+    document = json.loads(piezod("identify", "data.csv", *SURFACE, "--json").out)
+
+    found = document["path_relaxation"]
+    assert found["decay"] == pytest.approx(2.0, rel=0.1)
+    shown = f"a part relaxes over {100 / found['decay']:.2g} % of the drive's range, up or down"
+    assert shown in " ".join(text.split())
+    form = read_model(folder / "model.yaml")[0].form
+    assert isinstance(form, SurfaceForm)
+    assert form.path == PathRelaxation(**found)
 
 
 def test_document_of_a_surface(piezod: Command, data: Path) -> None:

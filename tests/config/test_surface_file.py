@@ -8,13 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.config.model_file import ModelFile, dump_model, load_model
+from piezod.config.model_file import ModelFile, PathConfig, dump_model, load_model
 from piezod.config.yaml_loader import parse_yaml
 from piezod.control.law.model_files import read_model
 from piezod.errors import ConfigError
 from piezod.hysteresis import SurfaceForm
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from tests.config.test_model_file import MODEL
-from tests.control.made_up import STOPS, SURFACE
+from tests.control.made_up import RELAXING, STOPS, SURFACE
 from tests.hysteresis.surfaces import drawn
 
 COEFFICIENTS = tuple(SURFACE.weights.tolist())
@@ -55,6 +56,21 @@ def test_surface_is_restored_to_the_bit(tmp_path: Path) -> None:
     assert model.weights.tolist() == list(COEFFICIENTS)
     assert model.delay_s == -4.4e-4
     assert model.creep.weights.tolist() == list(MODEL.creep_weights)
+
+
+def test_path_is_restored_to_the_bit(tmp_path: Path) -> None:
+    """The part that relaxes along the path is the same after the text of a file."""
+    path = PathConfig(weight=-0.1 / 3, decay=2.0 / 3, skew=0.1 / 3)
+    model, file = read_model(changed(tmp_path / "m.yaml", surface_path=path))
+
+    assert file.surface_path == path
+    assert isinstance(model.form, SurfaceForm)
+    assert model.form.path == PathRelaxation(-0.1 / 3, 2.0 / 3, 0.1 / 3)
+
+
+def test_file_without_a_path_is_one_of_older_programs() -> None:
+    """Its key is only there if the model has the part, so that older programs read all others."""
+    assert "surface_path" not in dump_model(FILE)
 
 
 @given(seed=st.integers(0, 10_000))
@@ -121,10 +137,19 @@ def test_surface_that_is_not_monotone_is_refused(tmp_path: Path) -> None:
     assert text.endswith("identify again")
 
 
+def test_path_that_makes_a_surface_not_monotone_is_refused(tmp_path: Path) -> None:
+    """The part that relaxes may take away more slope than the surface has."""
+    path = PathConfig(weight=-2.0, decay=2.0, skew=0.0)
+
+    text = problem_of(changed(tmp_path / "m.yaml", surface_path=path))
+
+    assert text.startswith("the model is not monotone: its smallest slope is -")
+
+
 def test_forms_agree_on_the_widest_loop() -> None:
-    """Both branches of the widest loop are the drives for a rise and a fall, for both forms."""
+    """Both branches of the widest loop are the drives for a rise and a fall, for all forms."""
     positions = np.linspace(0.0, 1.0, 11)
-    for kind in (STOPS, SURFACE):
+    for kind in (STOPS, SURFACE, RELAXING):
         rising, falling = kind.form.widest_loop(kind.weights, positions)
         there_and_back = kind.drives_for([*positions, *positions[::-1]])
 

@@ -10,7 +10,8 @@ from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import AT_REST, CreepState
 from piezod.hysteresis import Creep, InverseMPI, ModelForm, StopForm, SurfaceForm, new_bank
 from piezod.hysteresis.creep import advance_creep
-from piezod.hysteresis.everett import surface
+from piezod.hysteresis.everett import SIZE, surface
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from tests.hysteresis.surfaces import drawn
 
 Array = NDArray[np.float64]
@@ -72,6 +73,16 @@ def _surface(seed: int) -> Array:
 
 STOPS = Kind(FORM, WEIGHTS, 1.6 * WEIGHTS)
 SURFACE = Kind(SurfaceForm(), _surface(7), 0.5 * (_surface(7) + _surface(8)))
+
+
+def _relaxing() -> Kind:
+    """Return a surface with a part that relaxes along the path; its displacement is 1 at 1."""
+    form = SurfaceForm(path=PathRelaxation(-0.1, 2.0, 0.1))
+    rise = 1.0 - form.rise(np.zeros(SIZE))
+    return Kind(form, rise * _surface(3), rise * 0.5 * (_surface(3) + _surface(17)))
+
+
+RELAXING = _relaxing()
 
 
 def inverse() -> InverseMPI:

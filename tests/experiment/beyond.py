@@ -16,8 +16,6 @@ OTHER_FILES = {
 """Variant → its experiment, if it is not that of the stack."""
 _LIGHTLY_DAMPED = "light-damping"
 """Its first mode is that of its data sheet; the gain of the trim follows from it."""
-_UNCLOSED = "bouc-wen"
-"""Its loops do not close, so that the errors of any model exceed the authority of the trim."""
 _UNFILTERED, _UNFILTERED_DELAY_S = "no-antialias", 0.00013
 """Without its filter the sensor has the delays of converter and bandwidth only."""
 
@@ -84,8 +82,6 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
         stage = VARIANTS[variant].parameters.stage
         known = {"frequency_hz": stage.mode_hz, "damping": stage.mode_damping}
         axis = axis.model_copy(update={"first_mode": axis.first_mode.model_copy(update=known)})
-    if variant == _UNCLOSED:
-        axis = axis.model_copy(update={"trim": axis.trim.model_copy(update={"base": "adaptive"})})
     if variant == _UNFILTERED:
         prompt = {"sensor_delay_s": _UNFILTERED_DELAY_S}
         axis = axis.model_copy(update={"compensator": axis.compensator.model_copy(update=prompt)})

@@ -9,7 +9,9 @@ from piezod.experiment.fit.record import Record
 from piezod.hysteresis import SurfaceForm, add_creep
 from piezod.hysteresis.everett import SIZE, surface
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from tests.experiment.made_up import DRIVE_V, POSITION_UM, RATE_HZ, swells
+from tests.hysteresis.surfaces import invertible_with
 
 FINER = 20
 """Simulation steps per sample period."""
@@ -40,7 +42,7 @@ def two_frequencies(t_s: FloatArray) -> FloatArray:
 def surface_record(
     *,
     weights: FloatArray | None = None,
-    path: Callable[[FloatArray], FloatArray] = all_loops,
+    drive: Callable[[FloatArray], FloatArray] = all_loops,
     duration_s: float = 40.0,
     delay_s: float = 0.0,
     creep: float = 0.0,
@@ -48,12 +50,13 @@ def surface_record(
     activation: float = 0.0,
     noise: float = 0.0,
     seed: int = 1,
+    path: PathRelaxation | None = None,
 ) -> Record:
     """Return a record of the made-up stage.
 
     Args:
         weights: Coefficients of its surface, shape (24,); by default those of `made_up_surface`.
-        path: Drive over time, (n,) for (n,) in s.
+        drive: Drive over time, (n,) for (n,) in s.
         duration_s: Length, in s.
         delay_s: Delay of the displacement behind the drive, in s; of either sign.
         creep: Weight of each lag of its creep.
@@ -62,12 +65,16 @@ def surface_record(
             drive's range; 0 for a stage whose loops do not widen with the rate.
         noise: Standard deviation of the sensor's noise, as a share of the range.
         seed: Seed of the noise.
+        path: Part of its displacement that relaxes along the path of the drive.
     """
     step_s = 1.0 / (RATE_HZ * FINER)
     fine_s: FloatArray = step_s * np.arange(round(duration_s / step_s), dtype=np.float64)
-    drives = np.clip(path(fine_s), 0.0, 1.0)
-    form = SurfaceForm(activation, 0.3 if activation else 0.0, step_s)
-    x = form.positions_at(made_up_surface() if weights is None else weights, drives)
+    drives = np.clip(drive(fine_s), 0.0, 1.0)
+    form = SurfaceForm(activation, 0.3 if activation else 0.0, step_s, path)
+    surface_weights = made_up_surface() if weights is None else weights
+    if path is not None:
+        surface_weights = invertible_with(path, surface_weights)
+    x = form.positions_at(surface_weights, drives)
     law = logarithmic(creep)
     x = add_creep(law.at(step_s), x, np.zeros(law.weights.size))
     t_s = fine_s[::FINER]

@@ -9,9 +9,11 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from piezod.hysteresis.everett import N_MIDDLES, N_WIDTHS, SIZE
 from piezod.hysteresis.everett_bounds import least_surface_slope
+from piezod.hysteresis.path_relaxation import PathRelaxation
 
 Floats = NDArray[np.float64]
 Number = TypeVar("Number", float, Decimal)
@@ -94,6 +96,26 @@ def drawn(seed: int, spread: float = 0.02) -> Floats:
     return coefficients + bends
 
 
+def invertible_with(path: PathRelaxation, coefficients: Floats) -> Floats:
+    """Return coefficients whose sum with a path can be inverted: steeper by what it takes away."""
+    steeper = coefficients.copy()
+    steeper[0] -= path.least_slope
+    return steeper
+
+
+def relaxing(h: float, move: float, decay: float, skew: float) -> float:
+    """Return h after a move of the drive, by numerical integration of its differential equation."""
+
+    def slope(_z: float, h: Floats) -> Floats:
+        bent: Floats = 1.0 - decay * np.sign(move) * h - decay * skew * np.abs(h)
+        return bent
+
+    solution = solve_ivp(slope, (0.0, move), [h], rtol=1e-9, atol=1e-11)
+    return float(solution.y[0, -1])
+
+
+PATHS = st.builds(PathRelaxation, st.floats(-1.0, 1.0), st.floats(0.3, 30.0), st.floats(-0.9, 0.9))
+"""Parts that relax along the path."""
 SURFACES = st.integers(0, 10_000).map(drawn)
 """Surfaces that can be inverted."""
 DRIVES = st.lists(

@@ -19,7 +19,7 @@ from piezod.hysteresis.surface_form import SurfaceForm
 from tests.hysteresis.surfaces import DRIVES, SURFACES, Floats, all_pairs, drawn, everett, relays
 
 FORM = SurfaceForm()
-SLOW = FORM.lag
+SLOW = FORM.terms
 
 
 @given(SURFACES, st.floats(0.0, 1.0), st.floats(0.0, 1.0))

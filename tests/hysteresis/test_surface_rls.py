@@ -19,6 +19,7 @@ from piezod.hysteresis.covariance import (
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.everett_bounds import least_surface_slope, slope_rows
 from piezod.hysteresis.learner import OFFSET_LIMIT
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.hysteresis.surface_rls import (
     GAIN_VARIANCE,
     GAIN_WALK,
@@ -26,8 +27,8 @@ from piezod.hysteresis.surface_rls import (
     SHAPE_VARIANCE,
     SHAPE_WALK,
 )
-from piezod.hysteresis.surface_rls_kernel import SMALLEST, keep_surface_invertible
-from tests.hysteresis.surfaces import DRIVES, Floats, all_pairs, drawn
+from piezod.hysteresis.surface_rls_kernel import FLOOR, SMALLEST, keep_surface_invertible
+from tests.hysteresis.surfaces import DRIVES, Floats, all_pairs, drawn, invertible_with
 
 FORM = SurfaceForm()
 KNOWN = drawn(3)
@@ -115,6 +116,19 @@ def test_surface_is_learned_from_a_wrong_start() -> None:
     )
 
 
+def test_stage_with_a_path_is_learned() -> None:
+    """What relaxes along the path is no error of a model with it, and the surface is learned."""
+    path = PathRelaxation(-0.3, 2.0, 0.1)
+    form = SurfaceForm(path=path)
+    drives, weights = swings(60.0), invertible_with(path, KNOWN)
+    rls = SurfaceIdentifier(form.straight_line(), form)
+
+    errors = np.abs(rls.run(form.positions_at(weights, drives), drives))
+
+    assert np.max(errors) > 5e-3
+    assert np.max(errors[-2000:]) < 5e-4
+
+
 def test_drift_of_the_offset_is_tracked() -> None:
     """A drift of 5 % of the range in a minute is found as offset, and no shape is unlearned."""
     drives = swings(60.0)
@@ -167,18 +181,25 @@ def test_prediction_with_the_own_model_is_the_drive_without_the_error(
     assert rls.predict(rls.weights, rls.offset - 0.01, 0.0) == pytest.approx(predicted + 0.01)
 
 
-@given(pairs=PAIRS, seed=st.integers(0, 9), pace=st.sampled_from([1.0, 0.01]))
+@given(
+    pairs=PAIRS,
+    seed=st.integers(0, 9),
+    pace=st.sampled_from([1.0, 0.01]),
+    path=st.sampled_from([None, PathRelaxation(-0.3, 2.0, 0.1)]),
+)
 def test_any_pairs_leave_a_surface_that_can_be_inverted(
-    pairs: list[tuple[float, float]], seed: int, pace: float
+    pairs: list[tuple[float, float]], seed: int, pace: float, path: PathRelaxation | None
 ) -> None:
     """After nonsense every proven slope is at least the limit, and all numbers are finite."""
-    rls = SurfaceIdentifier(drawn(seed), pace=pace)
+    form = SurfaceForm(path=path)
+    weights = invertible_with(path, drawn(seed)) if path else drawn(seed)
+    rls = SurfaceIdentifier(weights, form, pace=pace)
 
     for position, drive in pairs:
         error = rls.step(position, drive)
         assert math.isfinite(error) or not (math.isfinite(position) and math.isfinite(drive))
 
-    assert least_surface_slope(rls.weights) >= SMALLEST - 1e-12
+    assert form.smallest_slope(rls.weights) >= SMALLEST - 1e-12
     assert np.all(np.isfinite(rls.covariance))
     assert abs(rls.offset) <= OFFSET_LIMIT
     assert rls.covariance.tolist() == rls.covariance.T.tolist()
@@ -200,7 +221,8 @@ def test_pairs_against_the_condition_stop_at_its_limit() -> None:
 @pytest.mark.parametrize("variance", [0.0, 1e-5], ids=["taken back", "corrected"])
 def test_step_out_of_the_condition_is_corrected_or_taken_back(variance: float) -> None:
     """With a covariance it is corrected to the limit; if nothing may move, it is taken back."""
-    gain, stride, scalars = np.zeros(SIZE + 1), 0.1, np.zeros(4)
+    gain, stride, scalars = np.zeros(SIZE + 1), 0.1, np.zeros(5)
+    scalars[FLOOR] = SMALLEST
     gain[4] = 1.0  # slopes of narrow loops become smaller
     while least_surface_slope(KNOWN + stride * gain[:SIZE]) >= SMALLEST:
         stride += 0.1

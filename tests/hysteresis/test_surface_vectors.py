@@ -9,8 +9,8 @@ import pytest
 from piezod.hysteresis.everett_memory import (
     advance_drive,
     displacement,
+    displacement_beside,
     new_surface_memory,
-    prompt_displacement,
 )
 from piezod.hysteresis.surface_form import SurfaceForm
 from tests.hysteresis.make_surface_vectors import FILE, vectors
@@ -57,11 +57,11 @@ def test_displacements_are_the_recorded_numbers(name: str, path: str) -> None:
 def test_regressors_give_the_recorded_numbers(name: str, path: str) -> None:
     """The memory of regressors, which adaptation uses, has the same displacements."""
     vector = Vector(name, path)
-    memory, lag, found = new_surface_memory(), vector.form.lag, []
+    memory, terms, found = new_surface_memory(), vector.form.terms, []
     for drive in vector.drives.tolist():
-        advance_drive(memory, lag, 0.0, drive)
+        advance_drive(memory, terms, 0.0, drive)
         slow = displacement(vector.coefficients, memory.now)
-        found.append(slow + prompt_displacement(memory, lag))
+        found.append(slow + displacement_beside(memory, terms))
 
     assert found == pytest.approx(vector.displacements, rel=0.0, abs=EXACT)
 

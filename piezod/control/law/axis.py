@@ -182,7 +182,7 @@ class CompensatedAxis:
     def zero(self) -> None:
         """Take the present displacement, at rest, as zero."""
         self.compensator.zero()
-        self.identifier.zero()
+        self.identifier.zero(self.compensator.relaxing)
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Learn from the sample and compensate the reference; return the voltage to write.

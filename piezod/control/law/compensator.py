@@ -150,7 +150,12 @@ class Compensator:
 
     def zero(self) -> None:
         """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
-        self._zeroed = float(self._creep_weights @ self._lags)
+        self._zeroed = float(self._creep_weights @ self._lags) + self.relaxing
+
+    @property
+    def relaxing(self) -> float:
+        """Displacement that the path of the drive has left, which later moves relax."""
+        return self._kernel.relaxing
 
     @property
     def expected(self) -> float:
@@ -206,7 +211,7 @@ class Compensator:
         self._offset += share * (offset - self._offset)
         self._scale += share * (scale - self._scale)
         stretch = 1.0 + self._scale
-        # The sensor's zero contains the creep at that instant, so it is added to the command.
+        # The sensor's zero contains what was there at that instant, so it is added to the command.
         added = stretch * self._zeroed - self._offset + trim
         return self._kernel.step(target, share, self._strength, command, stretch, added, low, high)
 

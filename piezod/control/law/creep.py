@@ -48,19 +48,21 @@ def logarithmic(weight: float) -> CreepLaw:
 
 
 class CreepState(NamedTuple):
-    """State of the creep at an instant; displacements are in units of the range.
+    """State of a stage beside its memory of turns; displacements are in units of the range.
 
     Attributes:
         creep: Law of the creep at the period of the loop.
         lags: (K,) state of the lags.
-        zeroed: Creep at the instant at which the sensor was zeroed; the sensor does not show it.
+        zeroed: Creep, and what the path had left, when the sensor was zeroed: it does not show it.
         quick: Displacement without creep.
+        change: State of the part that relaxes along the path, see `path_relaxation`.
     """
 
     creep: Creep
     lags: FloatArray
     zeroed: float
     quick: float
+    change: float = 0.0
 
 
 AT_REST = CreepState(NO_LAGS, np.empty(0), 0.0, 0.0)

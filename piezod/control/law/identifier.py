@@ -146,10 +146,11 @@ class Identifier:
     ) -> None:
         self.adaptation, self.gate = adaptation, gate
         self._drive_v, self._position_um = drive_v, position_um
-        self._history, self._delay_ns = history, delay_ns
-        self._convergence = convergence
+        self._history, self._delay_ns, self._convergence = history, delay_ns, convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
+        if creep.change:
+            adaptation.reset(creep.change)
         self.gain_halved = self._skipped_last = False
         """Whether only every second sample is learned from."""
         self._drive = 0.0
@@ -180,9 +181,9 @@ class Identifier:
         """Return the drive of the last sample minus its prediction by another model, normalised."""
         return self._drive - self.adaptation.predict(model.weights, model.offset, model.scale)
 
-    def zero(self) -> None:
-        """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
-        self._zeroed = float(self._creep.weights @ self._lags)
+    def zero(self, relaxing: float = 0.0) -> None:
+        """Take the present displacement as zero, at rest; `relaxing` is what the path has left."""
+        self._zeroed = float(self._creep.weights @ self._lags) + relaxing
 
     def learn(
         self, t_ns: int, sample: Sample, *, limited: bool, expected: float, added: float = 0.0

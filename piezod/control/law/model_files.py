@@ -11,6 +11,7 @@ from piezod.control.law.model import StageModel
 from piezod.errors import ConfigError, ModelError, Problem
 from piezod.hysteresis import AffineRange, ModelForm, StopForm, SurfaceForm, new_bank
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
 
 
 def from_model_file(file: ModelFile) -> StageModel:
@@ -46,7 +47,13 @@ def _hysteresis(file: ModelFile) -> tuple[ModelForm, FloatArray]:
             bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
             return StopForm(bank), np.array([*file.left_stop_weights, *file.right_stop_weights])
         case 2:
-            form = SurfaceForm(file.surface_activation, file.surface_prompt_slope)
+            form = SurfaceForm(
+                file.surface_activation,
+                file.surface_prompt_slope,
+                path=PathRelaxation(**file.surface_path.model_dump())
+                if file.surface_path
+                else None,
+            )
             return form, np.array(file.surface_coefficients)
 
 

@@ -151,6 +151,11 @@ class StopKernel:
         )
 
     @property
+    def relaxing(self) -> float:
+        """0: stops remember turning points only."""
+        return 0.0
+
+    @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory has removed."""
         return int(self._memory.counts[MERGED])

@@ -18,11 +18,12 @@ from piezod.hysteresis.everett_memory import (
     advance_drive,
     displacement,
     displacement_at,
+    displacement_beside,
     drive_for,
     new_surface_memory,
-    prompt_displacement,
 )
-from piezod.hysteresis.memory import MERGED, RAW, FloatArray, IntArray, Memory, clamp
+from piezod.hysteresis.memory import CHANGE, MERGED, RAW, FloatArray, IntArray, Memory, clamp
+from piezod.hysteresis.path_relaxation import FAST, WEIGHT
 from piezod.jit import compiled
 
 
@@ -34,7 +35,7 @@ def step(  # noqa: D417 - arguments are described in groups
     last: FloatArray,
     counts: IntArray,
     carried: FloatArray,
-    lag: FloatArray,
+    terms: FloatArray,
     weights: FloatArray,
     lags: FloatArray,
     creep_gains: FloatArray,
@@ -54,8 +55,8 @@ def step(  # noqa: D417 - arguments are described in groups
 
     Args:
         levels, values, now, last, counts: Arrays of a memory of drives.
-        carried, lag: (5,) values that are carried from one step to the next; (3,) lag of the
-            hysteresis behind the drive.
+        carried, terms: (5,) values that are carried from one step to the next; (7,) constants of
+            the optional terms of the surface.
         weights, target, share: (24,) coefficients in use; those that they approach; share of the
             remaining distance that they move in this step.
         lags, creep_gains, creep_weights: (K,) lags, gains and weights of the creep.
@@ -66,20 +67,18 @@ def step(  # noqa: D417 - arguments are described in groups
     """
     memory = Memory(levels, values, now, last, counts)
     if carried[NEXT] == carried[NEXT]:  # not NaN
-        advance_drive(memory, lag, 0.0, carried[NEXT])
+        advance_drive(memory, terms, 0.0, carried[NEXT])
     # The hysteresis only has to make what the creep has not yet made.
-    crept = advance_creep(lags, creep_gains, creep_weights, _position(memory, weights, lag))
+    crept = advance_creep(lags, creep_gains, creep_weights, _position(memory, weights, terms))
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
     command = clamp(command, carried[COMMAND])
     requested_position = stretch * command + added - crept
-    position = clamp(requested_position, command)
-    carried[OUTSIDE] = requested_position - position
-    model = drive_for(memory, weights, lag, position)
+    model, carried[OUTSIDE] = _model_drive(memory, weights, terms, requested_position, command)
     requested_drive = model + (1.0 - strength) * (command - model)
     drive = min(max(requested_drive, low), high)
     carried[NEXT] = drive
-    position = displacement_at(memory, weights, lag, clamp(drive, memory.last[RAW]))
+    position = displacement_at(memory, weights, terms, clamp(drive, memory.last[RAW]))
     if position - position == 0.0:  # weights that are not finite leave it
         carried[POSITION] = position
     carried[COMMAND] = command
@@ -88,9 +87,24 @@ def step(  # noqa: D417 - arguments are described in groups
 
 
 @compiled
-def _position(memory: Memory, weights: FloatArray, lag: FloatArray) -> float:
+def _model_drive(
+    memory: Memory, weights: FloatArray, terms: FloatArray, requested: float, command: float
+) -> tuple[float, float]:
+    """Return the drive for a displacement, and how far the displacement is out of reach."""
+    if terms[FAST] == 0.0:
+        position = clamp(requested, command)
+        return drive_for(memory, weights, terms, position), requested - position
+    # Loops that do not close leave [0, 1], at drives inside the range.
+    drive = drive_for(memory, weights, terms, requested)
+    if 0.0 < drive < 1.0:
+        return drive, 0.0
+    return drive, requested - displacement_at(memory, weights, terms, drive)
+
+
+@compiled
+def _position(memory: Memory, weights: FloatArray, terms: FloatArray) -> float:
     """Return the displacement after the last drive."""
-    return displacement(weights, memory.now) + prompt_displacement(memory, lag)
+    return displacement(weights, memory.now) + displacement_beside(memory, terms)
 
 
 class SurfaceKernel:
@@ -103,11 +117,12 @@ class SurfaceKernel:
     """
 
     def __init__(self, form: SurfaceForm, weights: FloatArray, creep: CreepState) -> None:
-        self._memory, self._weights, self._lag = new_surface_memory(), weights, form.lag
+        self._memory, self._weights, self._terms = new_surface_memory(), weights, form.terms
+        self._memory.last[CHANGE] = creep.change
         self.carried: FloatArray = np.zeros(5)
-        self.carried[[COMMAND, POSITION]] = creep.quick
+        self.carried[[COMMAND, POSITION]] = creep.quick - self.relaxing, creep.quick
         # The stage rests: it does not lag.
-        self.carried[NEXT] = drive_for(self._memory, weights, SurfaceForm().lag, creep.quick)
+        self.carried[NEXT] = drive_for(self._memory, weights, form.slow.terms, creep.quick)
         # Bound once, as in `StopKernel`.
         self.step: Callable[
             [FloatArray, float, float, float, float, float, float, float], float
@@ -115,12 +130,17 @@ class SurfaceKernel:
             step,
             *self._memory,
             self.carried,
-            self._lag,
+            self._terms,
             weights,
             creep.lags,
             creep.creep.gains,
             creep.creep.weights,
         )
+
+    @property
+    def relaxing(self) -> float:
+        """Displacement that the path has left, which later moves relax."""
+        return float(self._terms[WEIGHT] * self._memory.last[CHANGE])
 
     @property
     def merged_pairs(self) -> int:
@@ -130,6 +150,6 @@ class SurfaceKernel:
     def discard_last(self) -> None:
         """Take back the last drive: it was not applied."""
         self.carried[NEXT] = np.nan
-        position = _position(self._memory, self._weights, self._lag)
+        position = _position(self._memory, self._weights, self._terms)
         if isfinite(position):
             self.carried[POSITION] = position

@@ -1,5 +1,7 @@
 """The account of a fit, which records and figures show."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from piezod.control.law.model import StageModel
@@ -75,10 +77,12 @@ def _hysteresis_parameters(form: ModelForm, weights: FloatArray) -> dict[str, Fl
                 "left_stop_thresholds": inverse.left_stop_thresholds,
                 "left_stop_weights": inverse.left_stop_weights,
             }
-        case SurfaceForm():
+        case SurfaceForm(path=path):
+            relaxation = asdict(path) if path else {}
             return {
                 "surface_coefficients": weights,
                 "surface_activation": np.array(form.activation),
                 "surface_prompt_slope": np.array(form.prompt_slope),
+                **{f"surface_path_{name}": np.array(value) for name, value in relaxation.items()},
             }
     raise TypeError(f"no account of a {type(form).__name__}")

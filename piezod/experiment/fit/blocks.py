@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from piezod.experiment.fit.problem import LinearProblem
 from piezod.experiment.fit.record import Rows
 from piezod.hysteresis.memory import FloatArray
 
@@ -24,6 +25,28 @@ def blocks_of(counted: Rows, blocks: int = BLOCKS) -> Iterator[Rows]:
         rows = np.zeros_like(counted)
         rows[places] = True
         yield rows
+
+
+def held_out_squares(fit: LinearProblem) -> FloatArray:
+    """Return the mean squared miss of each block by the fit to the others, shape (blocks,)."""
+    squares = []
+    for rows in blocks_of(fit.counted):
+        moved = fit.solved(fit.counted & ~rows) - fit.parameters
+        squares.append(np.mean((fit.misses[rows] + fit.regressors[rows] @ moved) ** 2))
+    return np.array(squares)
+
+
+def clearly_better(squares: FloatArray, others: FloatArray, ratio: float) -> bool:
+    """Return whether the rms error of all blocks is smaller, and not by chance.
+
+    Args:
+        squares: (blocks,) mean squared errors.
+        others: (blocks,) those to compare with.
+        ratio: Largest ratio of the rms errors.
+    """
+    gains = others - squares
+    smaller = float(np.mean(squares)) <= ratio**2 * float(np.mean(others))
+    return smaller and float(np.mean(gains)) > standard_error(gains)
 
 
 def standard_error(values: FloatArray) -> float:

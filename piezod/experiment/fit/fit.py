@@ -20,6 +20,7 @@ from piezod.experiment.fit.stop_problem import StopProblem
 from piezod.experiment.fit.surface_search import search_surface
 from piezod.hysteresis import AffineRange, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,12 @@ class Fit:
         """Growth of the lag per e-fold of the drive's rate, as a share of the drive's range."""
         form = self.model.form
         return form.activation if isinstance(form, SurfaceForm) else 0.0
+
+    @property
+    def path(self) -> PathRelaxation | None:
+        """Part of the displacement that relaxes along the path of the drive, None without it."""
+        form = self.model.form
+        return form.path if isinstance(form, SurfaceForm) else None
 
     def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
         """Return the voltage predicted from a record, in V, shape (n,).

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from piezod.control.law.first_mode import FirstMode
-from piezod.experiment.fit.blocks import blocks_of, standard_error
+from piezod.experiment.fit.blocks import clearly_better, held_out_squares
 from piezod.experiment.fit.problem import LinearProblem
 from piezod.experiment.fit.record import Rows
 from piezod.experiment.fit.surface_parameters import FREQUENCIES, HIGHEST_DAMPING
@@ -101,21 +101,10 @@ def shown_mode(
     """
     if mode.frequency_hz < LOWEST_HZ or mode.damping >= HIGHEST_DAMPING:
         return None
-    with_mode_s, plain_s = _held_out_squares(with_mode), _held_out_squares(plain)
-    gains = plain_s - with_mode_s
+    with_mode_s, plain_s = held_out_squares(with_mode), held_out_squares(plain)
     rms = (float(np.sqrt(np.mean(each))) for each in (with_mode_s, plain_s))
     shown = ShownMode(*(100.0 * unit * each for each in rms))
-    clear = shown.with_pct <= CLEAR_GAIN * shown.without_pct
-    return shown if clear and np.mean(gains) > standard_error(gains) else None
-
-
-def _held_out_squares(fit: LinearProblem) -> FloatArray:
-    """Return the mean squared miss of each block by the fit to the others, shape (blocks,)."""
-    squares = []
-    for rows in blocks_of(fit.counted):
-        moved = fit.solved(fit.counted & ~rows) - fit.parameters
-        squares.append(np.mean((fit.misses[rows] + fit.regressors[rows] @ moved) ** 2))
-    return np.array(squares)
+    return shown if clearly_better(with_mode_s, plain_s, CLEAR_GAIN) else None
 
 
 def _worst_part(misses: FloatArray) -> slice:

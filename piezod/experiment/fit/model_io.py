@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 import piezod
-from piezod.config.model_file import FitConfig, ModelFile, SourceConfig
+from piezod.config.model_file import FitConfig, ModelFile, PathConfig, SourceConfig
 from piezod.errors import ModelError
 from piezod.experiment.fit.fit import Fit
 from piezod.hysteresis import StopForm, SurfaceForm
@@ -53,12 +54,13 @@ def to_model_file(
         match model.form:
             case StopForm(bank):
                 return _stops_file(bank, model.weights, common)
-            case SurfaceForm():
+            case SurfaceForm(path=path):
                 return ModelFile(
                     version=2,
                     surface_coefficients=tuple(model.weights.tolist()),
                     surface_activation=model.form.activation,
                     surface_prompt_slope=model.form.prompt_slope,
+                    surface_path=PathConfig(**asdict(path)) if path else None,
                     **common,
                 )
     except ValidationError as failure:

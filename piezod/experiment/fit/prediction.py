@@ -33,8 +33,8 @@ def predicted_v(model: StageModel, record: Record, deadband: float = 0.0) -> Flo
         record: The record; the memory starts relaxed at its first sample.
         deadband: Width of the backlash before the memory, in units of the range.
     """
-    y = np.clip(quick_positions(model, record), 0.0, 1.0)
     form = model.form.sampled(record.period_s)
+    y = form.reachable(quick_positions(model, record))
     return model.drive_v.from_unit(form.drives_at(model.weights, y, deadband))
 
 

@@ -2,12 +2,13 @@
 
 The displacement follows from the drive, which is known without noise:
 
-    x(t) = M[y + Σ w_k L_k[y]] + offset,   y = H[z] + p (v - z),   v = v(t - delay).
+    x(t) = M[y + Σ w_k L_k[y]] + offset,   y = H[z] + p (v - z) + w h[z],   v = v(t - delay).
 
-z is the drive that lags behind v with the rate, see `rate_lag`; p is the prompt slope; M is the
-first mode, if the record shows one, see `mode_search`. The lags of the creep start from the
-displacement before the record, without its creep, as in `prediction`. The displacement is linear in
-the coefficients of H and in p, and in the weights of the lags for fixed coefficients. The fit is
+z is the drive that lags behind v with the rate, see `rate_lag`; p is the prompt slope; h relaxes
+along the path of the drive, see `path_relaxation`; M is the first mode, see `mode_search`. These
+three are there only if the record shows them. The lags of the creep start from the displacement
+before the record, without its creep, as in `prediction`. The displacement is linear in the
+coefficients of H, in p and in w, and in the weights of the lags for fixed coefficients. The fit is
 repeated around its last result (Gauss-Newton), each time as one constrained problem: every branch
 has a positive slope on every loop, see `everett_bounds`, and the weight of a lag is from 0 to
 `MAX_LAG`. Without that bound, the search may diverge on a record of one frequency, because a lag of
@@ -27,13 +28,17 @@ from piezod.experiment.fit.surface_parameters import (
     COUNT,
     CREEP,
     DAMPING,
+    DECAY,
     DELAY,
     FREQUENCY,
     MODE,
     MODE_LAG,
     OFFSET,
+    PATH,
     PROMPT,
+    SKEW,
     START_MODE_LAG,
+    form_of,
     penalised,
     solved,
 )
@@ -45,10 +50,12 @@ from piezod.hysteresis.surface_form import branch_slopes
 
 START_ACTIVATION = 0.003
 """Activation at which its search begins, as a share of the drive's range."""
+START_DECAY = 2.0
+"""Decay of the path at which its search begins, in 1/range."""
 _ROUNDS = 12
 _SETTLED = 1e-5
 _PARTS = (1.0, 0.5, 0.25, 0.125)  # fractions of a step that are tried
-_ACTIVATION_STEP = 2e-4
+_FORM_STEPS = {ACTIVATION: 2e-4, DECAY: 1e-3, SKEW: 1e-3}
 _MODE_STEPS = {DELAY: 1e-3, FREQUENCY: 1e-6, DAMPING: 1e-5, MODE_LAG: 1e-3}
 """Steps of differences."""
 
@@ -58,11 +65,11 @@ class LinearisedSurface:
     """The problem around its solution: linear in all parameters.
 
     Attributes:
-        regressors: (n, 39) regressors of all parameters.
+        regressors: (n, 42) regressors of all parameters.
         target: (n,) values that they must add up to.
         counted: (n,) mask of the rows that count.
-        fixed: (39,) mask of the parameters that are not searched.
-        parameters: (39,) solution; the delay is in sample periods.
+        fixed: (42,) mask of the parameters that are not searched.
+        parameters: (42,) solution; the delay is in sample periods.
         drives: (n,) drives of the record, delayed.
         period_s: Sample period, in s.
     """
@@ -83,12 +90,12 @@ class LinearisedSurface:
     @property
     def drive_changes(self) -> FloatArray:
         """Change of the drive per change of the displacement, both normalised, shape (n,)."""
-        coefficients, activation = self.parameters[:SIZE], float(self.parameters[ACTIVATION])
-        return 1.0 / branch_slopes(coefficients, self.drives, activation, self.period_s)
+        form = form_of(self.parameters, self.period_s)
+        return 1.0 / branch_slopes(self.parameters[:SIZE], self.drives, form)
 
     @property
     def creep_gradient(self) -> FloatArray | None:
-        """Change of the creep per decade with each parameter, shape (39,); None without creep."""
+        """Change of the creep per decade with each parameter, shape (42,); None without creep."""
         if self.fixed[CREEP]:
             return None
         gradient = np.zeros(self.fixed.size)
@@ -102,7 +109,7 @@ class LinearisedSurface:
         return searched
 
     def covariance(self, residual_variance: float) -> FloatArray:
-        """Return the covariance of the parameters without active constraints, shape (39, 39).
+        """Return the covariance of the parameters without active constraints, shape (42, 42).
 
         Args:
             residual_variance: Mean squared residual per independent sample.
@@ -114,7 +121,7 @@ class LinearisedSurface:
         return covariance
 
     def solved(self, rows: Rows) -> FloatArray:
-        """Return the parameters that fit these rows best, shape (39,)."""
+        """Return the parameters that fit these rows best, shape (42,)."""
         return solved(self.regressors[rows], self.target[rows], self.parameters, self.fixed)
 
 
@@ -125,6 +132,7 @@ def fit_surface(
     delay_s: float | None,
     start_delay_s: float,
     rate: bool = False,
+    path: bool = False,
     mode: ModeGuess | None = None,
 ) -> LinearisedSurface:
     """Fit the coefficients and the offset, and the creep and the delay if requested.
@@ -135,6 +143,7 @@ def fit_surface(
         delay_s: Delay of the displacement behind the drive, in s; None if it is fitted.
         start_delay_s: Delay at which the search begins, in s.
         rate: Whether the lag that grows with the rate is fitted.
+        path: Whether the part that relaxes along the path is fitted.
         mode: First mode at which its search begins; None if none is fitted.
 
     Raises:
@@ -144,9 +153,11 @@ def fit_surface(
     fixed[CREEP:OFFSET] = not creep
     fixed[DELAY] = delay_s is not None
     fixed[[PROMPT, ACTIVATION]] = not rate
+    fixed[[PATH, DECAY, SKEW]] = not path
     fixed[[*MODE]] = mode is None
     parameters = np.zeros(COUNT)
     parameters[ACTIVATION] = START_ACTIVATION if rate else 0.0
+    parameters[DECAY] = START_DECAY if path else 0.0
     parameters[0] = 1.0  # displacement in proportion to the drive
     parameters[DELAY] = (start_delay_s if delay_s is None else delay_s) / record.period_s
     if mode is not None:
@@ -154,7 +165,7 @@ def fit_surface(
     # First what is linear alone: any fit is a better start than a line.
     not_yet = np.ones_like(fixed)
     not_yet[:SIZE] = not_yet[OFFSET] = False
-    not_yet[PROMPT] = not rate
+    not_yet[PROMPT], not_yet[PATH] = not rate, not path
     parameters = _around(record, parameters, not_yet).parameters
     # A mode first without its lag: from far away, the lag would take its place.
     fixed[MODE_LAG] = True
@@ -197,7 +208,7 @@ def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> Linea
     total = 1.0 + float(np.sum(weights))
     regressors = np.zeros((record.positions.size, COUNT))
     crept = with_creep(point.quick, weights, record.period_s)
-    regressors[:, : PROMPT + 1] = point.shown(crept)
+    regressors[:, :CREEP] = point.shown(crept)
     # The start of the lags changes with their weights and with the offset, too.
     lags = point.lags - (point.start / total * point.started)[:, np.newaxis]
     regressors[:, CREEP:OFFSET] = lags if fixed[CREEP] else point.shown(lags)
@@ -207,9 +218,10 @@ def _around(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> Linea
     if not fixed[FREQUENCY]:
         for place, difference in _MODE_STEPS.items():
             regressors[:, place] = point.gradient(place, difference)
-    if not fixed[ACTIVATION]:
-        there = Point.at(record, parameters + _ACTIVATION_STEP * np.eye(COUNT)[ACTIVATION])
-        regressors[:, ACTIVATION] = (there.predicted - point.predicted) / _ACTIVATION_STEP
+    for place, difference in _FORM_STEPS.items():
+        if not fixed[place]:
+            there = Point.at(record, parameters + difference * np.eye(COUNT)[place])
+            regressors[:, place] = (there.predicted - point.predicted) / difference
     target = record.positions - point.predicted + regressors @ parameters
     counted = record.counted
     found = solved(regressors[counted], target[counted], parameters, fixed)

@@ -7,18 +7,22 @@ import numpy as np
 from piezod.control.law.creep import TIME_CONSTANTS_S
 from piezod.control.law.first_mode import FirstMode
 from piezod.experiment.fit.record import Rows
-from piezod.hysteresis import LEAST_SLOPE
+from piezod.hysteresis import LEAST_SLOPE, SurfaceForm
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.everett_bounds import slope_rows
 from piezod.hysteresis.least_squares import minimise
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation, steepest_relaxation
 
-PROMPT, CREEP = SIZE, SIZE + 1
+PROMPT, PATH, CREEP = SIZE, SIZE + 1, SIZE + 2
 OFFSET = CREEP + TIME_CONSTANTS_S.size
-DELAY, ACTIVATION, FREQUENCY, DAMPING, MODE_LAG, COUNT = (OFFSET + i for i in range(1, 7))
-"""Places of the prompt slope, the first lag, the offset, the delay in sample periods, the
-activation, and the frequency (in cycles per sample), the damping ratio and the lag (in sample
-periods) of the first mode, behind the 24 coefficients; and the number of all parameters."""
+DELAY, ACTIVATION, DECAY, SKEW, FREQUENCY, DAMPING, MODE_LAG, COUNT = (
+    OFFSET + i for i in range(1, 9)
+)
+"""Places of the prompt slope, the weight of the path, the first lag, the offset, the delay in
+sample periods, the activation, decay and skew of the path, and the frequency (in cycles per
+sample), the damping ratio and the lag (in sample periods) of the first mode, behind the 24
+coefficients; and the number of all parameters."""
 MODE: Final = (FREQUENCY, DAMPING, MODE_LAG)
 RIDGE = 1e-6
 """Penalty on the coefficients, relative to the mean power of their regressors."""
@@ -29,6 +33,9 @@ MAX_LAG = 0.1
 """Largest weight of a lag, as a share of the displacement; all lags together stay below 1."""
 MAX_ACTIVATION = 0.05
 """Largest activation, as a share of the drive's range."""
+DECAYS, LARGEST_SKEW = (0.3, 30.0), 0.9
+"""Lowest and highest decay, in 1/range: what relaxes more slowly is part of the surface, and what
+relaxes faster looks like a jump at each reversal; and the largest skew of either sign."""
 FREQUENCIES = (0.002, 0.4)
 """Lowest and highest frequency of a mode, in cycles per sample: half a cycle per sample is the
 limit of sampling, and the motion of slower modes looks like that of the drive."""
@@ -41,6 +48,8 @@ zero a lag is like a delay, which is fitted anyway."""
 _SCALAR_BOUNDS: Final = {
     PROMPT: (0.0, None),
     ACTIVATION: (0.0, MAX_ACTIVATION),
+    DECAY: DECAYS,
+    SKEW: (-LARGEST_SKEW, LARGEST_SKEW),
     FREQUENCY: FREQUENCIES,
     DAMPING: (LOWEST_DAMPING, HIGHEST_DAMPING),
     MODE_LAG: (0.0, HIGHEST_MODE_LAG),
@@ -49,8 +58,15 @@ _SCALAR_BOUNDS: Final = {
 """Lowest and highest value of a parameter; None for any."""
 
 
+def form_of(parameters: FloatArray, period_s: float) -> SurfaceForm:
+    """Return the form of parameters, shape (42,)."""
+    weight, decay, skew = parameters[[PATH, DECAY, SKEW]].tolist()
+    path = PathRelaxation(weight, decay, skew) if decay else None
+    return SurfaceForm(float(parameters[ACTIVATION]), float(parameters[PROMPT]), period_s, path)
+
+
 def mode_of(parameters: FloatArray, period_s: float) -> FirstMode | None:
-    """Return the first mode of parameters, shape (39,); None if they have none."""
+    """Return the first mode of parameters, shape (42,); None if they have none."""
     if not parameters[FREQUENCY]:
         return None
     frequency, damping, lag = parameters[[*MODE]].tolist()
@@ -63,21 +79,20 @@ def solved(
     """Solve one linear problem for the parameters that are not fixed; the others stay.
 
     Args:
-        regressors: (n, 39) regressors of all parameters.
+        regressors: (n, 42) regressors of all parameters.
         target: (n,) values that they must add up to.
-        known: (39,) parameters; those that are fixed keep these values.
-        fixed: (39,) mask of the parameters that are not searched.
+        known: (42,) parameters; those that are fixed keep these values.
+        fixed: (42,) mask of the parameters that are not searched.
 
     Returns:
-        The parameters, shape (39,).
+        The parameters, shape (42,).
     """
     free = ~fixed
     rows, rest = regressors[:, free], target - regressors[:, fixed] @ known[fixed]
-    constraints, bounds = _constraints()
-    needed = constraints[:, free].any(axis=1)
+    constraints, bounds = _constraints(free, float(known[SKEW]))
     gram = penalised(rows, free)
     found = known.copy()
-    found[free] = minimise(gram, rows.T @ rest, constraints[needed][:, free], bounds[needed])
+    found[free] = minimise(gram, rows.T @ rest, constraints[:, free], bounds)
     # The solver keeps the bounds up to rounding; this keeps them exactly.
     for place, (low, high) in _SCALAR_BOUNDS.items():
         if free[place]:
@@ -90,7 +105,7 @@ def penalised(rows: FloatArray, free: Rows) -> FloatArray:
 
     Args:
         rows: (n, f) regressors of the free parameters.
-        free: (39,) mask of these parameters.
+        free: (42,) mask of these parameters.
     """
     gram = rows.T @ rows
     power = np.zeros(COUNT)
@@ -106,14 +121,23 @@ def penalised(rows: FloatArray, free: Rows) -> FloatArray:
     return gram + penalties[np.ix_(free, free)]
 
 
-def _constraints() -> tuple[FloatArray, FloatArray]:
-    """Return A and b for which A p ≥ b, shapes (k, 39) and (k,)."""
+def _constraints(free: Rows, skew: float) -> tuple[FloatArray, FloatArray]:
+    """Return A and b for which A p ≥ b, shapes (k, 42) and (k,).
+
+    Args:
+        free: (42,) mask of the parameters that are searched.
+        skew: Skew of the path.
+    """
     slopes, units = np.pad(slope_rows(), ((0, 0), (0, COUNT - SIZE))), np.eye(COUNT)
-    rows, bounds = [*slopes], [LEAST_SLOPE] * len(slopes)
+    rows = [*slopes]
+    if free[PATH]:  # where the path adds its least slope, the sum is large enough, too
+        rows += [*(slopes + steepest_relaxation(skew) * units[PATH])]
+    bounds = [LEAST_SLOPE] * len(rows)
     for place, (low, high) in _SCALAR_BOUNDS.items():
-        rows.append(units[place])
-        bounds.append(low)
-        if high is not None:
-            rows.append(-units[place])
-            bounds.append(-high)
+        if free[place]:
+            rows.append(units[place])
+            bounds.append(low)
+            if high is not None:
+                rows.append(-units[place])
+                bounds.append(-high)
     return np.array(rows), np.array(bounds)

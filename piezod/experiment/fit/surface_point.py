@@ -9,11 +9,10 @@ import numpy as np
 from piezod.experiment.fit.creep_regressors import decays, lags_of
 from piezod.experiment.fit.record import Rows
 from piezod.experiment.fit.surface_parameters import (
-    ACTIVATION,
     CREEP,
     DELAY,
     OFFSET,
-    PROMPT,
+    form_of,
     mode_of,
 )
 from piezod.hysteresis.memory import FloatArray
@@ -51,8 +50,9 @@ class Point:
 
     Attributes:
         record: The record.
-        parameters: (39,) parameters.
-        quick: (n, 25) regressors of the coefficients and of the prompt slope, without creep.
+        parameters: (42,) parameters.
+        quick: (n, 26) regressors of the coefficients, of the prompt slope and of the weight of the
+            path, without creep.
         lags: (n, K) lags of the creep.
         started: (n,) creep that a start of all lags from one adds.
         start: Start of all lags.
@@ -71,12 +71,12 @@ class Point:
 
     @classmethod
     def at(cls, record: SurfaceRecord, parameters: FloatArray) -> Self:
-        """Return the point of these parameters, shape (39,)."""
+        """Return the point of these parameters, shape (42,)."""
         period_s, weights = record.period_s, parameters[CREEP:OFFSET]
         rings = mode_of(parameters, period_s) is not None
         drives = record.drives_at(0.0 if rings else float(parameters[DELAY]) * period_s)
-        quick = surface_regressors(drives, float(parameters[ACTIVATION]), period_s)
-        y = quick @ parameters[: PROMPT + 1]
+        quick = surface_regressors(drives, form_of(parameters, period_s))
+        y = quick @ parameters[:CREEP]
         start = (record.before - float(parameters[OFFSET])) / (1.0 + float(np.sum(weights)))
         decay = decays(drives.size, period_s)
         lags = lags_of(y, period_s) + start * decay
@@ -113,7 +113,7 @@ def shown(values: FloatArray, parameters: FloatArray, period_s: float) -> FloatA
 
     Args:
         values: (n,) or (n, p) values, evenly in time.
-        parameters: (39,) parameters.
+        parameters: (42,) parameters.
         period_s: Sample period, in s.
     """
     mode = mode_of(parameters, period_s)

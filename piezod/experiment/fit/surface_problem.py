@@ -12,24 +12,21 @@ from piezod.experiment.fit.problem import LinearProblem, Problem
 from piezod.experiment.fit.record import Rows
 from piezod.experiment.fit.surface import LinearisedSurface, fit_surface
 from piezod.experiment.fit.surface_parameters import (
-    ACTIVATION,
     CREEP,
     DELAY,
     OFFSET,
-    PROMPT,
+    form_of,
     mode_of,
 )
 from piezod.experiment.fit.surface_point import Point, SurfaceRecord
-from piezod.hysteresis import AffineRange, SurfaceForm
-from piezod.hysteresis.everett import SIZE, surface
+from piezod.experiment.fit.surface_terms import Term, with_shown_terms
+from piezod.hysteresis import AffineRange
+from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray
 
 _PERIODS = 2.0
 """Delays up to this many sample periods around the best one are reported, with their errors."""
 _STEPS = 40
-SMALLER, LEAST_GAIN = 0.95, 5e-5
-"""The lag with the rate is part of the model if it makes the rms residual smaller by this factor,
-and by this share of the range."""
 
 
 class SurfaceProblem(Problem):
@@ -40,7 +37,7 @@ class SurfaceProblem(Problem):
         delay_s: float,
         *,
         search_delay: bool,
-        search_rate: bool,
+        search_terms: bool,
         mode: ModeGuess | None = None,
     ) -> LinearisedSurface:
         """Return the best surface, with its creep if `creep` is set.
@@ -48,23 +45,25 @@ class SurfaceProblem(Problem):
         Args:
             delay_s: Delay, or the start of its search, in s.
             search_delay: Whether the delay is searched.
-            search_rate: Whether a lag with the rate is searched, which one frequency cannot show.
+            search_terms: Whether the optional terms are searched, which one frequency cannot show.
             mode: First mode at which its search begins; None if none is searched.
         """
         record = self._normalised(delay_s)
-        fits = [
-            fit_surface(
+
+        def fitted(terms: frozenset[Term]) -> LinearisedSurface:
+            return fit_surface(
                 record,
                 creep=self._settings.creep,
                 delay_s=None if search_delay else delay_s,
                 start_delay_s=delay_s,
-                rate=rate,
+                rate=Term.RATE in terms,
+                path=Term.PATH in terms,
                 mode=mode,
             )
-            for rate in ((False, True) if search_rate else (False,))
-        ]
-        plain_rms, *rms = (Point.at(record, fit.parameters).rms for fit in fits)
-        found = fits[bool(rms) and rms[0] < min(SMALLER * plain_rms, plain_rms - LEAST_GAIN)]
+
+        terms = (Term.RATE, Term.PATH) if self._settings.creep else (Term.RATE,)
+        allowed = frozenset(terms if search_terms else ())
+        found = with_shown_terms(record, fitted, allowed)
         # The first samples that count depend on the delay that was found.
         found_s = float(found.parameters[DELAY]) * self.record.period_s
         return replace(found, counted=self.record.counted(found_s))
@@ -96,14 +95,15 @@ class SurfaceProblem(Problem):
         )
 
     def model(self, parameters: FloatArray) -> StageModel:
-        """Return the model of fitted parameters, shape (39,), in V and µm."""
+        """Return the model of fitted parameters, shape (42,), in V and µm."""
         coefficients, weights = parameters[:SIZE], parameters[CREEP:OFFSET]
+        form = form_of(parameters, self.record.period_s)
         # [0, 1] becomes the range of the displacement without creep at the drives [0, 1].
-        top, _, _ = surface(coefficients, 1.0, 0.0)
+        top = form.rise(coefficients)
         width_um = self.position_um.width
         low_um = self.position_um.low + float(parameters[OFFSET]) * width_um
         return StageModel(
-            SurfaceForm(float(parameters[ACTIVATION]), float(parameters[PROMPT]) / top),
+            form.in_units_of(top),
             coefficients / top,
             self.drive_v,
             AffineRange.checked(low_um, low_um + top * width_um),

@@ -36,11 +36,11 @@ def search_surface(
         settings: Settings of the fit.
         start_s: Delay, or the start of its search if the settings give none, in s.
         one_frequency: Whether the drive has a single frequency: it shows neither the delay nor the
-            mode, nor how the hysteresis lags with the rate.
+            mode, nor the optional terms.
     """
     search_delay = settings.delay_s is None and not one_frequency
     problem = SurfaceProblem(settings.as_fitted(record), settings)
-    plain = problem.solve(start_s, search_delay=search_delay, search_rate=not one_frequency)
+    plain = problem.solve(start_s, search_delay=search_delay, search_terms=not one_frequency)
     without_mode = FoundSurface(problem, settings, plain, None)
     guess = None if one_frequency else problem.guessed_mode(plain, record.position_um)
     if guess is None:
@@ -49,7 +49,7 @@ def search_surface(
     unsmoothed = replace(settings, smoothing=False)
     problem = SurfaceProblem(record, unsmoothed)
     plain, with_mode = (
-        problem.solve(begin_s, search_delay=search_delay, search_rate=True, mode=mode)
+        problem.solve(begin_s, search_delay=search_delay, search_terms=True, mode=mode)
         for begin_s, mode in ((start_s, None), (guess.delay_s if search_delay else start_s, guess))
     )
     model = problem.model(with_mode.parameters)

@@ -58,13 +58,13 @@ class PlayingAxis:
         """
         limits, rest_v = limits_of(config), config.limits.rest_v
         sensor_delay_s = config.compensator.sensor_delay_s
-        zeroed = ZeroedAxis(stage, interval_ns)
         range_v = limits.drive_min_v, limits.drive_max_v
+        maker = TableMaker(model, interval_ns, range_v, limits.slew_v_per_s)
         return cls(
-            zeroed,
+            ZeroedAxis(stage, interval_ns, maker.conditioning(rest_v)),
             interval_ns,
             model,
-            TableMaker(model, interval_ns, range_v, limits.slew_v_per_s),
+            maker,
             config.response,
             Conditions(name, stage.identity, model_sha256(model), sensor_delay_s, rest_v),
         )

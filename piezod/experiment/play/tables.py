@@ -5,6 +5,8 @@ model, up and down, which leaves the same memory after any past. Then the wavefo
 exciting a mode, and goes on until the memory is periodic.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from piezod.control.law.model import StageModel
@@ -72,6 +74,18 @@ class TableMaker:
         up = _raised_cosine(begin_v, self._high_v, self._swing)
         down = _raised_cosine(self._high_v, self._low_v, self._swing)
         return AxisTable(self._interval_ns, np.concatenate((up, down, fade_in)), period_v, cycles)
+
+    def conditioning(self, rest_v: float) -> FloatArray:
+        """Return voltages from rest through the whole range and back, in V; none if none is needed.
+
+        Args:
+            rest_v: Voltage at rest, in V.
+        """
+        if not self._form.rest_depends_on_path:
+            return np.empty(0)
+        ends_v = (rest_v, self._high_v, self._low_v, rest_v)
+        swings = [_raised_cosine(*ends, self._swing) for ends in pairwise(ends_v)]
+        return np.concatenate(swings)
 
     def _inverse(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the voltages that fade in, and those of one period, for periodic displacement."""

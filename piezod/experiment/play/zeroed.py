@@ -4,14 +4,19 @@ A zero of the loop is the mean of some hundred samples. Its noise would be an er
 every waveform.
 """
 
+from typing import Final
+
 import numpy as np
 
 from piezod.devices.played_axis import AxisRecord, AxisTable
 from piezod.experiment.play.stage import AtRest, PlayedStage
+from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
 
 ZERO_S = 1.0
 """Duration of the play at rest, in s."""
+NOTHING: Final[FloatArray] = np.empty(0)
+"""No voltages."""
 _LONGEST_PERIOD = 100
 """Points of its table, which repeats: the memory of a device may be small."""
 
@@ -22,13 +27,18 @@ class ZeroedAxis:
     Args:
         axis: The axis, at rest; it plays its rest voltage now.
         interval_ns: Time between two points, in ns.
+        conditioning_v: (n,) voltages that bring the axis to the rest of its model first, in V.
 
     Raises:
         PiezodError: If the play failed.
     """
 
-    def __init__(self, axis: PlayedStage, interval_ns: int) -> None:
+    def __init__(
+        self, axis: PlayedStage, interval_ns: int, conditioning_v: FloatArray = NOTHING
+    ) -> None:
         self._axis = axis
+        if conditioning_v.size:
+            axis.play(AxisTable(interval_ns, conditioning_v, np.full(1, axis.rest().drive_v), 1))
         points = max(1, round(ZERO_S * NS_PER_S / interval_ns))
         period = min(points, _LONGEST_PERIOD)
         period_v = np.full(period, axis.rest().drive_v)
@@ -49,7 +59,7 @@ class ZeroedAxis:
         )
 
 
-def _mean(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+def _mean(values: FloatArray) -> float:
     """Return the mean of the valid samples; 0 if there is none."""
     valid = values[np.isfinite(values)]
     return float(np.mean(valid)) if valid.size else 0.0

@@ -78,6 +78,7 @@ def run_case(
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
     for name, trace in zip(config.axes, traces, strict=True):
         identified[name].creeping.watch(trace[:, POSITION_UM])
+        identified[name].creeping.follow(trace[:, IN_FORCE_V])
     recordings = _recordings(config, case, mode, stage.period_ns, traces, snapshots)
     return [
         VirtualRun(recording, tuple(run_warnings(recording, _merged_pairs(axis))))

@@ -149,6 +149,7 @@ def _from_record(
     account = account_of(fit, record, judged.validation, axis=name, title=title)
     creeping = Creeping(model, record.period_s)
     creeping.watch(record.position_um)
+    creeping.follow(record.drive_v)
     return IdentifiedAxis(
         with_found_mode(axis, model),
         model,

@@ -2,10 +2,12 @@
 
 import pytest
 
-from tests.control.made_up import STOPS, SURFACE, Kind
+from tests.control.made_up import RELAXING, STOPS, SURFACE, Kind
 
 
-@pytest.fixture(scope="session", params=[STOPS, SURFACE], ids=["stops", "surface"])
+@pytest.fixture(
+    scope="session", params=[STOPS, SURFACE, RELAXING], ids=["stops", "surface", "relaxing"]
+)
 def kind(request: pytest.FixtureRequest) -> Kind:
     """Return a made-up hysteresis of each form."""
     kind: Kind = request.param

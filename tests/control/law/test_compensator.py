@@ -120,8 +120,8 @@ def test_limited_direction_is_the_one_without_room(kind: Kind) -> None:
         (0.5, 0.0, 1.0, 0.0),
         (0.9, 0.0, 0.6, 0.0),  # drive too low
         (0.1, 0.4, 1.0, 0.0),  # drive too high
-        (0.0, 0.0, 1.0, -0.01),  # displacement at its lower end
-        (1.0, 0.0, 1.0, 0.01),  # and at its upper one
+        (0.0, 0.0, 1.0, -0.5),  # displacement at its lower end
+        (1.0, 0.0, 1.0, 0.5),  # and at its upper one
         (0.5, 0.0, 1.0, 0.01),
     ]:
         subject.step(command, low, high, kind.weights, trim=trim)
@@ -195,7 +195,8 @@ def test_drive_beyond_the_range_of_the_model_leaves_the_memory_at_its_end(kind: 
 
     after = [0.3, 0.2, 0.7]
     expected = kind.drives_for([1.0, 0.0, *after])[2:]
-    np.testing.assert_allclose(kind.drives(subject, after), expected, rtol=0, atol=1e-12)
+    # Loops that do not close end near 0 and 1.
+    np.testing.assert_allclose(kind.drives(subject, after), expected, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("mode", list(Mode))

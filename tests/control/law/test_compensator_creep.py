@@ -181,3 +181,18 @@ def test_displacement_at_a_limited_drive_is_that_of_the_stage(kind: Kind) -> Non
     assert subject.limited_direction == 1
     assert subject.expected == pytest.approx(position, abs=1e-12)
     assert subject.position < 0.5
+
+
+def test_what_is_left_at_rest_counts_as_zero(kind: Kind) -> None:
+    """After a rest the stage keeps to its commands from there, whatever was left there."""
+    subject, stage = compensator(kind), MadeUpStage(kind=kind)
+    driven(kind, subject, stage, 0.3 + 0.2 * wander(2.0))
+    for _ in range(100):
+        zero = stage.step(subject.step(0.0, 0.0, 0.0, kind.weights))
+    subject.zero()
+
+    commands = wander(2.0)
+    _, positions = driven(kind, subject, stage, commands)
+
+    assert abs(zero) > 1e-3
+    np.testing.assert_allclose(positions - zero, commands, rtol=0, atol=1e-9)

@@ -24,7 +24,7 @@ def two_rates(t_s: FloatArray) -> FloatArray:
     return np.asarray(0.5 - 0.5 * np.cos(2.0 * np.pi * frequency_hz * t_s))
 
 
-RECORD = surface_record(path=two_rates, duration_s=40.0)
+RECORD = surface_record(drive=two_rates, duration_s=40.0)
 SETTINGS = FitSettings(method=Method.SURFACE, creep=False, delay_s=0.0)
 
 
@@ -93,7 +93,7 @@ def test_vibration_and_noise_are_told_apart() -> None:
 
 def test_one_rate_shows_no_widening() -> None:
     """If all swings have one rate, nothing is known of it."""
-    record = surface_record(path=sine, duration_s=20.0)
+    record = surface_record(drive=sine, duration_s=20.0)
 
     assert breakdown_of(fit_model(record, SETTINGS), record).widening_pct is None
 

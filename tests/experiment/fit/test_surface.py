@@ -18,14 +18,16 @@ from piezod.experiment.fit.uncertainty import SIGMAS_95, covariance_of, uncertai
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.hysteresis.surface_form import SurfaceForm, surface_regressors
 from tests.control.made_up import SURFACE
 from tests.experiment.made_up import DRIVE_V, POSITION_UM, RATE_HZ, swells
 from tests.experiment.made_up_surface import surface_record, two_frequencies
+from tests.hysteresis.surfaces import invertible_with
 
 NOISE = 1e-3
 swelling_record = partial(
-    surface_record, weights=SURFACE.weights, path=two_frequencies, duration_s=25.0
+    surface_record, weights=SURFACE.weights, drive=two_frequencies, duration_s=25.0
 )
 
 
@@ -90,6 +92,38 @@ def test_lag_with_the_rate_is_found_only_where_it_is(activation: float) -> None:
     assert (form.prompt_slope > 0.0) == (activation > 0.0)
 
 
+@pytest.mark.parametrize(
+    ("decay", "skew"),
+    [
+        (2.0, 0.1),
+        pytest.param(1.0, 0.0, marks=pytest.mark.stress),
+        pytest.param(8.0, -0.3, marks=pytest.mark.stress),
+    ],
+)
+def test_relaxation_along_the_path_is_found(decay: float, skew: float) -> None:
+    """A stage with it gets its parameters, in units of its range."""
+    path = PathRelaxation(-0.2, decay, skew)
+    fit = fitted(swelling_record(path=path, creep=0.004, noise=NOISE, duration_s=50.0), creep=True)
+
+    assert fit.path is not None
+    unit = SurfaceForm(path=path).rise(invertible_with(path, SURFACE.weights))
+    assert fit.path.weight * unit == pytest.approx(path.weight, rel=0.1)
+    assert fit.path.decay == pytest.approx(decay, rel=0.15)
+    assert fit.path.skew == pytest.approx(skew, abs=0.1)
+    assert fit.smallest_slope > 0.0
+    highest = fit.model.form.positions_at(fit.model.weights, np.array([1.0]))
+    assert highest[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("creep", [True, False])
+@pytest.mark.parametrize("activation", [0.0, 0.01])
+def test_no_relaxation_is_found_where_there_is_none(activation: float, creep: bool) -> None:
+    """A stage that creeps and remembers turning points only gets a model without it."""
+    record = swelling_record(activation=activation, creep=0.004, noise=NOISE)
+
+    assert fitted(record, creep=creep).path is None
+
+
 def test_displacement_is_one_at_the_highest_drive() -> None:
     """[0, 1] of the model is the displacement without creep at the ends of the drive."""
     fit = fitted(swelling_record())
@@ -106,7 +140,7 @@ def test_constraints_hold_if_the_record_would_break_them() -> None:
     drives = 0.5 - 0.5 * np.cos(k / 37) * np.exp(-k / 200.0)
     noise = 0.05 * np.random.default_rng(1).standard_normal(k.size)
     positions = SURFACE.form.positions_at(SURFACE.weights, drives) + noise
-    regressors = surface_regressors(drives, 0.0, 1.0 / RATE_HZ)[:, :24]
+    regressors = surface_regressors(drives, SurfaceForm())[:, :24]
     free: FloatArray = np.linalg.lstsq(regressors, positions, rcond=None)[0].astype(np.float64)
     assert least_surface_slope(free) < -1.0
 
@@ -146,7 +180,7 @@ def test_given_delay_is_kept() -> None:
 
 def test_delay_of_one_frequency_is_that_of_the_stops() -> None:
     """A single frequency does not separate delay and hysteresis; the estimate reports that."""
-    fit = fitted(swelling_record(path=swells, delay_s=1.0 / RATE_HZ))
+    fit = fitted(swelling_record(drive=swells, delay_s=1.0 / RATE_HZ))
 
     assert fit.delay is not None
     assert fit.delay.one_frequency

@@ -44,7 +44,7 @@ def test_last_samples_do_not_count_with_a_negative_delay() -> None:
 
 def test_record_of_one_frequency_bounds_the_creep() -> None:
     """Lags of a sinusoid are sinusoids: the search stays bounded, and the record is described."""
-    record = surface_record(path=sine, creep=0.005, noise=0.001)
+    record = surface_record(drive=sine, creep=0.005, noise=0.001)
 
     fit = fit_model(record, UNDELAYED)
 
@@ -65,7 +65,7 @@ def test_record_without_small_loops_has_a_warning() -> None:
     """A surface is determined by the loops of its record only."""
     poor, rich = (
         tuple(fit_warnings(fit_model(record, UNDELAYED), 0.01))
-        for record in (surface_record(path=sine), surface_record())
+        for record in (surface_record(drive=sine), surface_record())
     )
 
     assert "The record does not have loops of all sizes and heights." in poor[0]

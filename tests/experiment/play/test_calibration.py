@@ -82,3 +82,13 @@ def test_play_at_rest_lasts_about_a_second(interval_ns: int) -> None:
     ZeroedAxis(axis, interval_ns)
 
     assert axis.durations_ns[0] == pytest.approx(1e9, rel=0.31)
+
+
+def test_axis_is_conditioned_before_it_is_zeroed() -> None:
+    """What relaxes along the path is brought to its rest first, in a play of its own."""
+    axis, swing = NoisyRest(), np.linspace(1.0, 150.0, 4_000)
+    ZeroedAxis(axis, INTERVAL_NS, swing)
+
+    conditioning_ns, zeroing_ns = axis.durations_ns
+    assert conditioning_ns == (swing.size + 1) * INTERVAL_NS
+    assert zeroing_ns == pytest.approx(1e9, rel=0.31)

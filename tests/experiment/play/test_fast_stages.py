@@ -16,8 +16,8 @@ STAGES = (
     "light-damping",
     "thermal-relays",
     "gain-drift",
+    "bouc-wen",
 )
-"""Without `bouc-wen`, which no model with a memory of turning points describes."""
 
 
 @pytest.mark.stress

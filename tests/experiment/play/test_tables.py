@@ -1,5 +1,7 @@
 """Tables from a wanted displacement, and periodic commands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from piezod.config.fields import Context
 from piezod.config.play import WaveConfig
 from piezod.control.guard import Limits
 from piezod.control.table_guard import TableGuard
+from piezod.devices.played_axis import AxisTable
 from piezod.devices.player import AtEnd
 from piezod.errors import DataError, DeviceError
 from piezod.experiment.play.command import (
@@ -17,7 +20,9 @@ from piezod.experiment.play.command import (
     legal_interval_ns,
     points_of,
 )
+from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import static_gain
+from tests.control.made_up import RELAXING
 from tests.experiment.play.rig_axis import INTERVAL_NS, LIMITS, RigAxis, maker, model, sine
 
 
@@ -189,3 +194,17 @@ def test_static_gain_grows_with_creep() -> None:
 
     assert static_gain(creep, 0.0) == 1.0
     assert static_gain(creep, 1e9) == pytest.approx(1.0 + creep.weights.sum())
+
+
+def test_path_is_conditioned_by_one_swing() -> None:
+    """It goes through the whole range, within the slew rate; other models need none."""
+    relaxing = replace(model(), form=RELAXING.form, weights=RELAXING.weights)
+    limits_v = LIMITS.drive_min_v, LIMITS.drive_max_v
+    table_maker = TableMaker(relaxing, INTERVAL_NS, limits_v, LIMITS.slew_v_per_s)
+    swing_v = table_maker.conditioning(2.0)
+
+    TableGuard(LIMITS, 2.0, AtEnd.HOLDS, 10).check(
+        AxisTable(INTERVAL_NS, swing_v, np.full(1, 2.0), 1), 2.0
+    )
+    assert np.ptp(swing_v) == pytest.approx(model().drive_v.width, rel=1e-3)
+    assert maker().conditioning(2.0).size == 0

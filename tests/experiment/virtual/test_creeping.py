@@ -5,11 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.config.modes import Mode
+from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.hysteresis import AffineRange, StopForm, add_creep
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import BACKLASH
+from tests.control.made_up import RELAXING, wander
 
 PERIOD_S = 0.01
 LAW = CreepLaw(np.array([0.1, 1.0, 10.0]), np.array([0.01, 0.02, 0.03]))
@@ -101,3 +105,23 @@ def test_stage_without_creep_starts_at_rest() -> None:
 
     assert creeping.state.lags.size == 0
     assert (creeping.state.zeroed, creeping.state.quick) == (0.0, 0.3)
+
+
+def test_path_is_followed_through_runs_and_zeros() -> None:
+    """A compensator that starts from the followed state keeps to its commands from the new zero."""
+    form, weights = RELAXING.form, RELAXING.weights
+    model = StageModel(form, weights, AffineRange(0.0, 150.0), AffineRange(0.0, WIDTH_UM), 0.0)
+    creeping, stage = Creeping(model, PERIOD_S), form.stage(weights)
+    for to in (0.6, 0.3):
+        drives = excursion(0.0, to)
+        creeping.follow(150.0 * drives)
+        zero = [stage.step(drive) for drive in drives.tolist()][-1]
+        creeping.zero()
+    mode = Mode.FEEDFORWARD
+    subject = Compensator(form, weights, mode=mode, fade_cycles=1, creep=creeping.state)
+
+    commands = wander(2.0)
+    positions = np.array([stage.step(drive) for drive in RELAXING.drives(subject, commands)])
+
+    assert abs(zero) > 0.01
+    assert positions - zero == pytest.approx(commands, abs=BACKLASH)

@@ -1,0 +1,63 @@
+"""The choice of the optional terms of a surface: only those that the record shows."""
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Final, TypeAlias
+
+from piezod.experiment.fit.blocks import clearly_better, held_out_squares
+from piezod.experiment.fit.surface import LinearisedSurface
+from piezod.experiment.fit.surface_point import Point, SurfaceRecord
+
+SMALLER, LEAST_GAIN = 0.95, 5e-5
+"""The lag with the rate is part of the model if it makes the rms residual smaller by this factor,
+and by this share of the range."""
+PATH_GAIN: Final = 0.7
+"""The part that relaxes along the path is part of the model if it makes the rms error on held-out
+blocks smaller by at least this factor. It is searched beside a fitted creep only, because it would
+imitate the creep."""
+
+
+class Term(Enum):
+    """An optional term of a surface."""
+
+    RATE = "lag with the rate"
+    PATH = "relaxation along the path"
+
+
+Fitted: TypeAlias = Callable[[frozenset[Term]], LinearisedSurface]
+"""Returns the best surface with these terms."""
+
+
+def with_shown_terms(
+    record: SurfaceRecord, fitted: Fitted, allowed: frozenset[Term]
+) -> LinearisedSurface:
+    """Return the fit with the terms that a record shows, found one after the other.
+
+    Args:
+        record: The record.
+        fitted: Fits a surface with given terms to it.
+        allowed: The terms that are tried.
+    """
+    terms: frozenset[Term] = frozenset()
+    found = fitted(terms)
+    while terms < allowed:
+        trials = {term: fitted(terms | {term}) for term in allowed - terms}
+        shown = [term for term, trial in trials.items() if _shows(record, term, trial, found)]
+        if not shown:
+            break
+        best = min(shown, key=lambda term: _rms(record, trials[term]))
+        terms, found = terms | {best}, trials[best]
+    return found
+
+
+def _shows(
+    record: SurfaceRecord, term: Term, trial: LinearisedSurface, without: LinearisedSurface
+) -> bool:
+    if term is Term.PATH:
+        return clearly_better(held_out_squares(trial), held_out_squares(without), PATH_GAIN)
+    before = _rms(record, without)
+    return _rms(record, trial) < min(SMALLER * before, before - LEAST_GAIN)
+
+
+def _rms(record: SurfaceRecord, fit: LinearisedSurface) -> float:
+    return Point.at(record, fit.parameters).rms

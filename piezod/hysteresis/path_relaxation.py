@@ -1,0 +1,155 @@
+"""A part of the displacement that relaxes along the path of the drive.
+
+A memory of turning points forgets only by later turning points, so that its loops close. A part of
+a stage may instead forget with each piece of the path that the drive has travelled, up or down; its
+loops close only after some cycles. This is the state h of the Bouc-Wen model,
+
+    dh = dz - b |dz| h - g dz |h|,   b > |g|,
+
+of the drive z. On a monotone move h approaches its saturation 1/(b + g) exponentially, and with the
+constant b - g in place of b + g until it passes zero. The term adds w (h - h_0), with h_0 at rest,
+after many cycles of the whole range. It sees the drive behind a backlash: noise, a long path of
+small moves, must not erase h.
+
+Source: Wen, J. Eng. Mech. 102 (1976) 249; for piezoelectric actuators Low and Guo, J.
+Microelectromech. Syst. 4 (1995) 230. The paper has no such term.
+"""
+
+from dataclasses import dataclass
+from math import exp, log1p
+from typing import Final
+
+import numpy as np
+
+from piezod.hysteresis.memory import CHANGE, PINNED, FloatArray
+from piezod.jit import compiled
+
+WEIGHT, FAST, SLOW, AT_REST = 3, 4, 5, 6
+"""Indices of the constants of the term, behind those of `rate_lag`: w, b + g, b - g and h_0. All
+are 0 without the term."""
+BACKLASH = 1e-4
+"""Moves up to this distance on either side leave h as it is, as a share of the drive's range. It is
+fixed: more than the noise of a drive, and less than a record shows."""
+NO_PATH: Final[FloatArray] = np.zeros(4)
+"""Constants without the term."""
+_CYCLES = 60
+"""Cycles of the whole range that end at rest; the slowest relaxation needs no more."""
+
+
+@compiled
+def risen(h: float, rise: float, fast: float, slow: float) -> float:
+    """Return h after the drive has risen; a fall is the same for -h. Real-time safe.
+
+    Args:
+        h: At the start.
+        rise: Change of the drive in ranges, not negative.
+        fast: b + g.
+        slow: b - g.
+    """
+    if h < 0.0:
+        to_zero = log1p(-h * slow) / slow
+        if rise <= to_zero:
+            return 1.0 / slow + (h - 1.0 / slow) * exp(-slow * rise)
+        rise -= to_zero
+        h = 0.0
+    return 1.0 / fast + (h - 1.0 / fast) * exp(-fast * rise)
+
+
+@compiled
+def path_change(terms: FloatArray, last: FloatArray, drive: float) -> tuple[float, float]:
+    """Return h - h_0 after a monotone move to a drive, and dh/dz there. Real-time safe.
+
+    Args:
+        terms: (7,) constants of the optional terms of a surface.
+        last: (4,) `Memory.last` before the move.
+        drive: Where the move ends.
+    """
+    if terms[FAST] == 0.0:
+        return 0.0, 0.0
+    move = drive - last[PINNED]
+    if abs(move) <= BACKLASH:
+        return last[CHANGE], 0.0
+    sign = 1.0 if move > 0.0 else -1.0
+    start = sign * (last[CHANGE] + terms[AT_REST])
+    h = risen(start, abs(move) - BACKLASH, terms[FAST], terms[SLOW])
+    return sign * h - terms[AT_REST], _slope(terms, h)
+
+
+@compiled
+def _slope(terms: FloatArray, h: float) -> float:
+    """Return dh/dz on a rise; on a fall it is that of -h."""
+    return 1.0 - h * (terms[FAST] if h >= 0.0 else terms[SLOW])
+
+
+@compiled
+def relaxation_slope(terms: FloatArray, last: FloatArray, rising: bool) -> float:
+    """Return dh/dz of the present branch after the last drive. Real-time safe."""
+    if terms[FAST] == 0.0:
+        return 0.0
+    h = last[CHANGE] + terms[AT_REST]
+    return _slope(terms, h if rising else -h)
+
+
+@compiled
+def advance_path(terms: FloatArray, last: FloatArray, drive: float) -> None:
+    """Advance the state in `Memory.last` by one drive. Real-time safe."""
+    if terms[FAST] != 0.0:
+        last[CHANGE], _ = path_change(terms, last, drive)
+        last[PINNED] = min(max(last[PINNED], drive - BACKLASH), drive + BACKLASH)
+
+
+@dataclass(frozen=True)
+class PathRelaxation:
+    """The parameters of the term.
+
+    Attributes:
+        weight: w, displacement per change of h, both in units of the range.
+        decay: b, relaxation per path, above 0, in 1/range of the drive.
+        skew: g/b, between -1 and 1: how much faster h relaxes on its way from zero than to it.
+    """
+
+    weight: float
+    decay: float
+    skew: float
+
+    @property
+    def constants(self) -> FloatArray:
+        """Constants for the kernels, shape (4,), see `WEIGHT`."""
+        fast, slow = self._rates
+        return np.array([self.weight, fast, slow, self.at_rest])
+
+    @property
+    def rise(self) -> float:
+        """Displacement that the term adds while the drive rises from rest over its range."""
+        h = risen(self.at_rest, 1.0 - BACKLASH, *self._rates)
+        return self.weight * (h - self.at_rest)
+
+    @property
+    def reach(self) -> float:
+        """Largest distance between two displacements of the term, since |h| ≤ 1/(b + g)."""
+        return 2.0 * abs(self.weight) / self._rates[0]
+
+    @property
+    def least_slope(self) -> float:
+        """The smallest slope that the term adds to a branch: at a turn from saturation, or 0.
+
+        Its slope is w dh/dz. Since |h| ≤ 1/(b + g), dh/dz lies between 0 and 2 b/(b + g).
+        """
+        return min(0.0, self.weight * steepest_relaxation(self.skew))
+
+    @property
+    def _rates(self) -> tuple[float, float]:
+        return self.decay * (1.0 + self.skew), self.decay * (1.0 - self.skew)
+
+    @property
+    def at_rest(self) -> float:
+        """h_0, after many cycles of the whole range."""
+        h = 0.0
+        for _ in range(_CYCLES):
+            h = -risen(-risen(h, 1.0, *self._rates), 1.0, *self._rates)
+        return h
+
+
+def steepest_relaxation(skew: float) -> float:
+    """Return the largest dh/dz of the term, 2 b/(b + g), from g/b."""
+    return 2.0 / (1.0 + skew)
