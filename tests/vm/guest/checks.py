@@ -32,7 +32,7 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("the stage's controller is removed", buses.can_removed),
         ("the unit of the page serves it", others.page_is_served),
         ("the unit of the IOC serves the stages", others.ioc_serves),
-        ("uninstall is refused while something runs", others.uninstall_is_refused),
         ("`systemctl stop` ends at 0 V", service.stop_ends_at_rest),
+        ("uninstall is refused while something runs", others.uninstall_is_refused),
         ("uninstall leaves nothing", others.uninstall_removes_all),
     )
