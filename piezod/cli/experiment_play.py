@@ -12,7 +12,9 @@ from piezod.client import StageClient
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.play import PlayConfig
 from piezod.experiment.live.run_plays import run_plays_live
+from piezod.experiment.play.learn import LearnedPlay
 from piezod.experiment.play.outputs import write_play
+from piezod.experiment.play.stored import Conditions
 from piezod.experiment.virtual.play import run_plays
 
 
@@ -35,20 +37,18 @@ def run_play(
         connection: Opens a connection to the stage that plays; None for virtual time.
         json: Whether one JSON document is printed.
     """
+    figures: list[Path] = []
+
+    def keep(number: int, learned: LearnedPlay, conditions: Conditions) -> None:
+        wave, now = play.waves[number - 1], datetime.now().astimezone()
+        figures.append(write_play(folder, number, learned, wave, conditions, now))
+
     with progress_bar() as progress:
         if connection is None:
-            played = run_plays(config, play, progress, tables)
+            played = run_plays(config, play, progress, tables, keep)
         else:
             with unwinding(), connection as client:
-                played = run_plays_live(config, play, client, progress, tables)
-        progress("writing the figures", 1.0)
-        figures = [
-            write_play(folder, number, one, wave, result.conditions, datetime.now().astimezone())
-            for result in played.axes
-            for number, (one, wave) in enumerate(
-                zip(result.plays, play.waves, strict=True), start=1
-            )
-        ]
+                played = run_plays_live(config, play, client, progress, tables, keep)
     if json:
         print_json(play_document(played, play, figures))
     else:

@@ -9,7 +9,14 @@ from piezod.experiment.live.plan import check_live, not_used
 from piezod.experiment.live.running_axis import playing_axis
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
-from piezod.experiment.play.waves import PlayedExperiment, PlayMeter, Progress, learn_waves
+from piezod.experiment.play.waves import (
+    Keep,
+    PlayedExperiment,
+    PlayMeter,
+    Progress,
+    keep_nothing,
+    learn_waves,
+)
 
 
 def run_plays_live(
@@ -18,6 +25,7 @@ def run_plays_live(
     client: StageClient,
     progress: Progress,
     tables: Path | None = None,
+    keep: Keep = keep_nothing,
 ) -> PlayedExperiment:
     """Learn every waveform on every axis of a running stage, and disarm it at the end.
 
@@ -27,6 +35,7 @@ def run_plays_live(
         client: A connection to the daemon of the stage.
         progress: Called as the experiment advances.
         tables: Folder of tables to begin with, if their conditions agree; None for none.
+        keep: Called with each learned waveform.
 
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
@@ -47,6 +56,7 @@ def run_plays_live(
                 play,
                 meter,
                 tables,
+                keep,
             )
             for name in config.axes
         )

@@ -15,6 +15,13 @@ from piezod.experiment.prefix import prefix_errors
 
 Progress = Callable[[str, float], None]
 """Called with the present step and the share of the experiment that is done."""
+Keep = Callable[[int, LearnedPlay, Conditions], None]
+"""Called with each learned waveform as soon as it is learned: its number from 1, and its table's
+conditions. A later waveform may fail."""
+
+
+def keep_nothing(_number: int, _learned: LearnedPlay, _conditions: Conditions) -> None:
+    """Keep the result of the whole experiment only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +88,11 @@ class PlayMeter:
 
 
 def learn_waves(
-    axis: PlayingAxis, play: PlayConfig, meter: PlayMeter, tables: Path | None
+    axis: PlayingAxis,
+    play: PlayConfig,
+    meter: PlayMeter,
+    tables: Path | None,
+    keep: Keep = keep_nothing,
 ) -> PlayedResult:
     """Measure the response of an axis, then learn every waveform.
 
@@ -90,6 +101,7 @@ def learn_waves(
         play: The waveforms.
         meter: Told about each play.
         tables: Folder of tables to begin with, if their conditions agree; None for none.
+        keep: Called with each learned waveform.
 
     Raises:
         PiezodError: If the response could not be measured, or nothing of a waveform was learned.
@@ -103,7 +115,7 @@ def learn_waves(
     meter.done(f"axis {name}")
     settings = PlaySettings(play.passes, play.settle_s, play.record_s)
     plays, notes = [], []
-    for wave in play.waves:
+    for number, wave in enumerate(play.waves, start=1):
         command, first_um = command_of(wave, axis.interval_ns), None
         if tables is not None:
             first_um, note = find_table(tables, axis.conditions, command)
@@ -113,4 +125,5 @@ def learn_waves(
         with prefix_errors(wave.name):
             # Without a learned table, the inverse model alone shows what the response adds.
             plays.append(learn(axis.stage, task, report, compare=first_um is None))
+        keep(number, plays[-1], axis.conditions)
     return PlayedResult(name, known.response, axis.conditions, tuple(plays), tuple(notes))

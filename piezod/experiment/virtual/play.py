@@ -10,7 +10,14 @@ from piezod.control.table_guard import TableGuard
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import legal_interval_ns
 from piezod.experiment.play.stage import AtRest, AxisRecord, AxisTable, Identity
-from piezod.experiment.play.waves import PlayedExperiment, PlayMeter, Progress, learn_waves
+from piezod.experiment.play.waves import (
+    Keep,
+    PlayedExperiment,
+    PlayMeter,
+    Progress,
+    keep_nothing,
+    learn_waves,
+)
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import VirtualStage, opened
 from piezod.units import NS_PER_S
@@ -52,7 +59,11 @@ class VirtualAxis:
 
 
 def run_plays(
-    config: ExperimentConfig, play: PlayConfig, progress: Progress, tables: Path | None = None
+    config: ExperimentConfig,
+    play: PlayConfig,
+    progress: Progress,
+    tables: Path | None = None,
+    keep: Keep = keep_nothing,
 ) -> PlayedExperiment:
     """Learn every waveform on every axis, one axis after the other, in virtual time.
 
@@ -61,6 +72,7 @@ def run_plays(
         play: Its waveforms.
         progress: Called as the experiment advances.
         tables: Folder of tables to begin with, if their conditions agree; None for none.
+        keep: Called with each learned waveform.
 
     Raises:
         ConfigError: If a model file or a table file cannot be used.
@@ -74,7 +86,7 @@ def run_plays(
         identified = identify_axes(stage, config)
         stage.rest(config.settle_s)
         axes = tuple(
-            learn_waves(_axis(stage, config, play, name, one.model), play, meter, tables)
+            learn_waves(_axis(stage, config, play, name, one.model), play, meter, tables, keep)
             for name, one in identified.items()
         )
     return PlayedExperiment(config.title, config.seed, axes)

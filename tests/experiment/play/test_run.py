@@ -77,6 +77,21 @@ def test_document_and_files(piezod: Command, file: Path, folder: Path) -> None:
     ]
 
 
+def test_failed_waveform_leaves_the_ones_before(piezod: Command, file: Path, folder: Path) -> None:
+    """What was learned until then is written; the error names the waveform."""
+    failing = "    - {name: late, command_um: {kind: sine, low: 4, high: 24, frequency_hz: 202}}\n"
+    file.write_text(SHORT.replace("passes: 3", "passes: 0") + failing, encoding="utf-8")
+
+    code, _, err = piezod("experiment", file, "--out", "out")
+
+    assert code != 0
+    assert "late has 99.0099 points per period" in " ".join(err.split())
+    assert sorted(path.name for path in (folder / "out").iterdir()) == [
+        "play_x_01.png",
+        "table_x_01.yaml",
+    ]
+
+
 def test_text_and_a_second_run_that_begins_with_the_stored_table(
     piezod: Command, file: Path
 ) -> None:
