@@ -72,7 +72,10 @@ def mode_warnings(
     """
     found = f"The record shows the first mode at {mode_text(mode, half)}"
     if configured is None:
-        yield f"{found}. The configuration has none, so that the loop uses it with this model."
+        yield (
+            f"{found}. The configuration has none, so that the loop uses it with this model, "
+            "unless the axis has a response."
+        )
         return
     far_hz = max(half.frequency_hz, FREQUENCY_SHARE * configured.frequency_hz)
     far = max(half.damping, DAMPING_SHARE * configured.damping)

@@ -86,7 +86,7 @@ def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -
             if why := too_fast(command, setup.rate_hz):
                 yield f"{case.name}, axis {name}: {why}"
             waveform = build_waveform(command, case.duration_s)
-            yield from _out_of_range(case.name, name, setup.axes[name], waveform.low, waveform.high)
+            yield from out_of_range(case.name, name, setup.axes[name], waveform.low, waveform.high)
 
 
 def _problems_of_play(
@@ -100,7 +100,7 @@ def _problems_of_play(
         for name in config.axes:
             if name in setup.axes:
                 low_high_um = wave.command_um.bounds()
-                yield from _out_of_range(wave.name, name, setup.axes[name], *low_high_um)
+                yield from out_of_range(wave.name, name, setup.axes[name], *low_high_um)
 
 
 def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
@@ -120,9 +120,18 @@ def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
         )
 
 
-def _out_of_range(
+def out_of_range(
     case: str, name: str, axis: LiveAxis, low_um: float, high_um: float
 ) -> Iterator[str]:
+    """Yield the problem of a command that leaves what an axis may be commanded, or its model.
+
+    Args:
+        case: Name of the case or waveform, for people.
+        name: Name of the axis.
+        axis: The axis.
+        low_um: Lowest command, in µm.
+        high_um: Highest command, in µm.
+    """
     allowed = [("may be commanded", axis.range_um, 1e-9)]
     if axis.model is not None:
         low_high_um = axis.model.position_um.low, axis.model.position_um.high

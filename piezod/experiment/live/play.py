@@ -13,6 +13,7 @@ from piezod.config.play import IntervalUs, Passes, WaveConfig
 from piezod.config.quantities import PauseS
 from piezod.config.validate import validate
 from piezod.errors import DataError, RefusedError
+from piezod.experiment.live.plan import out_of_range
 from piezod.experiment.live.running_axis import playing_axis
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
@@ -101,7 +102,10 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
     )
     setup = read_setup(client)
     name = setup.measured_axis(axis, "learning")
-    setup.model_of(name)
+    setup.model_of(name)  # before anything moves
+    low_high_um = wanted.wave.command_um.bounds()
+    for problem in out_of_range(wanted.wave.name, name, setup.axes[name], *low_high_um):
+        raise DataError(problem)
     command = command_of(wanted.wave, round(1000.0 * wanted.interval_us))
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         stage.arm_at_rest(REST_S)

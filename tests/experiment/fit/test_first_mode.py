@@ -148,7 +148,7 @@ def test_model_file_keeps_the_mode(tmp_path: Path, fit: Fit) -> None:
 @pytest.mark.parametrize(
     ("configured", "text"),
     [
-        (None, "The configuration has none, so that the loop uses it with this model."),
+        (None, "The configuration has none, so that the loop uses it with this model, unless "),
         (FirstModeConfig(frequency_hz=150.0, damping=0.03), "has 150 Hz and 0.03"),
         (FirstModeConfig(frequency_hz=180.0, damping=0.05), "has 180 Hz and 0.05"),
         (FirstModeConfig(frequency_hz=180.5, damping=0.031), None),

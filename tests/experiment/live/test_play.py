@@ -106,6 +106,17 @@ def test_wrong_argument_is_named_before_anything_moves(changes: dict[str, Any], 
     assert stage.asked == []
 
 
+def test_command_out_of_range_is_refused_before_anything_moves() -> None:
+    """The message has the range of the axis."""
+    stage = PlayingStage()
+    sine = {"kind": "sine", "low": 4.0, "high": 99.0, "frequency_hz": 200.0}
+
+    with pytest.raises(DataError, match="commands 4 to 99 µm, but axis x may be commanded from"):
+        learn_waveform(stage, {"command_um": sine})
+
+    assert "arm" not in stage.asked
+
+
 def test_axis_without_a_model_is_refused_before_anything_moves() -> None:
     """The message says which command makes one."""
     stage = PlayingStage()
