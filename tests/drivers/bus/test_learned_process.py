@@ -29,6 +29,7 @@ devices:
     options:
       amplifier: {current_limit_a: 1, slew_v_per_s: 300000, capacitance_uf: 3}
       sensor: {antialias_hz: 5000, bandwidth_hz: 10000, delay_s: 0.00011}
+      calibration: {kind: commissioned, residual_pct: 0.02} # as fast.yaml has it
 axes:
   x:
     amplifier: rig
