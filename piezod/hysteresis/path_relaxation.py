@@ -16,7 +16,7 @@ Microelectromech. Syst. 4 (1995) 230. The paper has no such term.
 """
 
 from dataclasses import dataclass
-from math import exp, log1p
+from math import ceil, exp, log, log1p
 from typing import Final
 
 import numpy as np
@@ -34,6 +34,8 @@ NO_PATH: Final[FloatArray] = np.zeros(4)
 """Constants without the term."""
 _CYCLES = 60
 """Cycles of the whole range that end at rest; the slowest relaxation needs no more."""
+_LEFT = 0.01
+"""Part of a difference of h from its rest that conditioning may leave."""
 
 
 @compiled
@@ -140,6 +142,15 @@ class PathRelaxation:
     @property
     def _rates(self) -> tuple[float, float]:
         return self.decay * (1.0 + self.skew), self.decay * (1.0 - self.skew)
+
+    @property
+    def cycles_to_rest(self) -> int:
+        """Cycles of the whole range that make any difference of h smaller by the factor `_LEFT`.
+
+        On any path differences shrink at least as fast as with the smaller of b + g and b - g.
+        """
+        per_cycle = 2.0 * min(self._rates)
+        return min(ceil(-log(_LEFT) / per_cycle), _CYCLES)
 
     @property
     def at_rest(self) -> float:

@@ -112,9 +112,9 @@ class SurfaceForm:
         return False
 
     @property
-    def rest_depends_on_path(self) -> bool:
-        """Whether it has a part that relaxes along the path; the lowest drive clears all others."""
-        return self.path is not None
+    def cycles_to_rest(self) -> int:
+        """Cycles of the whole range that bring it to rest; 0 if the lowest drive does."""
+        return self.path.cycles_to_rest if self.path else 0
 
     def straight_line(self) -> FloatArray:
         """Return the coefficients, shape (24,), with which drive and displacement agree.
