@@ -231,10 +231,11 @@ def test_model_without_a_path_needs_no_conditioning() -> None:
 
 def test_loops_that_do_not_close_are_played_as_they_are() -> None:
     """A displacement above that of the highest voltage is made by a voltage inside the range."""
-    path = RELAXING.form.path
+    assert isinstance(RELAXING.form, SurfaceForm)
+    assert RELAXING.form.path
     range_um, drive_v = model().position_um, model().drive_v
     wanted_um = range_um.from_unit(0.9 - 0.105 * np.cos(2.0 * np.pi * np.arange(100) / 100))
-    table = relaxing_maker(path).table(wanted_um, 0.0, 2)
+    table = relaxing_maker(RELAXING.form.path).table(wanted_um, 0.0, 2)
 
     drives = drive_v.to_unit(np.concatenate((table.lead_in_v, table.period_v)))
     made = RELAXING.form.positions_at(RELAXING.weights, drives)[-100:]
