@@ -20,6 +20,7 @@ from piezod.hysteresis import (
     new_bank,
 )
 from piezod.hysteresis.everett import N_MIDDLES, SIZE, surface
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.jit import compiled
 
 Array = NDArray[np.float64]
@@ -60,6 +61,13 @@ def surface_weights() -> Array:
     return coefficients / surface(coefficients, 1.0, 0.0)[0]
 
 
+def relaxing_surface() -> tuple[SurfaceForm, Array]:
+    """Return a surface with a part that relaxes along the path."""
+    form = SurfaceForm(path=PathRelaxation(-0.1, 1.0, 0.0))
+    rise = form.rise(np.zeros(SIZE))
+    return form, (1.0 - rise) * surface_weights()
+
+
 def arrays() -> dict[str, Callable[[], object]]:
     """Return the candidates that are measured over an array."""
     x = command(SAMPLES)
@@ -69,6 +77,7 @@ def arrays() -> dict[str, Callable[[], object]]:
     lms = LMSIdentifier(bank)
     analytic, exact = small.inverse(), small.exact_inverse()
     form, coefficients = SurfaceForm(), surface_weights()
+    relaxing, beside = relaxing_surface()
     return {
         "reference": lambda: classical_plays(x, *plays),
         "forward, M = 19": lambda: small.run(x),
@@ -78,6 +87,8 @@ def arrays() -> dict[str, Callable[[], object]]:
         "operators with LMS, M = 19": lambda: lms.run(x, x),
         "surface, forward": lambda: form.positions_at(coefficients, x),
         "surface, inverse": lambda: form.drives_at(coefficients, x),
+        "surface with a path, forward": lambda: relaxing.positions_at(beside, x),
+        "surface with a path, inverse": lambda: relaxing.drives_at(beside, x),
     }
 
 
@@ -97,6 +108,9 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
         Compensator(SurfaceForm(), coefficients, mode=mode, fade_cycles=1)
         for mode in (Mode.FEEDFORWARD, Mode.ADAPTIVE)
     )
+    relaxing, beside = relaxing_surface()
+    with_path = SurfaceIdentifier(beside, relaxing)
+    both_with_path = Compensator(relaxing, beside, mode=Mode.ADAPTIVE, fade_cycles=1)
 
     def every(step: Callable[[float], object]) -> Callable[[], object]:
         def run() -> None:
@@ -121,6 +135,11 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
         "surface, RLS": every(lambda value: smooth.step(value, value)),
         "surface, compensate and adapt": every(
             lambda value: learned.step(value, adapted.step(value, 0.0, 1.0, learned.weights))
+        ),
+        "the same, with a path": every(
+            lambda value: with_path.step(
+                value, both_with_path.step(value, 0.0, 1.0, with_path.weights)
+            )
         ),
     }
 

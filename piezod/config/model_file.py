@@ -186,6 +186,9 @@ class ModelFile(ConfigModel):
             # The texts name the key, because a missing one has no place in the file.
             what = f"a file of version {self.version} has {needed} surface_coefficients (got {got})"
             yield ("surface_coefficients",), what
+        for key in ("surface_activation", "surface_path"):
+            if getattr(self, key) and self.version == 1:
+                yield (key,), f"a file of version 1 has no {key}"
         for key, thresholds in stops.items():
             if bool(thresholds) == (self.version == 2):
                 count = "no" if self.version == 2 else "at least one of"

@@ -78,9 +78,5 @@ class AdaptiveIdentifier(Adaptable, Protocol):
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, and restart their uncertainty."""
 
-    def reset(self, change: float = 0.0) -> None:
-        """Clear the hysteresis memory; the learned model stays.
-
-        Args:
-            change: State of a part that relaxes along the path, if the model has one.
-        """
+    def reset(self) -> None:
+        """Clear the hysteresis memory; the learned model stays."""

@@ -36,8 +36,8 @@ class ModelForm(Protocol):
         """Whether half of the weights belong to the right operators, and half to the left ones."""
 
     @property
-    def rest_depends_on_path(self) -> bool:
-        """Whether the displacement at the lowest drive depends on the drives before."""
+    def cycles_to_rest(self) -> int:
+        """Cycles of the whole range that bring it to rest; 0 if the lowest drive does."""
 
     def sampled(self, period_s: float) -> "ModelForm":
         """Return the form for records and steps of this period, in s."""
@@ -129,9 +129,9 @@ class StopForm:
         return True
 
     @property
-    def rest_depends_on_path(self) -> bool:
-        """False: the lowest drive clears the memory of turning points."""
-        return False
+    def cycles_to_rest(self) -> int:
+        """0: the lowest drive clears the memory of turning points."""
+        return 0
 
     def sampled(self, period_s: float) -> "StopForm":  # noqa: ARG002 - stops know no rate
         """Return the form itself: it is the same for every period."""

@@ -106,7 +106,7 @@ class OnlineIdentifier(ABC):
         # A margin of 0 makes the next step check the condition of existence again.
         scalars[OFFSET], scalars[SCALE], scalars[SLOPE_MARGIN] = offset, scale, 0.0
 
-    def reset(self, change: float = 0.0) -> None:  # noqa: ARG002 - nothing relaxes along the path
+    def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""
         relax(self._memory)
         # The displacement at which the operator input is 0, as in the relaxed memory.
@@ -217,13 +217,9 @@ class Shadowed:
         self._shadow.assign(self._identifier)
         self._begin_window()
 
-    def reset(self, change: float = 0.0) -> None:
-        """Clear the hysteresis memory and start a new window; the learned model stays.
-
-        Args:
-            change: State of a part that relaxes along the path, if the model has one.
-        """
-        self._identifier.reset(change)
+    def reset(self) -> None:
+        """Clear the hysteresis memory and start a new window; the learned model stays."""
+        self._identifier.reset()
         self._begin_window()
 
     @property

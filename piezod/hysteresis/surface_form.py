@@ -28,6 +28,8 @@ from piezod.hysteresis.path_relaxation import (
     NO_PATH,
     WEIGHT,
     PathRelaxation,
+    PathState,
+    beyond_relaxed,
     relaxation_slope,
 )
 from piezod.hysteresis.rate_lag import new_lag
@@ -51,14 +53,15 @@ class SurfaceStage:
         return advance_displacement(self._memory, self._coefficients, self._terms, drive)
 
     @property
-    def change(self) -> float:
-        """State of the part that relaxes along the path, see `path_relaxation`."""
-        return float(self._memory.last[CHANGE])
+    def path(self) -> PathState:
+        """State of the part that relaxes along the path."""
+        return PathState.of(self._memory.last)
 
     @property
     def relaxing(self) -> float:
         """Displacement that the path has left, which later moves relax."""
-        return float(self._terms[WEIGHT]) * self.change
+        last = self._memory.last
+        return beyond_relaxed(self._terms, last, float(last[SEEN]))
 
 
 @dataclass(frozen=True)
@@ -112,9 +115,9 @@ class SurfaceForm:
         return False
 
     @property
-    def rest_depends_on_path(self) -> bool:
-        """Whether it has a part that relaxes along the path; the lowest drive clears all others."""
-        return self.path is not None
+    def cycles_to_rest(self) -> int:
+        """Cycles of the whole range that bring it to rest; 0 if the lowest drive does."""
+        return self.path.cycles_to_rest if self.path else 0
 
     def straight_line(self) -> FloatArray:
         """Return the coefficients, shape (24,), with which drive and displacement agree.

@@ -26,7 +26,8 @@ from piezod.hysteresis.covariance import (
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.everett_bounds import slope_rows
 from piezod.hysteresis.everett_memory import new_surface_memory, relax_surface
-from piezod.hysteresis.memory import CHANGE, DEFAULT_CAPACITY, MERGED, SEEN, FloatArray, relax
+from piezod.hysteresis.memory import DEFAULT_CAPACITY, MERGED, SEEN, FloatArray, relax
+from piezod.hysteresis.path_relaxation import RELAXED_PATH, PathState
 from piezod.hysteresis.surface_form import SurfaceForm
 
 SHAPE_VARIANCE, SHAPE_BOUND, SHAPE_WALK = 1e-5, 1e-4, 1e-10
@@ -44,6 +45,7 @@ class SurfaceIdentifier:
         pace: Factor of all random walks and of the information of a pair, above 0.
         deadband: Width of the backlash before the memory of drives, in units of the range.
         capacity: Extrema stored on each side.
+        path: State at the start of the part that relaxes along the path.
 
     Raises:
         ModelError: If an argument is outside its range, or the surface cannot be inverted.
@@ -57,11 +59,13 @@ class SurfaceIdentifier:
         pace: float = 1.0,
         deadband: float = 0.0,
         capacity: int = DEFAULT_CAPACITY,
+        path: PathState = RELAXED_PATH,
     ) -> None:
         self._weights, self._scalars = np.zeros(SIZE), np.zeros(5)
         self._form = form or SurfaceForm()
         self._scalars[kernel.FLOOR] = kernel.SMALLEST - self._form.least_slope_beside
         self._memory = new_surface_memory(capacity)
+        path.put(self._memory.last)
         self._deadband = checked_deadband(deadband)
         if not pace > 0.0:
             raise ModelError(f"the pace is above 0, got {pace:g}")
@@ -135,15 +139,10 @@ class SurfaceIdentifier:
             matrix[:SIZE, SIZE] = matrix[SIZE, :SIZE] = 0.0
             matrix[SIZE, SIZE] = drift
 
-    def reset(self, change: float = 0.0) -> None:
-        """Clear the hysteresis memory; the learned model stays.
-
-        Args:
-            change: State of the part that relaxes along the path.
-        """
+    def reset(self) -> None:
+        """Clear the hysteresis memory; the learned model stays."""
         relax(self._memory)
         relax_surface(self._memory)
-        self._memory.last[CHANGE] = change
 
     @property
     def weights(self) -> FloatArray:

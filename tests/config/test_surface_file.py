@@ -119,8 +119,16 @@ def test_file_has_only_the_keys_of_its_version(tmp_path: Path) -> None:
             {"right_stop_weights": (0.1,)},
             "right_stop_weights: needs one entry for each threshold (got 1 for 0)",
         ),
+        (
+            {"version": 1, "surface_activation": 0.01},
+            "surface_activation: a file of version 1 has no surface_activation",
+        ),
+        (
+            {"version": 1, "surface_path": PathConfig(weight=-0.1, decay=2.0, skew=0.1)},
+            "surface_path: a file of version 1 has no surface_path",
+        ),
     ],
-    ids=["few", "none", "nan", "stops", "version", "weights"],
+    ids=["few", "none", "nan", "stops", "version", "weights", "activation", "path"],
 )
 def test_broken_file_is_refused(tmp_path: Path, fields: dict[str, object], text: str) -> None:
     """The message states the key and what it needs."""

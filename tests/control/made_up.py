@@ -83,6 +83,8 @@ def _relaxing() -> Kind:
 
 
 RELAXING = _relaxing()
+LINE = Kind(RELAXING.form, RELAXING.form.straight_line(), RELAXING.other)
+"""A line with the same part: at a rest inside the range only that has a past."""
 
 
 def inverse() -> InverseMPI:

@@ -44,6 +44,7 @@ from piezod.hysteresis import (
     largest_stable_gain,
 )
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import RELAXED_PATH, PathState
 from piezod.units import NS_PER_S, s_to_ns
 
 FADE_S = 0.1
@@ -153,7 +154,7 @@ def _identifier(
 ) -> Identifier:
     pace = _pace(config, model.form, period_ns)
     return Identifier(
-        _shadowed(config, model, pace, period_ns),
+        _shadowed(config, model, creep.path, pace, period_ns),
         model.drive_v,
         model.position_um,
         history,
@@ -192,24 +193,30 @@ def _convergence(model: StageModel, period_ns: int) -> Convergence | None:
     return Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns))
 
 
-def _shadowed(config: AxisConfig, model: StageModel, pace: float, period_ns: int) -> Shadowed:
-    adaptation = _adaptation(config, model.form, model.weights, pace)
+def _shadowed(
+    config: AxisConfig, model: StageModel, path: PathState, pace: float, period_ns: int
+) -> Shadowed:
+    adaptation = _adaptation(config, model.form, model.weights, pace, path)
     return Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns))
 
 
 def _adaptation(
-    config: AxisConfig, form: ModelForm, weights: FloatArray, pace: float
+    config: AxisConfig,
+    form: ModelForm,
+    weights: FloatArray,
+    pace: float,
+    path: PathState = RELAXED_PATH,
 ) -> AdaptiveIdentifier:
     match form:
         case StopForm(bank):
             return _stop_adaptation(config, bank, weights, pace)
         case SurfaceForm():
-            return _surface_adaptation(config, form, weights, pace)
+            return _surface_adaptation(config, form, weights, pace, path)
     raise TypeError(f"no identifier for a {type(form).__name__}")
 
 
 def _surface_adaptation(
-    config: AxisConfig, form: SurfaceForm, weights: FloatArray, pace: float
+    config: AxisConfig, form: SurfaceForm, weights: FloatArray, pace: float, path: PathState
 ) -> SurfaceIdentifier:
     settings = config.compensator
     if settings.identifier != "rls":
@@ -218,7 +225,7 @@ def _surface_adaptation(
             "surface: use `identifier: rls`"
         )
     # Its memory follows the drive, which has no noise of the sensor: it needs no dead-band.
-    return SurfaceIdentifier(weights, form, pace=pace)
+    return SurfaceIdentifier(weights, form, pace=pace, path=path)
 
 
 def _stop_adaptation(

@@ -7,6 +7,7 @@ import numpy as np
 from piezod.hysteresis.creep import NO_CREEP as NO_LAGS
 from piezod.hysteresis.creep import Creep
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import RELAXED_PATH, PathState
 
 LAGS_PER_DECADE = 2
 TIME_CONSTANTS_S: FloatArray = 10.0 ** (np.arange(8) / LAGS_PER_DECADE - 1.5)
@@ -55,14 +56,15 @@ class CreepState(NamedTuple):
         lags: (K,) state of the lags.
         zeroed: Creep, and what the path had left, when the sensor was zeroed: it does not show it.
         quick: Displacement without creep.
-        change: State of the part that relaxes along the path, see `path_relaxation`.
+        path: State of the part that relaxes along the path: at the drive of this displacement, or
+            before the rise to it.
     """
 
     creep: Creep
     lags: FloatArray
     zeroed: float
     quick: float
-    change: float = 0.0
+    path: PathState = RELAXED_PATH
 
 
 AT_REST = CreepState(NO_LAGS, np.empty(0), 0.0, 0.0)

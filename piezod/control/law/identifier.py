@@ -149,8 +149,6 @@ class Identifier:
         self._history, self._delay_ns, self._convergence = history, delay_ns, convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
-        if creep.change:
-            adaptation.reset(creep.change)
         self.gain_halved = self._skipped_last = False
         """Whether only every second sample is learned from."""
         self._drive = 0.0

@@ -22,8 +22,8 @@ from piezod.hysteresis.everett_memory import (
     drive_for,
     new_surface_memory,
 )
-from piezod.hysteresis.memory import CHANGE, MERGED, RAW, FloatArray, IntArray, Memory, clamp
-from piezod.hysteresis.path_relaxation import FAST, WEIGHT
+from piezod.hysteresis.memory import MERGED, RAW, SEEN, FloatArray, IntArray, Memory, clamp
+from piezod.hysteresis.path_relaxation import FAST, beyond_relaxed
 from piezod.jit import compiled
 
 
@@ -118,11 +118,12 @@ class SurfaceKernel:
 
     def __init__(self, form: SurfaceForm, weights: FloatArray, creep: CreepState) -> None:
         self._memory, self._weights, self._terms = new_surface_memory(), weights, form.terms
-        self._memory.last[CHANGE] = creep.change
-        self.carried: FloatArray = np.zeros(5)
-        self.carried[[COMMAND, POSITION]] = creep.quick - self.relaxing, creep.quick
+        last, self.carried = self._memory.last, np.zeros(5)
+        creep.path.put(last)
         # The stage rests: it does not lag.
-        self.carried[NEXT] = drive_for(self._memory, weights, form.slow.terms, creep.quick)
+        drive = drive_for(self._memory, weights, form.slow.terms, creep.quick)
+        left = beyond_relaxed(self._terms, last, drive)
+        self.carried[[COMMAND, NEXT, POSITION]] = creep.quick - left, drive, creep.quick
         # Bound once, as in `StopKernel`.
         self.step: Callable[
             [FloatArray, float, float, float, float, float, float, float], float
@@ -140,7 +141,8 @@ class SurfaceKernel:
     @property
     def relaxing(self) -> float:
         """Displacement that the path has left, which later moves relax."""
-        return float(self._terms[WEIGHT] * self._memory.last[CHANGE])
+        last = self._memory.last
+        return beyond_relaxed(self._terms, last, float(last[SEEN]))
 
     @property
     def merged_pairs(self) -> int:

@@ -1,8 +1,11 @@
 """From a wanted displacement to a table of voltages, by the inverse model.
 
 Hysteresis depends on the past. So the lead-in of each table goes through the whole range of the
-model, up and down, which leaves the same memory after any past. Then the waveform fades in without
-exciting a mode, and goes on until the memory is periodic.
+model, up and down, which leaves the same memory of turns after any past. Then the waveform fades in
+without exciting a mode, and goes on until the memory is periodic.
+
+What relaxes along the path is nearer to its rest after that swing, but not there if it relaxes
+slowly. `TableMaker.conditioning` brings it there, once, before the first waveform.
 """
 
 from itertools import pairwise
@@ -22,8 +25,9 @@ FADE_S = 0.1
 SLEW_SHARE = 0.5
 """Share of the slew limit that the conditioning swing may use."""
 BEYOND = 0.1
-"""Share of its range by which a corrected command may leave that of the model. There the voltage
-stays at its end: a model that is wrong by some per cent asks for more than the stage needs."""
+"""Share of its range by which a corrected command may leave that of the model. Where no voltage
+reaches it, the voltage stays at its end: a model that is wrong by some per cent asks for more than
+the stage needs."""
 _PERIODIC = 1e-6  # of the range of the drive
 _MOST_PERIODS = 8
 
@@ -75,17 +79,18 @@ class TableMaker:
         down = _raised_cosine(self._high_v, self._low_v, self._swing)
         return AxisTable(self._interval_ns, np.concatenate((up, down, fade_in)), period_v, cycles)
 
-    def conditioning(self, rest_v: float) -> FloatArray:
-        """Return voltages from rest through the whole range and back, in V; none if none is needed.
+    def conditioning(self, rest_v: float) -> AxisTable | None:
+        """Return swings from rest through the whole range and back; None if none is needed.
 
         Args:
             rest_v: Voltage at rest, in V.
         """
-        if not self._form.rest_depends_on_path:
-            return np.empty(0)
+        cycles = self._form.cycles_to_rest
+        if not cycles:
+            return None
         ends_v = (rest_v, self._high_v, self._low_v, rest_v)
         swings = [_raised_cosine(*ends, self._swing) for ends in pairwise(ends_v)]
-        return np.concatenate(swings)
+        return AxisTable(self._interval_ns, np.empty(0), np.concatenate(swings), cycles)
 
     def _inverse(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the voltages that fade in, and those of one period, for periodic displacement."""
@@ -116,9 +121,9 @@ class TableMaker:
         self._require("command", command_um, 0.0)
 
     def _checked(self, wanted_um: FloatArray) -> FloatArray:
-        """Return a displacement in the unit of the model, within its range."""
+        """Return a displacement in the unit of the model, or the nearest that it may have."""
         self._require("corrected command", wanted_um, BEYOND)
-        return np.clip(self._model.position_um.to_unit(wanted_um), 0.0, 1.0)
+        return self._form.reachable(self._model.position_um.to_unit(wanted_um))
 
     def _require(self, what: str, values_um: FloatArray, beyond: float) -> None:
         low_um, high_um = self._model.position_um

@@ -4,8 +4,6 @@ A zero of the loop is the mean of some hundred samples. Its noise would be an er
 every waveform.
 """
 
-from typing import Final
-
 import numpy as np
 
 from piezod.devices.played_axis import AxisRecord, AxisTable
@@ -15,8 +13,6 @@ from piezod.units import NS_PER_S
 
 ZERO_S = 1.0
 """Duration of the play at rest, in s."""
-NOTHING: Final[FloatArray] = np.empty(0)
-"""No voltages."""
 _LONGEST_PERIOD = 100
 """Points of its table, which repeats: the memory of a device may be small."""
 
@@ -27,18 +23,18 @@ class ZeroedAxis:
     Args:
         axis: The axis, at rest; it plays its rest voltage now.
         interval_ns: Time between two points, in ns.
-        conditioning_v: (n,) voltages that bring the axis to the rest of its model first, in V.
+        conditioning: Table that brings the axis to the rest of its model first; None for none.
 
     Raises:
         PiezodError: If the play failed.
     """
 
     def __init__(
-        self, axis: PlayedStage, interval_ns: int, conditioning_v: FloatArray = NOTHING
+        self, axis: PlayedStage, interval_ns: int, conditioning: AxisTable | None = None
     ) -> None:
         self._axis = axis
-        if conditioning_v.size:
-            axis.play(AxisTable(interval_ns, conditioning_v, np.full(1, axis.rest().drive_v), 1))
+        if conditioning is not None:
+            axis.play(conditioning)
         points = max(1, round(ZERO_S * NS_PER_S / interval_ns))
         period = min(points, _LONGEST_PERIOD)
         period_v = np.full(period, axis.rest().drive_v)

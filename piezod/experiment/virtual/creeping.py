@@ -7,6 +7,7 @@ from piezod.control.law.model import StageModel
 from piezod.hysteresis import SurfaceForm
 from piezod.hysteresis.creep import remove_creep
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import RELAXED_PATH
 from piezod.hysteresis.surface_form import SurfaceStage
 
 
@@ -28,7 +29,7 @@ class Creeping:
         self._path: SurfaceStage | None = None
         form = model.form
         if isinstance(form, SurfaceForm) and form.path:
-            self._path = form.stage(model.weights)
+            self._path = form.sampled(period_s).stage(model.weights)
             self._rest_drive = form.slow.drives_at(model.weights, np.array([self._rest])).item()
         self.zero()
 
@@ -63,5 +64,5 @@ class Creeping:
     @property
     def state(self) -> CreepState:
         """Present state of creep and path."""
-        change = self._path.change if self._path else 0.0
-        return CreepState(self._creep, self._lags, self._zeroed, self._quick, change)
+        path = self._path.path if self._path else RELAXED_PATH
+        return CreepState(self._creep, self._lags, self._zeroed, self._quick, path)

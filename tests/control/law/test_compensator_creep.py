@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from piezod.config.modes import Mode
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
-from tests.control.made_up import CREEP, Array, Kind, MadeUpStage, wander
+from tests.control.made_up import CREEP, LINE, Array, Kind, MadeUpStage, wander
 
 RELAXED = CreepState(CREEP, np.zeros(3), 0.0, 0.0)
 WINDOWS = st.one_of(
@@ -196,3 +196,26 @@ def test_what_is_left_at_rest_counts_as_zero(kind: Kind) -> None:
 
     assert abs(zero) > 1e-3
     np.testing.assert_allclose(positions - zero, commands, rtol=0, atol=1e-9)
+
+
+def test_path_that_is_left_at_a_rest_inside_the_range_counts_as_zero() -> None:
+    """Only what it has beyond a relaxed stage counts: the rest contains all else."""
+    rest, stage = 0.4, MadeUpStage(kind=LINE)
+    nominal = LINE.form.positions_at(LINE.weights, np.array([rest])).item()
+    lags = np.full(3, nominal)
+    zeroed = float(CREEP.weights @ lags)
+    stage.step(rest)
+    stage.lags[:] = lags
+    subject = compensator(LINE, CreepState(CREEP, lags, zeroed, nominal))
+    assert subject.step(float("nan"), 0.0, 1.0, LINE.weights) == pytest.approx(rest, abs=1e-12)
+    stage.step(rest)
+
+    for commands in (0.3 + 0.2 * wander(2.0), wander(2.0)):
+        _, positions = driven(LINE, subject, stage, commands)
+        np.testing.assert_allclose(positions - zeroed, commands, rtol=0, atol=1e-9)
+        before = zeroed
+        for _ in range(100):
+            zeroed = stage.step(subject.step(0.0, rest, rest, LINE.weights)) - nominal
+        subject.zero()
+
+    assert abs(zeroed - before) > 1e-3

@@ -1,11 +1,14 @@
 """A waveform that is learned on a running stage, as a program of Python does it."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from piezod.config.fields import Context
+from piezod.config.model_file import ModelFile, load_model
 from piezod.config.play import WaveConfig
 from piezod.errors import ConfigError, DataError, RefusedError
 from piezod.experiment.live.play import LOWEST_HZ, REST_S, learn_waveform, near_frequency_hz
@@ -14,9 +17,13 @@ from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.command import points_of
 from piezod.experiment.play.learn import PassReport
+from piezod.hysteresis import SurfaceForm
+from tests.config.test_surface_file import FILE
+from tests.control.made_up import RELAXING
 from tests.experiment.live.playing_stage import WAVE, PlayingStage
-from tests.experiment.live_fakes import FakeStage
+from tests.experiment.live_fakes import MODEL, FakeStage
 
+RANGES = {"drive_low_v", "drive_high_v", "position_low_um", "position_high_um"}
 BRIEF: dict[str, Any] = {"settle_s": 0.3, "record_s": 0.2}
 
 
@@ -61,6 +68,30 @@ def test_learned_table_is_stored_and_used_again(tmp_path: Path) -> None:
     assert notes[0] == f"no table of this waveform in {tmp_path}"
     assert notes[1::2] == ["stored as table_x_scan.yaml"] * 2
     assert notes[2].startswith("begins with table_x_scan.yaml, learned on ")
+
+
+def test_path_of_the_model_is_brought_to_rest_first() -> None:
+    """A play of some swings through the whole range precedes the zero."""
+    stage, known = PlayingStage(), load_model(MODEL)
+    assert isinstance(RELAXING.form, SurfaceForm)
+    assert RELAXING.form.path
+    relaxing = ModelFile.model_validate(
+        FILE.model_dump()
+        | known.model_dump(include=RANGES)
+        | {
+            "surface_coefficients": tuple(RELAXING.weights.tolist()),
+            "surface_path": asdict(RELAXING.form.path),
+        }
+    )
+    stage.model = relaxing.model_dump(mode="json")
+
+    learn_waveform(stage, WAVE, 0, **BRIEF)
+
+    played = [body for body in stage.bodies if body and "lead_in_v" in body]
+    swings, zero = (np.array(body["drive_v"]) for body in played[:2])
+    assert np.ptp(swings) == pytest.approx(known.drive_high_v - known.drive_low_v, rel=1e-3)
+    assert played[0]["cycles"] == RELAXING.form.cycles_to_rest
+    assert np.ptp(zero) == 0.0
 
 
 def test_armed_stage_is_disarmed_first() -> None:

@@ -86,9 +86,9 @@ def test_play_at_rest_lasts_about_a_second(interval_ns: int) -> None:
 
 def test_axis_is_conditioned_before_it_is_zeroed() -> None:
     """What relaxes along the path is brought to its rest first, in a play of its own."""
-    axis, swing = NoisyRest(), np.linspace(1.0, 150.0, 4_000)
-    ZeroedAxis(axis, INTERVAL_NS, swing)
+    axis, swing_v = NoisyRest(), np.linspace(1.0, 150.0, 4_000)
+    ZeroedAxis(axis, INTERVAL_NS, AxisTable(INTERVAL_NS, np.empty(0), swing_v, 3))
 
     conditioning_ns, zeroing_ns = axis.durations_ns
-    assert conditioning_ns == (swing.size + 1) * INTERVAL_NS
+    assert conditioning_ns == 3 * swing_v.size * INTERVAL_NS
     assert zeroing_ns == pytest.approx(1e9, rel=0.31)

@@ -11,7 +11,6 @@ from piezod.config.fields import Context
 from piezod.config.play import WaveConfig
 from piezod.control.guard import Limits
 from piezod.control.table_guard import TableGuard
-from piezod.devices.played_axis import AxisTable
 from piezod.devices.player import AtEnd
 from piezod.errors import DataError, DeviceError
 from piezod.experiment.play.command import (
@@ -22,6 +21,9 @@ from piezod.experiment.play.command import (
 )
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import static_gain
+from piezod.hysteresis import SurfaceForm
+from piezod.hysteresis.everett import SIZE
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from tests.control.made_up import RELAXING
 from tests.experiment.play.rig_axis import INTERVAL_NS, LIMITS, RigAxis, maker, model, sine
 
@@ -196,15 +198,47 @@ def test_static_gain_grows_with_creep() -> None:
     assert static_gain(creep, 1e9) == pytest.approx(1.0 + creep.weights.sum())
 
 
-def test_path_is_conditioned_by_one_swing() -> None:
-    """It goes through the whole range, within the slew rate; other models need none."""
-    relaxing = replace(model(), form=RELAXING.form, weights=RELAXING.weights)
+def relaxing_maker(path: PathRelaxation) -> TableMaker:
+    """Return the maker of tables for a model with a part that relaxes along the path."""
+    relaxing = replace(model(), form=SurfaceForm(path=path), weights=RELAXING.weights)
     limits_v = LIMITS.drive_min_v, LIMITS.drive_max_v
-    table_maker = TableMaker(relaxing, INTERVAL_NS, limits_v, LIMITS.slew_v_per_s)
-    swing_v = table_maker.conditioning(2.0)
+    return TableMaker(relaxing, INTERVAL_NS, limits_v, LIMITS.slew_v_per_s)
 
-    TableGuard(LIMITS, 2.0, AtEnd.HOLDS, 10).check(
-        AxisTable(INTERVAL_NS, swing_v, np.full(1, 2.0), 1), 2.0
-    )
-    assert np.ptp(swing_v) == pytest.approx(model().drive_v.width, rel=1e-3)
-    assert maker().conditioning(2.0).size == 0
+
+@pytest.mark.parametrize(("decay", "cycles"), [(0.3, 9), (2.0, 2), (30.0, 1)])
+def test_path_is_conditioned_by_swings(decay: float, cycles: int) -> None:
+    """They go through the whole range, within the slew rate, until one per cent is left."""
+    path, low_v = PathRelaxation(-0.1, decay, 0.1), model().drive_v.low
+    table = relaxing_maker(path).conditioning(low_v)
+
+    assert table is not None
+    TableGuard(LIMITS, low_v, AtEnd.HOLDS, 10).check(table, low_v)
+    assert np.ptp(table.period_v) == pytest.approx(model().drive_v.width, rel=1e-3)
+    assert table.cycles == cycles
+    small_loops = np.tile([0.0, 0.01], 1000)  # a long path: h is nearly forgotten
+    swings = np.tile(model().drive_v.to_unit(table.period_v), cycles)
+    drives = np.concatenate((small_loops, swings, [0.0]))
+    positions = SurfaceForm(path=path).positions_at(np.zeros(SIZE), drives)
+    before, left = np.abs(positions[[small_loops.size, -1]])
+    assert before > 1e-3
+    assert left < 0.01 * before + 1e-4 * abs(path.weight)
+
+
+def test_model_without_a_path_needs_no_conditioning() -> None:
+    """The lowest voltage clears its memory."""
+    assert maker().conditioning(2.0) is None
+
+
+def test_loops_that_do_not_close_are_played_as_they_are() -> None:
+    """A displacement above that of the highest voltage is made by a voltage inside the range."""
+    assert isinstance(RELAXING.form, SurfaceForm)
+    assert RELAXING.form.path
+    range_um, drive_v = model().position_um, model().drive_v
+    wanted_um = range_um.from_unit(0.9 - 0.105 * np.cos(2.0 * np.pi * np.arange(100) / 100))
+    table = relaxing_maker(RELAXING.form.path).table(wanted_um, 0.0, 2)
+
+    drives = drive_v.to_unit(np.concatenate((table.lead_in_v, table.period_v)))
+    made = RELAXING.form.positions_at(RELAXING.weights, drives)[-100:]
+    assert wanted_um.max() > range_um.high
+    assert table.period_v.max() < drive_v.high
+    assert range_um.from_unit(made) == pytest.approx(wanted_um, abs=1e-3)

@@ -10,10 +10,10 @@ from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.virtual.creeping import Creeping
-from piezod.hysteresis import AffineRange, StopForm, add_creep
+from piezod.hysteresis import AffineRange, StopForm, SurfaceForm, SurfaceIdentifier, add_creep
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.path_relaxation import BACKLASH
-from tests.control.made_up import RELAXING, wander
+from tests.control.made_up import LINE, RELAXING, Kind, wander
 
 PERIOD_S = 0.01
 LAW = CreepLaw(np.array([0.1, 1.0, 10.0]), np.array([0.01, 0.02, 0.03]))
@@ -107,21 +107,30 @@ def test_stage_without_creep_starts_at_rest() -> None:
     assert (creeping.state.zeroed, creeping.state.quick) == (0.0, 0.3)
 
 
-def test_path_is_followed_through_runs_and_zeros() -> None:
+@pytest.mark.parametrize(("kind", "rest"), [(RELAXING, 0.0), (LINE, 0.4)], ids=["low", "inside"])
+def test_path_is_followed_through_runs_and_zeros(kind: Kind, rest: float) -> None:
     """A compensator that starts from the followed state keeps to its commands from the new zero."""
-    form, weights = RELAXING.form, RELAXING.weights
-    model = StageModel(form, weights, AffineRange(0.0, 150.0), AffineRange(0.0, WIDTH_UM), 0.0)
+    form, weights = kind.form, kind.weights
+    assert isinstance(form, SurfaceForm)
+    drive_v = AffineRange(0.0, 150.0)
+    at_zero = StageModel(form, weights, drive_v, AffineRange(0.0, WIDTH_UM), 0.0)
+    model = at_zero.zeroed_at(150.0 * rest)
     creeping, stage = Creeping(model, PERIOD_S), form.stage(weights)
+    nominal = stage.step(rest)
     for to in (0.6, 0.3):
-        drives = excursion(0.0, to)
+        drives = excursion(rest, to)
         creeping.follow(150.0 * drives)
-        zero = [stage.step(drive) for drive in drives.tolist()][-1]
+        zero = [stage.step(drive) for drive in drives.tolist()][-1] - nominal
         creeping.zero()
     mode = Mode.FEEDFORWARD
     subject = Compensator(form, weights, mode=mode, fade_cycles=1, creep=creeping.state)
+    identifier = SurfaceIdentifier(weights, form, path=creeping.state.path)
 
-    commands = wander(2.0)
-    positions = np.array([stage.step(drive) for drive in RELAXING.drives(subject, commands)])
+    commands = nominal + 0.5 * wander(2.0) * (1.0 - rest)
+    drives = np.array(kind.drives(subject, commands))
+    positions = np.array([stage.step(drive) for drive in drives.tolist()])
+    errors = [identifier.step(*pair, learn=False) for pair in zip(positions, drives, strict=True)]
 
-    assert abs(zero) > 0.01
+    assert abs(zero) > 5e-3
     assert positions - zero == pytest.approx(commands, abs=BACKLASH)
+    assert np.abs(errors).max() < BACKLASH
