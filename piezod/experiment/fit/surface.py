@@ -50,7 +50,7 @@ from piezod.hysteresis.surface_form import branch_slopes
 
 START_ACTIVATION = 0.003
 """Activation at which its search begins, as a share of the drive's range."""
-START_DECAY = 2.0
+START_DECAY = 4.0
 """Decay of the path at which its search begins, in 1/range."""
 _ROUNDS = 12
 _SETTLED = 1e-5

@@ -6,7 +6,9 @@ from typing import Final, TypeAlias
 
 from piezod.experiment.fit.blocks import clearly_better, held_out_squares
 from piezod.experiment.fit.surface import LinearisedSurface
+from piezod.experiment.fit.surface_parameters import form_of
 from piezod.experiment.fit.surface_point import Point, SurfaceRecord
+from piezod.hysteresis.everett import SIZE
 
 SMALLER, LEAST_GAIN = 0.95, 5e-5
 """The lag with the rate is part of the model if it makes the rms residual smaller by this factor,
@@ -54,6 +56,10 @@ def _shows(
     record: SurfaceRecord, term: Term, trial: LinearisedSurface, without: LinearisedSurface
 ) -> bool:
     if term is Term.PATH:
+        # The bound of a fit is that of the skew before its last step.
+        form = form_of(trial.parameters, record.period_s)
+        if form.smallest_slope(trial.parameters[:SIZE]) <= 0.0:
+            return False
         return clearly_better(held_out_squares(trial), held_out_squares(without), PATH_GAIN)
     before = _rms(record, without)
     return _rms(record, trial) < min(SMALLER * before, before - LEAST_GAIN)

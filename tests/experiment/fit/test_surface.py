@@ -115,6 +115,15 @@ def test_relaxation_along_the_path_is_found(decay: float, skew: float) -> None:
     assert highest[0] == pytest.approx(1.0)
 
 
+def test_relaxation_that_leaves_no_inverse_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search bounds the slopes with the skew before its last step, so the result is checked."""
+    path = PathRelaxation(-0.2, 2.0, 0.1)
+    record = swelling_record(path=path, creep=0.004, noise=NOISE, duration_s=50.0)
+    monkeypatch.setattr(PathRelaxation, "least_slope", -10.0)
+
+    assert fitted(record, creep=True).path is None
+
+
 @pytest.mark.parametrize("creep", [True, False])
 @pytest.mark.parametrize("activation", [0.0, 0.01])
 def test_no_relaxation_is_found_where_there_is_none(activation: float, creep: bool) -> None:

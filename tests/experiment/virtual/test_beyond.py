@@ -45,9 +45,7 @@ BOUNDS = {
     "no-antialias": Bounds(
         0.5, 0.5, 0.42, "noise and the ripple of the mode are aliased into the samples"
     ),
-    "bouc-wen": Bounds(
-        0.6, 0.25, 0.25, "its rest depends on the path, and 0.4 % remain without hysteresis"
-    ),
+    "bouc-wen": Bounds(0.6, 0.25, 0.25, "its rest depends on the path"),
     "gain-drift": Bounds(4.6, 0.25, 0.33, "the gain grows by 4 % within the experiment"),
     "stack-uncalibrated": Bounds(
         1.9, 1.8, 1.8, "the sensor is wrong by more than 1 %, and everything follows it"
