@@ -39,7 +39,7 @@ axes:
     compensator: {sensor_delay_s: 0.000171}
 """
 SETTINGS = PlaySettings(passes=6, settle_s=5.0, record_s=1.0)
-"""If only 1 s comes before the record, creep within it leaves 0.2 to 0.3 % of the swing."""
+"""If only 1 s comes before the record, the stage creeps within it."""
 PI = PI_TCP._replace(options={**PI_TCP.options, "wave_end": "holds"})
 
 
@@ -65,8 +65,7 @@ def test_fast_waveforms_are_learned_over_a_bus(
 ) -> None:
     """The true error is at most 0.2 % of the swing, at worst, after six passes.
 
-    The sensor has the noise and the calibration of the simulated stage, and the response is
-    measured. A LabJack has memory for the multisine with the longer interval only.
+    The sensor is that of `fast.yaml`, and the response is measured. A LabJack has memory for the multisine with the longer interval only.
     """
     interval_ns = 1000 * interval_us
     rig = tmp_path / "rig.yaml"
