@@ -153,8 +153,9 @@ def _identifier(
     config: AxisConfig, model: StageModel, creep: CreepState, history: DriveHistory, period_ns: int
 ) -> Identifier:
     pace = _pace(config, model.form, period_ns)
+    adaptation = _adaptation(config, model.form, model.weights, pace, creep.path)
     return Identifier(
-        _shadowed(config, model, creep.path, pace, period_ns),
+        Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns)),
         model.drive_v,
         model.position_um,
         history,
@@ -191,13 +192,6 @@ def _convergence(model: StageModel, period_ns: int) -> Convergence | None:
     if np.any(model.weights):
         return None
     return Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns))
-
-
-def _shadowed(
-    config: AxisConfig, model: StageModel, path: PathState, pace: float, period_ns: int
-) -> Shadowed:
-    adaptation = _adaptation(config, model.form, model.weights, pace, path)
-    return Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns))
 
 
 def _adaptation(
