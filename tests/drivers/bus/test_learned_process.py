@@ -65,7 +65,8 @@ def test_fast_waveforms_are_learned_over_a_bus(
 ) -> None:
     """The true error is at most 0.2 % of the swing, at worst, after six passes.
 
-    The sensor is that of `fast.yaml`, and the response is measured. A LabJack has memory for the multisine with the longer interval only.
+    The sensor is that of `fast.yaml`, and the response is measured. A LabJack has memory for the
+    multisine with the longer interval only.
     """
     interval_ns = 1000 * interval_us
     rig = tmp_path / "rig.yaml"
