@@ -15,7 +15,7 @@ from piezod.config.validate import validate
 from piezod.errors import DataError, RefusedError
 from piezod.experiment.live.plan import out_of_range
 from piezod.experiment.live.running_axis import playing_axis
-from piezod.experiment.live.setup import read_setup
+from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import command_of
@@ -102,10 +102,7 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
     )
     setup = read_setup(client)
     name = setup.measured_axis(axis, "learning")
-    setup.model_of(name)  # before anything moves
-    low_high_um = wanted.wave.command_um.bounds()
-    for problem in out_of_range(wanted.wave.name, name, setup.axes[name], *low_high_um):
-        raise DataError(problem)
+    _require_range(wanted.wave, setup, name)
     command = command_of(wanted.wave, round(1000.0 * wanted.interval_us))
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         stage.arm_at_rest(REST_S)
@@ -119,6 +116,13 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
     if tables is not None:
         note(f"stored as {_stored(tables, learned, playing.conditions)}")
     return learned
+
+
+def _require_range(wave: WaveConfig, setup: LiveSetup, name: str) -> None:
+    """Refuse an axis without a model, and a waveform out of its range."""
+    setup.model_of(name)
+    for problem in out_of_range(wave.name, name, setup.axes[name], *wave.command_um.bounds()):
+        raise DataError(problem)
 
 
 def _stored(tables: Path, play: LearnedPlay, conditions: Conditions) -> str:
