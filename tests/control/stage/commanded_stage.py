@@ -70,6 +70,8 @@ class CommandedStage(FaultyStage):
         self._step_v = limits.slew_v_per_s / self.config.rate_hz * (1.0 + 1e-12)
         self.moves_freshly = True
         """Whether voltages are planned for their cycle; others must not move anything."""
+        self._taken_over = False
+        """Whether a new loop runs its first cycle: it does not know the last write."""
         now_s: Callable[[], float] = lambda: self.t_ns / NS_PER_S  # noqa: E731 - a clock
         self.lease = Lease(now_s)
         self._service = ServiceState(
@@ -154,7 +156,9 @@ class CommandedStage(FaultyStage):
         """Let a new loop take over from one that was killed, 50 ms later."""
         self.t_ns += NS_PER_S // 20
         self.kill_loop()
+        self._taken_over = True
         self.cycle()
+        self._taken_over = False
         assert self.controller.state not in ARMED
 
     def recover(self) -> None:
@@ -171,7 +175,8 @@ class CommandedStage(FaultyStage):
     def _check_voltage(self, drive_v: float, first: int, output_v: float) -> None:
         """Check a voltage against the range, and against the one of the cycle before.
 
-        The first write after a gap is checked against the output of the rig itself.
+        The first write after a gap, and that of a new loop, is checked against the output of the
+        rig itself: the last write may have been refused.
 
         Args:
             drive_v: The voltage that was written, in V.
@@ -183,7 +188,8 @@ class CommandedStage(FaultyStage):
         credible_v = output_v, *self._false_v(output_v, before_v)
         # An output that is found outside the range returns at the slew rate, and goes no farther.
         assert self._outside_v(drive_v) <= max(map(self._outside_v, (*credible_v, before_v)))
-        if len(self.records) > 1 and before_ns == self.records[-2].t_ns:
+        follows = len(self.records) > 1 and before_ns == self.records[-2].t_ns
+        if follows and not self._taken_over:
             # A write that was not taken is not in force: the one before it is kept.
             moves = self.moves_freshly or not self.records[-2].written
             assert abs(drive_v - before_v) <= (self._step_v if moves else 0.0)

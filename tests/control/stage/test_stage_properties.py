@@ -158,6 +158,23 @@ def test_no_history_breaks_a_limit() -> None:
     check(15)
 
 
+def test_new_loop_begins_at_the_output() -> None:
+    """If the last writes before were refused, the new loop goes on from what it reads back."""
+    stage = CommandedStage()
+    stage.cycle()
+    for request in (rq.Arm(), rq.Goto(position_um=12.0)):
+        assert stage.command(PEOPLE[0], request)
+        stage.cycle()
+    stage.fail(Kind.REFUSED, 4, flag=DeviceFlag.OVERLOAD)
+    for _ in range(4):
+        stage.cycle()
+    (output_v,) = stage.device.inner.read_back(stage.t_ns)
+
+    stage.restart()
+
+    assert stage.x.drive_v == pytest.approx(output_v, abs=1.1)
+
+
 @pytest.mark.parametrize("request_", [rq.Hold(), rq.Stop()])
 def test_voltage_of_another_cycle_moves_nothing(request_: rq.Request) -> None:
     """Whether the stage follows a command or drives voltages itself: they keep their instant."""
