@@ -39,7 +39,11 @@ CONTROLLER: Final = Path("/sys/class/net/can0/device")
 
 
 def usb_stage_drives(host: Host) -> str:
-    """Plug the adapter in, and drive the amplifier behind it."""
+    """Plug the adapter in, and drive the amplifier behind it.
+
+    The node of the next stage starts meanwhile, on the other processor.
+    """
+    _start_node()
     host.plug(ADAPTER)
     wait_until(PORT.exists, f"{PORT}")
     USB.configure()
@@ -64,15 +68,19 @@ def usb_unplugged(host: Host) -> str:
 
 def can_stage_drives() -> str:
     """Drive a node at the other controller of the bus."""
+    CAN.configure()
+    CAN.start()
+    return _driven(CAN)
+
+
+def _start_node() -> None:
+    """Bring the bus up, and start the emulated node at its other end."""
     for name in ("can0", "can1"):
         _up(name)
     node = "emulate canopen-401 --port socketcan:can1"
     run(
         f"systemd-run --unit=node --uid=piezod -E NUMBA_CACHE_DIR=/var/cache/piezod {PIEZOD} {node}"
     )
-    CAN.configure()
-    CAN.start()
-    return _driven(CAN)
 
 
 def can_other_end_down() -> str:

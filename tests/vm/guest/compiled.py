@@ -20,21 +20,26 @@ _OURS: Final = ("piezod", "piezod_drivers")
 
 
 def install(*options: str) -> None:
-    """Install the wheel, without a network and without byte code.
+    """Install the wheel, without a network and without byte code; its libraries must be there.
 
     Raises:
         subprocess.CalledProcessError: If pip fails; its standard error has the reason.
     """
     (wheel,) = (SHARE / "wheels").glob("*.whl")
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install")
-    what = (*options, "--no-index", "--no-compile", f"{wheel}[can,epics]")
-    subprocess.run([*pip, *what], check=True, capture_output=True, text=True)
+    _pip("install", "--quiet", *options, "--no-deps", "--no-index", "--no-compile", str(wheel))
+    # Asked to resolve what is installed, pip reads each library's metadata some sixty times.
+    _pip("check")
     # Byte code and kernels count as stale if the time of a source has changed: a time that
     # follows from the text is the same at both places, and is kept while the text is.
     for package in _OURS:
         for path in (PACKAGES / package).rglob("*.py"):
             time_s = zlib.crc32(path.read_bytes()) >> 1
             os.utime(path, (time_s, time_s))
+
+
+def _pip(*arguments: str) -> None:
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments)
+    subprocess.run(pip, check=True, capture_output=True, text=True)
 
 
 def unpack() -> None:
@@ -44,7 +49,7 @@ def unpack() -> None:
 
 def main() -> None:
     """Install and compile on the host, and pack the results for the guest."""
-    install("--force-reinstall", "--no-deps")
+    install("--force-reinstall")
     ours = [str(PACKAGES / package) for package in _OURS]
     subprocess.run([sys.executable, "-m", "compileall", "-q", *ours], check=True)
     _compile_kernels()

@@ -12,7 +12,7 @@ def wheel_is_installed() -> str:
     try:
         compiled.install()
     except subprocess.CalledProcessError as error:
-        raise CheckError(error.stderr) from error
+        raise CheckError(error.stdout + error.stderr) from error
     compiled.unpack()
     return run(f"{PIEZOD} --version")
 

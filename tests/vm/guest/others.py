@@ -16,8 +16,8 @@ EPICS_PORT: Final = 5064
 
 
 def page_is_served() -> str:
-    """Start the page's unit, and get the page with its token."""
-    run("systemctl start piezod-web")
+    """Start both units, and get the page with its token."""
+    run("systemctl start piezod-web piezod-ioc")
     wait_until(TOKEN.exists, f"{TOKEN}", 180.0)
     wait_until(lambda: _listens(8080), "the page listens", 180.0)
     address = f"{PAGE}/?token={TOKEN.read_text('ascii').strip()}"
@@ -29,8 +29,7 @@ def page_is_served() -> str:
 
 
 def ioc_serves() -> str:
-    """Start the unit of the IOC, which lists the records of the stages that run."""
-    run("systemctl start piezod-ioc")
+    """The unit of the IOC, which lists the records of the stages that run, serves them."""
     wait_until(lambda: _listens(EPICS_PORT), f"the IOC listens at {EPICS_PORT}", 300.0)
     restarts = shows("piezod-ioc", "NRestarts")
     need(shows("piezod-ioc", "ActiveState") == "active", "the unit is not active")

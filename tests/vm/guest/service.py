@@ -25,13 +25,13 @@ STAGE: Final = Stage(
 
 
 def unit_starts() -> str:
-    """Start the rig and the service; it is ready when `systemctl start` returns."""
+    """Start the rig and the service, at the same time: a service waits for its devices."""
     rig = f"{PIEZOD} emulate simulated --socket {RIG}/rig.sock --trace {RIG}/trace.csv"
     folders = "-p StateDirectory=rig -p CacheDirectory=piezod -E NUMBA_CACHE_DIR=/var/cache/piezod"
     run(f"systemd-run --unit=rig --uid=piezod {folders} {rig}")
     STAGE.configure()
-    wait_until((RIG / "rig.sock").exists, "the socket of the rig", 300.0)
     STAGE.start()
+    STAGE.wait_for("SAFE")
     need(shows(STAGE.unit, "StatusText"), "the service has sent no status to systemd")
     return shows(STAGE.unit, "StatusText")
 
