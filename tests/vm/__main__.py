@@ -6,6 +6,7 @@ logged is in build/vm/run.
 """
 
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -29,6 +30,7 @@ def main() -> int:
     if reasons := image.missing():
         print("\n".join(f"make vm: {reason}" for reason in reasons), file=sys.stderr)
         return 2
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # as Ctrl-C does: end the machine first
     begin_s = time.monotonic()
     share = _CACHE / "run"
     shutil.rmtree(share, ignore_errors=True)
