@@ -24,8 +24,6 @@ RATES_HZ = (100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0)
 CLASSES = ("surface", "stops")
 PROMPT = "prompt"
 """A stage beside the variants, on which learning at full pace does ring."""
-NEEDS_ALL = "bouc-wen"
-"""A surface fits this class so badly that the fit of a short record is refused."""
 FAST = {("light-damping", 2000.0, "surface")}
 """Tested by `make test`, too; with stops see `test_stage_mode_rings.py`."""
 _FULL = {"kind": "sine", "low": 0, "high": 140}
@@ -77,9 +75,8 @@ def identified(variant: str, kind: str) -> Identified:
     brief = type(config.identification).model_validate(
         {"method": config.identification.method, **RECORD}
     )
-    used = config if variant == NEEDS_ALL else config.model_copy(update={"identification": brief})
     with opened(config, lambda _cycles: None) as stage:
-        axes = identify_axes(stage, used)
+        axes = identify_axes(stage, config.model_copy(update={"identification": brief}))
     return Identified(config, axes["x"].model)
 
 
