@@ -15,7 +15,9 @@ from piezod.config.response_file import ResponseFile, load_response
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.assembly import check_stage
 from piezod.control.law.gains import check_gains
+from piezod.control.law.model import with_found_mode
 from piezod.control.law.model_files import read_model
+from piezod.control.law.pace import LARGEST_SHARE, RLS_SHARE, slowest_unknown_mode_hz
 from piezod.control.law.trim_gains import margins_text
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
@@ -27,6 +29,8 @@ _RESPONSE_KEYS: Final = (
     - ModelFile.model_fields.keys()
     - ExperimentConfig.model_fields.keys()
 )
+_ASSUMED_DAMPING: Final = 0.01
+"""Damping ratio of a first mode that nobody knows: of stages without a load, a small one."""
 
 
 class FileKind(StrEnum):
@@ -124,7 +128,25 @@ def _describe_stage(path: Path) -> _Description:
     blind = ", ".join(name for name, axis in config.axes.items() if axis.sensor is None)
     without = f"; {blind} without a sensor" if blind else ""
     contents = f"a stage: {axes} at {config.rate_hz:g} Hz{without}"
-    return _Description(contents, margins=_margins(config.axes, config.rate_hz))
+    warnings = _unknown_modes(config.axes, config.rate_hz)
+    return _Description(contents, warnings, _margins(config.axes, config.rate_hz))
+
+
+def _unknown_modes(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:
+    """Return a warning for each axis that may learn, and whose first mode nothing tells."""
+    warnings = []
+    for name, axis in axes.items():
+        model = read_model(axis.model)[0] if axis.model else None
+        if axis.sensor is None or with_found_mode(axis, model).first_mode is not None:
+            continue
+        share = RLS_SHARE if axis.compensator.identifier == "rls" else LARGEST_SHARE
+        slow_hz = slowest_unknown_mode_hz(1.0 / rate_hz, _ASSUMED_DAMPING, share)
+        warnings.append(
+            f"axis {name}: neither `first_mode` nor `response` nor the model tells its first mode. "
+            f"A mode below {slow_hz:.2g} Hz (at a damping of {_ASSUMED_DAMPING:g}) may oscillate "
+            "in `adaptive`. Measure it with `piezod response`, or take it from the data sheet"
+        )
+    return tuple(warnings)
 
 
 def _margins(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:

@@ -7,6 +7,8 @@ import pytest
 
 from piezod.experiment.check_file import FileKind, check_file
 
+MODELS = Path(__file__).parents[2] / "config" / "models"
+
 
 def check(tmp_path: Path, text: str) -> tuple[FileKind | None, str, list[str]]:
     """Return kind, contents and problems of a text, without the folder."""
@@ -31,6 +33,25 @@ def test_stage_is_described() -> None:
     kind, contents, error, *_ = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
 
     assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 200 Hz", None)
+
+
+def test_unknown_first_mode_is_a_warning(tmp_path: Path) -> None:
+    """Learning allows for a slow mode only if the configuration or the model tells it."""
+    text = (Path(__file__).parents[2] / "config" / "simulated.yaml").read_text(encoding="utf-8")
+    line = next(each for each in text.splitlines(keepends=True) if "first_mode" in each)
+    path = tmp_path / "stage.yaml"
+    path.write_text(text.replace("model: models", f"model: {MODELS}"), encoding="utf-8")
+    known = check_file(path)
+    path.write_text(path.read_text(encoding="utf-8").replace(line, ""), encoding="utf-8")
+
+    unknown = check_file(path)
+
+    assert (known.error, known.warnings) == (None, ())
+    assert unknown.error is None
+    assert unknown.warnings[0].startswith(
+        "axis x: neither `first_mode` nor `response` nor the model tells its first mode. A mode "
+        "below 55 Hz (at a damping of 0.01) may oscillate in `adaptive`."
+    )
 
 
 def test_axis_without_a_sensor_is_named() -> None:

@@ -24,6 +24,8 @@ FULL_PACE_PERIOD_S: Final = 1e-3
 samples do not make the stage change faster, so that each of them counts less."""
 RLS_SHARE: Final = 0.1
 """k of recursive least squares: share of its error that it removes in a sample, while it moves."""
+LARGEST_SHARE: Final = 1.0
+"""k of LMS with its largest gain."""
 FOLLOWED_SHARE: Final = 0.3
 """σ: share of the distance to the learned model that the compensator goes in a cycle. The full
 distance, as in the paper, would pass the noise of the sensor on to the drive."""
@@ -45,11 +47,27 @@ def learning_pace(period_s: float, mode: FirstModeConfig | None, learned_share: 
     if mode is None or learned_share == 0.0:
         return pace
     angle = 2.0 * pi * mode.frequency_hz * period_s  # ω T
-    allowed = LARGEST_LOOP_GAIN * 2.0 * mode.damping / (learned_share * FOLLOWED_SHARE)
-    pace = min(pace, angle * sqrt(allowed))
+    pace = min(pace, angle * _largest_pace_per_angle(mode.damping, learned_share))
     while angle < pi and _oscillates(angle, mode.damping, learned_share / LARGEST_LOOP_GAIN, pace):
         pace *= _SLOWER
     return pace
+
+
+def slowest_unknown_mode_hz(period_s: float, damping: float, learned_share: float) -> float:
+    """Return the frequency below which the pace would be lower if the mode were known.
+
+    Args:
+        period_s: Period of the loop, in s.
+        damping: ζ of the mode.
+        learned_share: k, the share of its error that the identifier removes in a sample at pace 1.
+    """
+    pace = learning_pace(period_s, None, learned_share)
+    return pace / (_largest_pace_per_angle(damping, learned_share) * 2.0 * pi * period_s)
+
+
+def _largest_pace_per_angle(damping: float, learned_share: float) -> float:
+    """Return the largest pace per ω T at a sharp mode, for the gain `LARGEST_LOOP_GAIN`."""
+    return sqrt(LARGEST_LOOP_GAIN * 2.0 * damping / (learned_share * FOLLOWED_SHARE))
 
 
 def _oscillates(angle: float, damping: float, learned_share: float, pace: float) -> bool:

@@ -8,7 +8,12 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from piezod.config.first_mode import FirstModeConfig
-from piezod.control.law.pace import FOLLOWED_SHARE, RLS_SHARE, learning_pace
+from piezod.control.law.pace import (
+    FOLLOWED_SHARE,
+    RLS_SHARE,
+    learning_pace,
+    slowest_unknown_mode_hz,
+)
 
 
 def largest_pole(
@@ -91,3 +96,19 @@ def test_more_frequent_samples_do_not_make_learning_faster(share: float) -> None
 
     assert learning_pace(1e-4, None, share) == pytest.approx(0.1)
     assert learning_pace(1e-4, fast, share) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 1000.0, 2000.0, 20_000.0])
+def test_only_a_slow_mode_that_nobody_knows_can_oscillate(rate_hz: float) -> None:
+    """Above the limit the full pace leaves a gain margin of two, and far below it has none."""
+    period_s, damping = 1.0 / rate_hz, 0.01
+    limit_hz = slowest_unknown_mode_hz(period_s, damping, RLS_SHARE)
+    pace = learning_pace(period_s, None, RLS_SHARE)
+
+    def pole(frequency_hz: float, learned_share: float) -> float:
+        mode = FirstModeConfig(frequency_hz=frequency_hz, damping=damping)
+        return largest_pole(period_s, mode, learned_share, pace)
+
+    above_hz = np.linspace(limit_hz, max(0.49 * rate_hz, limit_hz), 50)
+    assert all(pole(each_hz, 2.0 * RLS_SHARE) < 1.0 for each_hz in above_hz)
+    assert pole(0.2 * limit_hz, RLS_SHARE) > 1.0
