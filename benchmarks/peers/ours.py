@@ -15,10 +15,14 @@ from benchmarks.peers.records import Case
 from benchmarks.peers.table import PIEZOD
 from piezod.experiment.fit.automatic import Candidate, Wanted, choose
 from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.method import Method
+from piezod.hysteresis import SurfaceForm
 
 CHOSEN = f"{PIEZOD} auto"
 _SIZE = "order"
 """Candidates that differ in this setting alone share a row, that of the best of them."""
+_OF_STOPS = (_SIZE, "spacing")
+"""Settings that a surface does not use."""
 
 
 def rows_of_piezod(case: Case) -> list[Row]:
@@ -51,7 +55,20 @@ def _kind(candidate: Candidate, candidates: tuple[Candidate, ...]) -> str:
 
 
 def _settings(candidate: Candidate) -> Mapping[str, object]:
-    return asdict(candidate.fit.settings)
+    settings = asdict(candidate.fit.settings)
+    if candidate.fit.settings.method is Method.SURFACE:
+        return {name: value for name, value in settings.items() if name not in _OF_STOPS}
+    return settings
+
+
+def _found(candidate: Candidate) -> str:
+    """Return what the fit has found beside the settings, for people: its size, or its terms."""
+    match candidate.fit.model.form:
+        case SurfaceForm(activation=activation, path=path):
+            terms = ("rate lag", activation), ("path", path)
+            return " and ".join(name for name, present in terms if present) or "no further term"
+        case _:
+            return f"{_SIZE} {candidate.fit.settings.order}"
 
 
 def _row(name: str, candidate: Candidate, case: Case, search_s: float) -> Row:
@@ -63,7 +80,7 @@ def _row(name: str, candidate: Candidate, case: Case, search_s: float) -> Row:
     fitted_s = perf_counter()
     return Row(
         method=name,
-        setting=f"{_SIZE} {_settings(candidate)[_SIZE]}",
+        setting=_found(candidate),
         held_out_max_pct=errors["voltage_error_max_pct"],
         held_out_rms_pct=errors["voltage_error_rms_pct"],
         test_max_pct=worst(residuals),
