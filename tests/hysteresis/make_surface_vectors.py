@@ -17,6 +17,8 @@ FILE: Final = Path(__file__).with_name("surface_vectors.json")
 DIGITS: Final = 50
 HALVINGS: Final = 120  # of an interval of at most 1: to 1e-36
 REFERENCE_RATE_PER_S: Final = Decimal("0.01")
+BACKLASH: Final = Decimal("1e-4")
+CYCLES_TO_REST: Final = 100
 
 LEGENDRE: Final = (
     (1,),
@@ -45,9 +47,14 @@ SURFACES: Final[dict[str, dict[str, Any]]] = {
     "all": {"coefficients": ALL},
     "flat": {"coefficients": FLAT},
     "lag": {"coefficients": ALL, "activation": 0.004, "prompt_slope": 0.6, "period_s": 0.01},
+    "path": {"coefficients": ALL, "path": {"weight": -0.12, "decay": 2.5, "skew": 0.25}},
+    "path, slower at first": {
+        "coefficients": ROOTS,
+        "path": {"weight": 0.3, "decay": 6.0, "skew": -0.5},
+    },
 }
 """A straight line, wider loops for larger swings, all coefficients, a slope of 0.012 after each
-reversal, and a lag with the rate."""
+reversal, a lag with the rate, and two parts that relax along the path."""
 
 DRIVES: Final[dict[str, list[float]]] = {
     "both ends": [0.0, 0.3, 1.0, 0.6, 0.0, 0.4, 1.0, 0.0],
@@ -95,22 +102,59 @@ def lagging(before: Decimal, drive: Decimal, activation: Decimal, advance: Decim
     return low
 
 
+def relaxed(h: Decimal, move: Decimal, decay: Decimal, skew: Decimal) -> Decimal:
+    """Return h of dh = dz - b |dz| h - g dz |h| after a move, for b and g/b."""
+    sign = Decimal(1).copy_sign(move)
+    k, way = sign * h, abs(move)  # dk = (1 - b k - g |k|) |dz|
+    if k < 0:
+        slow = decay * (1 - skew)
+        to_zero = (1 - slow * k).ln() / slow
+        if way < to_zero:
+            return sign * (1 - (1 - slow * k) * (-slow * way).exp()) / slow
+        k, way = Decimal(0), way - to_zero
+    fast = decay * (1 + skew)
+    return sign * (1 - (1 - fast * k) * (-fast * way).exp()) / fast
+
+
+def path_parts(drives: Sequence[Decimal], decay: float, skew: float) -> list[Decimal]:
+    """Return h - h_0 after each drive from rest, of a drive behind a backlash."""
+    b, ratio = Decimal(decay), Decimal(skew)
+    at_rest = Decimal(0)
+    for _ in range(CYCLES_TO_REST):
+        for move in (Decimal(1), Decimal(-1)):
+            at_rest = relaxed(at_rest, move, b, ratio)
+    h, pinned, parts = at_rest, Decimal(0), []
+    for drive in drives:
+        way = abs(drive - pinned) - BACKLASH
+        if way > 0:
+            move = way.copy_sign(drive - pinned)
+            h, pinned = relaxed(h, move, b, ratio), pinned + move
+        parts.append(h - at_rest)
+    return parts
+
+
 def displacements(
     drives: Sequence[float],
     coefficients: Sequence[Sequence[float]],
     activation: float = 0.0,
     prompt_slope: float = 0.0,
     period_s: float = 1.0,
+    path: dict[str, float] | None = None,
 ) -> list[float]:
     """Return the displacement after each drive from rest."""
     past, found = [Decimal(0)], []
     with localcontext() as context:
         context.prec = DIGITS
         advance = 2 * REFERENCE_RATE_PER_S * Decimal(period_s)
-        for drive in map(Decimal, drives):
+        exact = [Decimal(drive) for drive in drives]
+        parts = [Decimal(0)] * len(exact)
+        if path:
+            weight = Decimal(path["weight"])
+            parts = [weight * each for each in path_parts(exact, path["decay"], path["skew"])]
+        for drive, part in zip(exact, parts, strict=True):
             lag = Decimal(activation)
             past.append(lagging(past[-1], drive, lag, advance) if activation else drive)
-            total = Decimal(prompt_slope) * (drive - past[-1])
+            total = part + Decimal(prompt_slope) * (drive - past[-1])
             for one, other in pairwise(dominant_extrema(past)):
                 change = everett(coefficients, max(one, other), min(one, other))
                 total += change if other > one else -change

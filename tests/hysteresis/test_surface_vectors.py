@@ -12,6 +12,7 @@ from piezod.hysteresis.everett_memory import (
     displacement_beside,
     new_surface_memory,
 )
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.hysteresis.surface_form import SurfaceForm
 from tests.hysteresis.make_surface_vectors import FILE, vectors
 from tests.hysteresis.surfaces import Floats
@@ -28,7 +29,9 @@ class Vector:
     def __init__(self, name: str, path: str) -> None:
         surface: dict[str, Any] = RECORDED["surfaces"][name]
         lag = ("activation", "prompt_slope", "period_s")
-        self.form = SurfaceForm(**{key: surface[key] for key in lag if key in surface})
+        relaxing = PathRelaxation(**surface["path"]) if "path" in surface else None
+        lagging = {key: surface[key] for key in lag if key in surface}
+        self.form = SurfaceForm(**lagging, path=relaxing)
         self.coefficients: Floats = np.ravel(surface["coefficients"]).astype(np.float64)
         self.drives: Floats = np.array(RECORDED["drives"][path])
         self.displacements: Floats = np.array(surface["displacements"][path])
