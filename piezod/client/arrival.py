@@ -17,13 +17,17 @@ _NO_CAUSE: Final = frozenset({Fault.D10, Fault.P6, Fault.P7, Fault.P11, Fault.P1
 _REMEDIES: Final[dict[str, str]] = {
     Mode.UNCOMPENSATED: "mode uncompensated leaves the hysteresis of the stage in: choose another "
     "mode, as in `piezod mode feedforward`",
-    Mode.FEEDFORWARD: "the model errs by that much, or the stage has drifted: choose mode trimmed "
-    "or adaptive, or identify again",
+    Mode.FEEDFORWARD: "the model errs by that much, or there is none, or the stage has drifted: "
+    "choose mode trimmed or adaptive, or identify again",
     Mode.ADAPTIVE: "the learned model errs by that much: choose mode trimmed, or move more before",
     Mode.TRIMMED: "the trim has not got there yet, or has reached its authority, or the drive its "
     "limit: allow more time, and see `piezod status`",
 }
 """What to do about a steady error, by mode."""
+_UNKNOWN_MEMORY: Final = (
+    "the hysteresis memory is unknown (D10): `piezod stop`, `piezod arm` and `piezod condition` "
+    "make it known"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,10 +133,11 @@ def too_late(interval: Telemetry, axis: str | None, timeout_s: float) -> NotReac
     now = interval.axes[name]
     if now.error_um.last is not None:
         what += f", the error is {now.error_um.last:+.3f} µm"
-    return NotReachedError(what, f"the stage continues; {_likely_cause(now)}", "timeout")
+    cause = _likely_cause(now, memory_unknown=Fault.D10 in interval.faults)
+    return NotReachedError(what, f"the stage continues; {cause}", "timeout")
 
 
-def _likely_cause(now: AxisTelemetry) -> str:
+def _likely_cause(now: AxisTelemetry, *, memory_unknown: bool) -> str:
     """Return why a position is not reached, the likeliest cause first, and what to do."""
     command_um, target_um = now.command_um.last, now.target_um
     if command_um is None or target_um is None or now.error_um.min is None:
@@ -142,6 +147,8 @@ def _likely_cause(now: AxisTelemetry) -> str:
     low_um, high_um = now.error_um.min, now.error_um.max or 0.0
     # An error that keeps its sign is no noise.
     if low_um * high_um > 0.0:
+        if memory_unknown and now.mode != Mode.UNCOMPENSATED:
+            return _UNKNOWN_MEMORY
         return _REMEDIES.get(now.mode, "the model errs by that much: identify again")
     return (
         f"the error varies between {low_um:+.3f} and {high_um:+.3f} µm: the tolerance is not above "

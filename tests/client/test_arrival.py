@@ -6,8 +6,10 @@ from piezod.client.arrival import too_late
 from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 
 
-def interval(mode: str, error_um: tuple[float, float], command_um: float = 5.0) -> Telemetry:
-    """Return the last interval of a movement to 5 µm, with the range of its error."""
+def interval(
+    mode: str, error_um: tuple[float, float], command_um: float = 5.0, faults: tuple[str, ...] = ()
+) -> Telemetry:
+    """Return the last interval of a movement to 5 µm, with the range of its error and faults."""
     low_um, high_um = error_um
     unknown = Range(min=None, max=None, last=None)
     axis = AxisTelemetry(
@@ -19,7 +21,7 @@ def interval(mode: str, error_um: tuple[float, float], command_um: float = 5.0) 
         mode=mode,
     )
     return Telemetry(
-        document={}, t_s=1.0, cycles=50, lost=0, state="RUN", faults=(), skipped_cycles=0,
+        document={}, t_s=1.0, cycles=50, lost=0, state="RUN", faults=faults, skipped_cycles=0,
         axes={"x": axis},
     )  # fmt: skip
 
@@ -28,7 +30,15 @@ def interval(mode: str, error_um: tuple[float, float], command_um: float = 5.0) 
     ("last", "cause"),
     [
         (interval("uncompensated", (1.25, 1.31)), "mode uncompensated leaves the hysteresis"),
-        (interval("feedforward", (-0.4, -0.3)), "the model errs by that much, or the stage"),
+        (interval("feedforward", (-0.4, -0.3)), "the model errs by that much, or there is none"),
+        (
+            interval("feedforward", (-1.6, -1.5), faults=("D10",)),
+            "the hysteresis memory is unknown (D10): `piezod stop`, `piezod arm` and",
+        ),
+        (
+            interval("uncompensated", (1.2, 1.3), faults=("D10",)),
+            "mode uncompensated leaves the hysteresis",
+        ),
         (interval("adaptive", (0.3, 0.4)), "the learned model errs by that much"),
         (interval("trimmed", (0.3, 0.4)), "the trim has not got there yet"),
         (interval("uncompensated", (-0.2, 0.3)), "the error varies between -0.200 and +0.300 µm"),
