@@ -35,6 +35,7 @@ REST_S = 1.0
 """Rest at the rest voltage before each play, in s."""
 LOWEST_HZ, HIGHEST_HZ = 10.0, 3000.0
 """The multisine that measures the response of an axis which has no response file."""
+_TOO_LARGE = "too_large"
 AMPLITUDES = (0.03, 0.015, 0.007, 0.003)
 """Its amplitudes, as shares of the range: the first one that is not too fast for the axis."""
 HIGHEST_SHARE = 0.15
@@ -157,5 +158,10 @@ def _known(axis: PlayingAxis) -> KnownAxis:
         try:
             return axis.known(MultisineSettings(axis.interval_ns, lowest_hz, highest_hz, amplitude))
         except RefusedError as error:
+            if error.code == _TOO_LARGE:
+                what = f"the table that measures the response does not fit into a request: {error}"
+                raise DataError(
+                    f"{what}; a longer interval between points makes it smaller"
+                ) from error
             refusal = error
     raise DataError(f"no multisine is slow enough for the axis: {refusal}")

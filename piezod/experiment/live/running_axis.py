@@ -8,6 +8,9 @@ from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.stage import AtRest, AxisRecord, AxisTable, Identity
 from piezod.units import NS_PER_S, s_to_ns
 
+_DECIMALS = 5
+"""Digits of a voltage behind the point: 10 µV, so that long tables fit into a request."""
+
 
 class RunningAxis:
     """Implements `IdentifiedStage` for one axis of a running stage, which is armed and at rest.
@@ -34,8 +37,8 @@ class RunningAxis:
         """Play a table, which the daemon checks; return its record."""
         played = self._stage.play(
             self._name,
-            table.period_v.tolist(),
-            table.lead_in_v.tolist(),
+            np.round(table.period_v, _DECIMALS).tolist(),
+            np.round(table.lead_in_v, _DECIMALS).tolist(),
             table.interval_ns / NS_PER_S,
             table.cycles,
         )

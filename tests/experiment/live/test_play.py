@@ -1,5 +1,7 @@
 """A waveform that is learned on a running stage, as a program of Python does it."""
 
+import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,25 @@ def test_waveform_is_learned_and_the_stage_disarmed() -> None:
     assert learned.given.name == "waveform"
     assert stage.asked.count("play") == 1 + 1 + len(labels)  # zero, response, passes
     assert (stage.state, stage.asked[-2:]) == ("SAFE", ["stop", "end of the session"])
+
+
+class SmallBodies(PlayingStage):
+    """A stage that takes short tables only, as a daemon limits the size of a request."""
+
+    def _play(self, body: Mapping[str, Any]) -> None:
+        if len(json.dumps(body)) > 8000:
+            raise RefusedError("the body is too long", "", "too_large")
+        super()._play(body)
+
+
+def test_table_that_fits_into_no_request_is_named() -> None:
+    """A smaller amplitude does not make it shorter: none is tried, and the remedy is told."""
+    stage = SmallBodies(response=None)
+
+    with pytest.raises(DataError, match=r"too long; a longer interval .* makes it smaller"):
+        learn_waveform(stage, WAVE, 2, **BRIEF)
+
+    assert stage.asked.count("play") <= 2  # that of the zero, and one
 
 
 def test_learned_table_is_stored_and_used_again(tmp_path: Path) -> None:
