@@ -114,7 +114,7 @@ PROMISES: Final = MappingProxyType(
         "D2": Promise("DEGRADE", cycles=101),
         "D3": Promise("weights projected in the same step"),
         "D4": Promise("nothing learned"),
-        "D5": Promise("DEGRADE", cycles=10_100),
+        "D5": Promise("DEGRADE", cycles=10_500),
         "D6": Promise("WARN; DEGRADE 0.5 s later", cycles=600),
         "D7": Promise("nothing learned", cycles=1),
         "D8": Promise("older parameters, DEGRADE"),

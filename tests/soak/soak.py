@@ -7,16 +7,22 @@ from statistics import median
 from time import perf_counter, process_time
 from typing import Final, NamedTuple
 
-from piezod.config.model_file import load_model
+from piezod.config.model_file import ModelFile, dump_model, load_model
 from piezod.control.law.model_files import from_model_file
 from piezod.control.watch.adaptation import DRIFT_LIMIT
 from piezod.errors import ClientError
+from tests.control.surface_rig import surface_file
 from tests.daemon.daemons import SHIPPED, configuration
 from tests.soak.commands import Commands
 from tests.soak.machine import Machine
 from tests.soak.observer import Observer, Row
 
 IDENTIFIED: Final = SHIPPED.parent / "models" / "simulated-stack.yaml"
+MODELS: Final[dict[str, Callable[[], ModelFile]]] = {
+    "stops": lambda: load_model(IDENTIFIED),
+    "surface": surface_file,
+}
+"""The identified model of each class."""
 RATE_HZ: Final = 20.0
 RANGE_UM: Final = 26.0
 GROWN_MB: Final = 8.0
@@ -66,6 +72,7 @@ def soak(
     seed: int,
     log: Path,
     rate_hz: float = RATE_HZ,
+    model: str = "stops",
     progress: Callable[[float, list[Row]], None] = lambda *_: None,
     ended: Callable[[], bool] = bool,
 ) -> Result:
@@ -76,6 +83,7 @@ def soak(
         seed: Seed of commands, faults and noise.
         log: File for the log of the daemons.
         rate_hz: Rate of the loop, in Hz.
+        model: Class of the model, a key of `MODELS`.
         progress: Takes the simulated time in s, and the minutes so far, at the end of each daemon.
         ended: Returns whether to end early.
     """
@@ -84,8 +92,10 @@ def soak(
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - a folder in it
     with tempfile.TemporaryDirectory(prefix="pz-", dir=memory) as name, log.open("w") as stream:
         folder = Path(name)
-        source = configuration(folder, **_changes(rate_hz))
-        observer = Observer(RANGE_UM, folder, from_model_file(load_model(IDENTIFIED)))
+        identified, path = MODELS[model](), folder / "model.yaml"
+        path.write_text(dump_model(identified), encoding="utf-8")
+        source = configuration(folder, model=str(path), **_changes(rate_hz))
+        observer = Observer(RANGE_UM, folder, from_model_file(identified))
         machine = Machine(source, folder, seed, observer.take)
         commands = Commands(machine, observer, seed, duration_s, ended)
         found: list[str] = []
