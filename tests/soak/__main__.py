@@ -13,9 +13,10 @@ import sys
 from pathlib import Path
 
 from piezod.records.figures.style import save_png
+from tests.control.surface_rig import VARIANTS
 from tests.soak.figure import soak_figure
 from tests.soak.observer import Row
-from tests.soak.soak import ERROR_RMS_PCT, MODELS, RATE_HZ, Result, soak
+from tests.soak.soak import ERROR_RMS_PCT, RATE_HZ, Result, soak
 
 
 def main() -> int:
@@ -23,7 +24,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="simulated time")
     parser.add_argument("--rate", type=float, default=RATE_HZ, help="rate of the loop, in Hz")
-    parser.add_argument("--model", choices=MODELS, default="stops", help="class of the model")
+    parser.add_argument("--model", choices=VARIANTS, default="stops", help="model of the stage")
     parser.add_argument("--seed", type=int, default=None, help="seed; drawn if not given")
     parser.add_argument("--out", type=Path, default=Path("build/soak"), help="folder to write")
     chosen = parser.parse_args()

@@ -7,22 +7,16 @@ from statistics import median
 from time import perf_counter, process_time
 from typing import Final, NamedTuple
 
-from piezod.config.model_file import ModelFile, dump_model, load_model
+from piezod.config.model_file import load_model
 from piezod.control.law.model_files import from_model_file
 from piezod.control.watch.adaptation import DRIFT_LIMIT
 from piezod.errors import ClientError
-from tests.control.surface_rig import surface_file
-from tests.daemon.daemons import SHIPPED, configuration
+from tests.control.surface_rig import VARIANTS, model_path
+from tests.daemon.daemons import configuration
 from tests.soak.commands import Commands
 from tests.soak.machine import Machine
 from tests.soak.observer import Observer, Row
 
-IDENTIFIED: Final = SHIPPED.parent / "models" / "simulated-stack.yaml"
-MODELS: Final[dict[str, Callable[[], ModelFile]]] = {
-    "stops": lambda: load_model(IDENTIFIED),
-    "surface": surface_file,
-}
-"""The identified model of each class."""
 RATE_HZ: Final = 20.0
 RANGE_UM: Final = 26.0
 GROWN_MB: Final = 8.0
@@ -57,9 +51,11 @@ class Result(NamedTuple):
     took_s: tuple[float, float]
 
 
-def _changes(rate_hz: float) -> dict[str, str]:
-    """Return changes of the shipped configuration: what a loop at a low rate can do."""
+def _changes(rate_hz: float, model: str) -> dict[str, str]:
+    """Return changes of the shipped configuration: the stage, and what a slow loop can do."""
     return {
+        "rig": f"{{driver: simulated, options: {{variant: {VARIANTS[model]}}}}}",
+        "model": str(model_path(model)),
         "rate_hz": f"{rate_hz:g}",
         "speed_um_per_s": "5",
         "limits": "{drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 400, rest_v: 0}",
@@ -83,7 +79,7 @@ def soak(
         seed: Seed of commands, faults and noise.
         log: File for the log of the daemons.
         rate_hz: Rate of the loop, in Hz.
-        model: Class of the model, a key of `MODELS`.
+        model: The model of the stage, see `surface_rig`.
         progress: Takes the simulated time in s, and the minutes so far, at the end of each daemon.
         ended: Returns whether to end early.
     """
@@ -92,10 +88,9 @@ def soak(
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - a folder in it
     with tempfile.TemporaryDirectory(prefix="pz-", dir=memory) as name, log.open("w") as stream:
         folder = Path(name)
-        identified, path = MODELS[model](), folder / "model.yaml"
-        path.write_text(dump_model(identified), encoding="utf-8")
-        source = configuration(folder, model=str(path), **_changes(rate_hz))
-        observer = Observer(RANGE_UM, folder, from_model_file(identified))
+        source = configuration(folder, **_changes(rate_hz, model))
+        identified = from_model_file(load_model(model_path(model)))
+        observer = Observer(RANGE_UM, folder, identified)
         machine = Machine(source, folder, seed, observer.take)
         commands = Commands(machine, observer, seed, duration_s, ended)
         found: list[str] = []
