@@ -140,13 +140,20 @@ def test_stage_that_follows_worse_than_with_the_identified_model_is_detected(
 
 @pytest.mark.fault("D2")
 @pytest.mark.parametrize("closed", [True, False])
-def test_weights_that_are_nan_are_detected_within_a_tenth_of_a_second(closed: bool) -> None:
-    """This holds whether the weights are in use or not."""
+@pytest.mark.parametrize("identified", [MODEL, None], ids=["identified", "not identified"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_weights_that_are_not_finite_are_detected_within_a_tenth_of_a_second(
+    value: float, identified: StageModel | None, closed: bool
+) -> None:
+    """This holds whether the weights are in use or not, and is not measured as a drift."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, MS)
-    shadowed.weights[3] = math.nan
+    watch = AdaptationWatch(0, shadowed, proof(), identified, POSITION_UM, MS)
+    shadowed.weights[3] = value
 
-    assert 0 < first(run(watch, lambda _k: 15.0, 200, closed=closed), "D2") <= 100
+    found = run(watch, lambda _k: 15.0, 600, closed=closed)
+
+    assert 0 < first(found, "D2") <= 100
+    assert {detection.fault for each in found for detection in each} == {"D2"}
 
 
 @pytest.mark.fault("D5")
