@@ -54,8 +54,9 @@ faults: $(STAMP) ## run the proofs of all faults, and compare their times with t
 chaos: $(STAMP) ## kill, starve and flood the processes of a stage (some minutes)
 	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos
 
-soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=)
-	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) --out build/soak
+soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=, MODEL=stops)
+	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) \
+		$(if $(MODEL),--model $(MODEL)) --out build/soak
 
 vm: $(STAMP) ## install the wheel in a virtual Debian with systemd, and check the service there
 	$(BIN)/python -m tests.vm

@@ -112,9 +112,9 @@ PROMISES: Final = MappingProxyType(
         # Adaptation.
         "D1": Promise("DEGRADE", cycles=2000),
         "D2": Promise("DEGRADE", cycles=101),
-        "D3": Promise("weights projected in the same step"),
+        "D3": Promise("corrected or taken back in the same step"),
         "D4": Promise("nothing learned"),
-        "D5": Promise("DEGRADE", cycles=10_100),
+        "D5": Promise("DEGRADE", cycles=10_500),
         "D6": Promise("WARN; DEGRADE 0.5 s later", cycles=600),
         "D7": Promise("nothing learned", cycles=1),
         "D8": Promise("older parameters, DEGRADE"),

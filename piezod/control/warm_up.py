@@ -88,7 +88,7 @@ def _warm_forms() -> None:
         identifier.predict(weights, 0.0, 0.0)
         form.smallest_slope(weights)
         form.widest_loop(weights, levels)
-        form.drive_gradient(weights, levels)
+        form.loop(levels).of(identifier)
 
 
 def warm_up(config: DaemonConfig) -> None:

@@ -266,3 +266,18 @@ def displacement_at(
     change, _ = path_change(terms, memory.last, lagging)
     beside = _beside(terms, drive - lagging, change)
     return displacement(coefficients, memory.values[side, start]) + move + beside
+
+
+@compiled
+def invert_record(
+    memory: Memory,
+    coefficients: FloatArray,
+    terms: FloatArray,
+    deadband: float,
+    positions: FloatArray,
+    drives: FloatArray,
+) -> None:
+    """Write the drives for a record of displacements, shape (n,) each. Real-time safe."""
+    for k in range(positions.size):
+        drives[k] = drive_for(memory, coefficients, terms, positions[k])
+        advance_drive(memory, terms, deadband, drives[k])

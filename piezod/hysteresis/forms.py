@@ -11,6 +11,7 @@ import numpy as np
 
 from piezod.hysteresis.bank import new_bank
 from piezod.hysteresis.least_squares import stop_regressors
+from piezod.hysteresis.loop_drives import LoopDrives, StopLoop
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.model import InverseMPI
 from piezod.hysteresis.slopes import projected
@@ -92,10 +93,11 @@ class ModelForm(Protocol):
             Drives at these displacements while they rise, and while they fall.
         """
 
-    def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:
-        """Return the change of the drives per change of each weight, shape (n, size).
+    def loop(self, positions: FloatArray) -> LoopDrives:
+        """Return what gives the drives at these displacements for weights that change.
 
-        The arguments are those of `drives_at`.
+        Args:
+            positions: (n,) displacements that rise once and fall once, from the relaxed state on.
         """
 
     def as_recorded(self, weights: FloatArray) -> FloatArray:
@@ -180,9 +182,9 @@ class StopForm:
         drives = self.inverse(weights).run(np.concatenate((positions, positions[::-1])))
         return drives[: positions.size], drives[positions.size :][::-1]
 
-    def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:  # noqa: ARG002 - the drive is linear in the weights
-        """Return E - x of all stops, shape (n, 2 M), paper eq. (29)."""
-        return stop_regressors(self.bank, positions)
+    def loop(self, positions: FloatArray) -> StopLoop:
+        """Return what gives the drives at these displacements, (n,)."""
+        return StopLoop(self.bank, positions)
 
     def as_recorded(self, weights: FloatArray) -> FloatArray:
         """Return the weights [a^r, a^l] of weights [a^l, a^r], shape (..., 2 M)."""

@@ -24,7 +24,7 @@ from piezod.jit import compiled
 
 
 @compiled
-def _fill_regressors(
+def fill_regressors(
     levels: FloatArray,
     values: FloatArray,
     now: FloatArray,
@@ -35,6 +35,7 @@ def _fill_regressors(
     positions: FloatArray,
     regressors: FloatArray,
 ) -> None:
+    """Write E - x of all stops for a record of displacements, shape (n, 2 M). Real-time safe."""
     memory = Memory(levels, values, now, last, counts)
     for k in range(positions.size):
         position = advance_plays(memory, bank, deadband, positions[k])
@@ -48,7 +49,7 @@ def stop_regressors(
     """Return E - x of all stops for a record of displacements, shape (n, 2 M), paper eq. (29)."""
     x = checked_series(positions)
     regressors = np.empty((x.size, bank.shape[1]))
-    _fill_regressors(*new_bank_memory(bank), bank, deadband, x, regressors)
+    fill_regressors(*new_bank_memory(bank), bank, deadband, x, regressors)
     return regressors
 
 

@@ -10,10 +10,11 @@ from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.hysteresis.everett_memory import (
     advance_displacement,
     advance_drive,
-    drive_for,
+    invert_record,
     new_displacement_memory,
     new_surface_memory,
 )
+from piezod.hysteresis.loop_drives import SurfaceLoop
 from piezod.hysteresis.memory import (
     CHANGE,
     MAXIMUM,
@@ -152,8 +153,11 @@ class SurfaceForm:
 
         Loops that do not close leave [0, 1], at drives inside the range.
         """
-        beyond = self.path.reach if self.path else 0.0
-        return np.clip(positions, -beyond, 1.0 + beyond)
+        return np.clip(positions, -self._beyond, 1.0 + self._beyond)
+
+    @property
+    def _beyond(self) -> float:
+        return self.path.reach if self.path else 0.0
 
     def drives_at(
         self, weights: FloatArray, positions: FloatArray, deadband: float = 0.0
@@ -167,7 +171,9 @@ class SurfaceForm:
         """
         drives = np.empty_like(positions)
         memory = new_surface_memory()
-        _invert(memory, weights, self.terms, deadband, np.ascontiguousarray(positions), drives)
+        invert_record(
+            memory, weights, self.terms, deadband, np.ascontiguousarray(positions), drives
+        )
         return drives
 
     def positions_at(self, weights: FloatArray, drives: FloatArray) -> FloatArray:
@@ -188,14 +194,9 @@ class SurfaceForm:
         drives = self.slow.drives_at(weights, np.concatenate((positions, positions[::-1])))
         return drives[: positions.size], drives[positions.size :][::-1]
 
-    def drive_gradient(self, weights: FloatArray, positions: FloatArray) -> FloatArray:
-        """Return the change of the drives per change of each coefficient, shape (n, 24)."""
-        memory, rows, slow = new_surface_memory(), [], self.slow.terms
-        for position in positions.tolist():
-            drive = drive_for(memory, weights, slow, position)
-            advance_drive(memory, slow, 0.0, drive)
-            rows.append(-memory.now / _branch_slope(memory, weights, slow))  # the position stays
-        return np.array(rows)
+    def loop(self, positions: FloatArray) -> SurfaceLoop:
+        """Return what gives the drives at these displacements, (n,), of slow motion."""
+        return SurfaceLoop(self.slow.terms, positions, self._beyond)
 
     def as_recorded(self, weights: FloatArray) -> FloatArray:
         """Return the coefficients, shape (..., 24)."""
@@ -275,17 +276,3 @@ def _follow(
 ) -> None:
     for k in range(drives.size):
         positions[k] = advance_displacement(memory, coefficients, terms, drives[k])
-
-
-@compiled
-def _invert(
-    memory: Memory,
-    coefficients: FloatArray,
-    terms: FloatArray,
-    deadband: float,
-    positions: FloatArray,
-    drives: FloatArray,
-) -> None:
-    for k in range(positions.size):
-        drives[k] = drive_for(memory, coefficients, terms, positions[k])
-        advance_drive(memory, terms, deadband, drives[k])

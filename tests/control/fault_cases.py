@@ -16,6 +16,7 @@ from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.rig_stage import FaultyStage, RigStage, cycles_until, has_left_run, quick_config
+from tests.control.surface_rig import with_model
 
 SWING = rq.Wave(
     command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
@@ -28,6 +29,7 @@ class SwingingStage(FaultyStage):
 
     Args:
         mode: Mode in which it follows.
+        model: Its model, see `surface_rig`.
         holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
         reads_back: Whether the amplifier reports its voltage.
         tells_restart: Whether the amplifier reports a restart.
@@ -37,13 +39,14 @@ class SwingingStage(FaultyStage):
     def __init__(
         self,
         mode: Mode = Mode.ADAPTIVE,
+        model: str = "stops",
         *,
         holds: bool = False,
         reads_back: bool = True,
         tells_restart: bool = False,
         strict_rt: bool = False,
     ) -> None:
-        config = quick_config()
+        config = with_model(quick_config(), model)
         loop = config.loop.model_copy(update={"strict_rt": strict_rt})
         super().__init__(
             config.model_copy(update={"loop": loop}),
@@ -69,9 +72,9 @@ class FaultCase:
     name: str = ""
 
 
-def run_case(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
+def run_case(case: FaultCase, model: str = "stops") -> tuple[SwingingStage, list[CycleRecord]]:
     """Return a stage after 200 ms of a fault and at rest, and its records since the fault."""
-    stage = SwingingStage()
+    stage = SwingingStage(model=model)
     stage.fail(case.kind, 200, **case.arguments)
     after = stage.run(0.2)
     while len(after) < 3000 and (stage.state not in AT_REST or abs(stage.x.drive_v) >= 0.5):

@@ -8,7 +8,7 @@ from piezod.config.modes import Mode
 from piezod.control.law import step as stops
 from piezod.control.law import surface_step as surfaces
 from piezod.control.warm_up import warm_up
-from piezod.hysteresis import rls_kernel, surface_rls_kernel
+from piezod.hysteresis import everett_memory, least_squares, rls_kernel, surface_rls_kernel
 from tests.control.rig_stage import RigStage, shipped_config
 from tests.control.surface_rig import surface_file
 
@@ -18,6 +18,8 @@ KERNELS: tuple[Callable[..., Any], ...] = (
     rls_kernel.step,
     surface_rls_kernel.step,
     surface_rls_kernel.predicted_drive,
+    least_squares.fill_regressors,
+    everett_memory.invert_record,
 )
 
 

@@ -80,15 +80,6 @@ def test_widest_loop_has_the_drives_of_a_full_swing() -> None:
     assert np.all(up[1:-1] > down[1:-1])
 
 
-def test_gradient_is_the_change_of_the_drives() -> None:
-    """Changed weights change the drives by the gradient times the change."""
-    x, change = path(), 0.01 * np.arange(6.0)
-
-    moved = FORM.drives_at(WEIGHTS + change, x) - FORM.drives_at(WEIGHTS, x)
-
-    assert FORM.drive_gradient(WEIGHTS, x) @ change == pytest.approx(moved, abs=1e-12)
-
-
 def test_smallest_slope_is_that_of_the_slope_coordinates() -> None:
     """The closed form and the slope coordinates give the same slope, for any sign."""
     for factor in (0.0, 1.0, -3.0, -20.0):

@@ -181,6 +181,7 @@ def test_prediction_with_the_own_model_is_the_drive_without_the_error(
     assert rls.predict(rls.weights, rls.offset - 0.01, 0.0) == pytest.approx(predicted + 0.01)
 
 
+@pytest.mark.fault("D3")
 @given(
     pairs=PAIRS,
     seed=st.integers(0, 9),

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from piezod.records.figures.style import save_png
+from tests.control.surface_rig import VARIANTS
 from tests.soak.figure import soak_figure
 from tests.soak.observer import Row
 from tests.soak.soak import ERROR_RMS_PCT, RATE_HZ, Result, soak
@@ -23,12 +24,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="simulated time")
     parser.add_argument("--rate", type=float, default=RATE_HZ, help="rate of the loop, in Hz")
+    parser.add_argument("--model", choices=VARIANTS, default="stops", help="model of the stage")
     parser.add_argument("--seed", type=int, default=None, help="seed; drawn if not given")
     parser.add_argument("--out", type=Path, default=Path("build/soak"), help="folder to write")
     chosen = parser.parse_args()
     seed = secrets.randbelow(10**6) if chosen.seed is None else chosen.seed
     chosen.out.mkdir(parents=True, exist_ok=True)
-    print(f"seed {seed}: {chosen.hours:g} h at {chosen.rate:g} Hz", flush=True)
+    print(f"seed {seed}: {chosen.hours:g} h at {chosen.rate:g} Hz, {chosen.model}", flush=True)
 
     def progress(elapsed_s: float, rows: list[Row]) -> None:
         print(f"{elapsed_s / 3600:6.2f} h", flush=True)
@@ -40,7 +42,13 @@ def main() -> int:
     gc.collect()
     gc.freeze()  # what has been imported stays
     result = soak(
-        3600 * chosen.hours, seed, chosen.out / "log", chosen.rate, progress, lambda: bool(signals)
+        3600 * chosen.hours,
+        seed,
+        chosen.out / "log",
+        chosen.rate,
+        chosen.model,
+        progress,
+        lambda: bool(signals),
     )
     if result.rows:
         what = f"{result.rows[-1].hour:.1f} simulated hours of a daemon"

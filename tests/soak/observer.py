@@ -8,12 +8,15 @@ from math import isfinite, nan, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS, Reaction, Source, ids
 from piezod.control.law.model import StageModel
 from piezod.control.watch.drift import ModelDrift
+from piezod.hysteresis import LearnedModel
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S
@@ -138,7 +141,8 @@ class Observer:
 
     def learned(self, learned: LearnedAxis) -> None:
         """Compare what was learned with the identified model."""
-        self.drift_pct = 100.0 * ModelDrift(self._model, learned).measure()
+        model = LearnedModel(np.array(learned.weights), learned.offset, learned.scale)
+        self.drift_pct = 100.0 * ModelDrift(self._model, model).measure()
 
     def take(self, record: CycleRecord) -> None:
         """Judge a cycle."""

@@ -11,12 +11,12 @@ from piezod.config.model_file import load_model
 from piezod.control.law.model_files import from_model_file
 from piezod.control.watch.adaptation import DRIFT_LIMIT
 from piezod.errors import ClientError
-from tests.daemon.daemons import SHIPPED, configuration
+from tests.control.surface_rig import VARIANTS, model_path
+from tests.daemon.daemons import configuration
 from tests.soak.commands import Commands
 from tests.soak.machine import Machine
 from tests.soak.observer import Observer, Row
 
-IDENTIFIED: Final = SHIPPED.parent / "models" / "simulated-stack.yaml"
 RATE_HZ: Final = 20.0
 RANGE_UM: Final = 26.0
 GROWN_MB: Final = 8.0
@@ -51,9 +51,11 @@ class Result(NamedTuple):
     took_s: tuple[float, float]
 
 
-def _changes(rate_hz: float) -> dict[str, str]:
-    """Return changes of the shipped configuration: what a loop at a low rate can do."""
+def _changes(rate_hz: float, model: str) -> dict[str, str]:
+    """Return changes of the shipped configuration: the stage, and what a slow loop can do."""
     return {
+        "rig": f"{{driver: simulated, options: {{variant: {VARIANTS[model]}}}}}",
+        "model": str(model_path(model)),
         "rate_hz": f"{rate_hz:g}",
         "speed_um_per_s": "5",
         "limits": "{drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 400, rest_v: 0}",
@@ -66,6 +68,7 @@ def soak(
     seed: int,
     log: Path,
     rate_hz: float = RATE_HZ,
+    model: str = "stops",
     progress: Callable[[float, list[Row]], None] = lambda *_: None,
     ended: Callable[[], bool] = bool,
 ) -> Result:
@@ -76,6 +79,7 @@ def soak(
         seed: Seed of commands, faults and noise.
         log: File for the log of the daemons.
         rate_hz: Rate of the loop, in Hz.
+        model: The model of the stage, see `surface_rig`.
         progress: Takes the simulated time in s, and the minutes so far, at the end of each daemon.
         ended: Returns whether to end early.
     """
@@ -84,8 +88,9 @@ def soak(
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - a folder in it
     with tempfile.TemporaryDirectory(prefix="pz-", dir=memory) as name, log.open("w") as stream:
         folder = Path(name)
-        source = configuration(folder, **_changes(rate_hz))
-        observer = Observer(RANGE_UM, folder, from_model_file(load_model(IDENTIFIED)))
+        source = configuration(folder, **_changes(rate_hz, model))
+        identified = from_model_file(load_model(model_path(model)))
+        observer = Observer(RANGE_UM, folder, identified)
         machine = Machine(source, folder, seed, observer.take)
         commands = Commands(machine, observer, seed, duration_s, ended)
         found: list[str] = []

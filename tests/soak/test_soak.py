@@ -23,24 +23,28 @@ from piezod.control.law.model_files import from_model_file
 from piezod.daemon.loop.accept import load
 from piezod.telemetry.record import AxisRecord, CycleRecord
 from piezod.units import NS_PER_S
+from tests.control.surface_rig import VARIANTS, model_path
 from tests.daemon.daemons import configuration
 from tests.soak.figure import soak_figure
 from tests.soak.observer import Observer, Row
 from tests.soak.rig import CheckedRig
-from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, IDENTIFIED, grown, logged
+from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, grown, logged
 from tests.soak.virtual_time import VirtualClock
 
 MONOTONIC = time.monotonic
-MODEL = from_model_file(load_model(IDENTIFIED))
+MODEL = from_model_file(load_model(model_path("stops")))
 
 
-@pytest.mark.parametrize("hours", [1 / 60, pytest.param(1.0, marks=pytest.mark.stress)])
-def test_stage_keeps_its_limits_and_recovers(tmp_path: Path, hours: float) -> None:
+@pytest.mark.parametrize(
+    ("model", "hours"),
+    [("surface", 1 / 60), *(pytest.param(one, 1.0, marks=pytest.mark.stress) for one in VARIANTS)],
+)
+def test_stage_keeps_its_limits_and_recovers(tmp_path: Path, model: str, hours: float) -> None:
     """Random commands, faults and restarts break no limit, and every state has its reason.
 
     Its process is its own: in virtual time the threads of other tests would wait for ever.
     """
-    arguments = ("--hours", f"{hours}", "--seed", "7", "--out", str(tmp_path))
+    arguments = ("--hours", f"{hours}", "--model", model, "--seed", "7", "--out", str(tmp_path))
     done = subprocess.run(
         [sys.executable, "-m", "tests.soak", *arguments],
         capture_output=True,

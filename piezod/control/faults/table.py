@@ -224,7 +224,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     FaultRule(Fault.L7, "loop often late", LOOP, WARN, L0, "warning",
               "lower rate_hz, or take load off the processor"),
     FaultRule(Fault.L8, "memory not resident when the loop needed it", LOOP, WARN, L0, "warning",
-              "free memory, or raise the service's limit"),
+              "free memory: end other programs, or add memory to the computer"),
     FaultRule(Fault.L9, "real-time privileges missing", LOOP, NONE, L0, "info",
               "install the service, or set rtprio and memlock for this user"),
     # Adaptation.

@@ -9,8 +9,9 @@ NEVER_SHOWN: Final = MappingProxyType(
     {
         Fault.L9: "It is known before the first cycle and does not change: `piezod status` names "
         "each step that failed. `strict_rt` refuses to arm.",
-        Fault.D3: "It cannot occur: each learning step ends with the nearest weights that can be "
-        "inverted. A stage that follows worse with them has D1.",
+        Fault.D3: "It cannot occur: if a learning step gives a model that cannot be inverted, the "
+        "slopes of stops are raised to their smallest value, and a surface is corrected or the "
+        "step taken back. A stage that follows worse with it has D1.",
         Fault.D4: "It is part of normal work: nothing is learned, and `piezod watch` and "
         "recordings show the gate of the axis (quiet).",
         Fault.D7: "As D4: the gate names the reason (invalid, late, limited, skipped, spike, "
@@ -30,8 +31,7 @@ GAPS: Final = MappingProxyType(
         Fault.B14: "It is detected when the port is opened. While the port is open, a program of "
         "root, or one that had the port before, is not seen: what it sends shows as B3, B4 or B5.",
         Fault.L8: "Only page faults of the loop are counted. The size of the process is not "
-        "compared with the limit of the service: the loop locks its memory at the start and needs "
-        "no more.",
+        "looked at: the loop locks its memory at the start and needs no more.",
     }
 )
 """What is not detected of faults that the register has."""
@@ -39,7 +39,7 @@ GAPS: Final = MappingProxyType(
 IN_SHORT: Final = MappingProxyType(
     {
         Fault.L9: "known before the first cycle: a line above names what is missing, if any",
-        Fault.D3: "cannot occur: a learning step ends with weights that can be inverted",
+        Fault.D3: "cannot occur: a learning step ends with a model that can be inverted",
         Fault.D4: "part of normal work: `piezod watch` shows the gate of the axis (quiet)",
         Fault.D7: "part of normal work: `piezod watch` shows the gate with its reason",
         Fault.D9: "cannot occur: the drive fades to the new mode within its slew rate",

@@ -5,31 +5,15 @@ on their sum. This module compares the drives that both models request along the
 down.
 """
 
-from collections.abc import Sequence
-from typing import Protocol
-
 import numpy as np
 
 from piezod.control.law.model import StageModel
-from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis import LearnedModel
+from piezod.hysteresis.adaptation import Adaptable
 
 _LEVELS = 9
-
-
-class Learned(Protocol):
-    """What an identifier has learned."""
-
-    @property
-    def weights(self) -> FloatArray | Sequence[float]:
-        """Weights of the model."""
-
-    @property
-    def offset(self) -> float:
-        """Offset of the displacement, normalised."""
-
-    @property
-    def scale(self) -> float:
-        """Scale of the displacement."""
+"""Displacements on each branch. Between them, just after the turn, the difference may be larger, by
+a few percent of the range."""
 
 
 class ModelDrift:
@@ -37,31 +21,21 @@ class ModelDrift:
 
     Args:
         model: The identified model.
-        learned: What was learned.
+        learned: What was learned; finite.
     """
 
-    def __init__(self, model: StageModel, learned: Learned) -> None:
+    def __init__(self, model: StageModel, learned: Adaptable) -> None:
         rise = np.linspace(0.0, 1.0, _LEVELS)
-        self._positions: FloatArray = np.concatenate((rise, rise[::-1]))
-        self._per_weight = model.form.drive_gradient(model.weights, self._positions)
-        self._identified = model.weights.copy()
+        self._loop = model.form.loop(np.concatenate((rise, rise[-2::-1])))
+        self._identified = self._loop.of(LearnedModel(model.weights)).copy()
         self._learned = learned
-        self._moved = np.empty_like(self._identified)
-        self._drives = np.empty(self._positions.size)
-        self._seen = np.empty_like(self._drives)
 
     def measure(self) -> float:
         """Return the largest difference of the drives, as a share of the range.
 
-        Takes a few µs. The result is NaN if a weight is NaN.
+        Takes 10 to 20 µs.
         """
-        learned = self._learned
-        # The drive changes by the weights, by the scale in proportion to the position, and by the
-        # offset. Every result goes into an existing array, so that nothing is allocated.
-        np.subtract(learned.weights, self._identified, out=self._moved)
-        np.dot(self._per_weight, self._moved, out=self._drives)
-        np.multiply(self._positions, learned.scale, out=self._seen)
-        self._drives += self._seen
-        self._drives -= learned.offset
-        np.abs(self._drives, out=self._drives)
-        return float(self._drives.max())
+        drives = self._loop.of(self._learned)
+        np.subtract(drives, self._identified, out=drives)
+        np.abs(drives, out=drives)
+        return float(drives.max())

@@ -32,6 +32,7 @@ from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from piezod.units import NS_PER_S
 from tests.control.rig_stage import ON_TIME, FaultyStage, quick_config
+from tests.control.surface_rig import with_model
 
 ARMED: Final = frozenset({State.READY, State.RUN, State.IDENT})
 PEOPLE: Final = tuple(Peer(uid, uid, f"user{uid}", "", Role.ENGINEER) for uid in (1, 2))
@@ -48,7 +49,7 @@ WITHIN_S: Final = 12.0
 
 
 @cache
-def brisk_config() -> DaemonConfig:
+def brisk_config(model: str) -> DaemonConfig:
     """Return the configuration of the repository, with its rate, with short programs, and slow.
 
     At the slew rate of the repository one step is most of the range, and no step would be a fault.
@@ -56,14 +57,19 @@ def brisk_config() -> DaemonConfig:
     axis = quick_config().axes["x"]
     limits = axis.limits.model_copy(update={"slew_v_per_s": SLEW_V_PER_S})
     axes = {"x": axis.model_copy(update={"limits": limits})}
-    return quick_config().model_copy(update={"rate_hz": RATE_HZ, "axes": axes})
+    brisk = quick_config().model_copy(update={"rate_hz": RATE_HZ, "axes": axes})
+    return with_model(brisk, model)
 
 
 class CommandedStage(FaultyStage):
-    """A stage of one axis with two people, a lease and an amplifier that may fail."""
+    """A stage of one axis with two people, a lease and an amplifier that may fail.
 
-    def __init__(self) -> None:
-        super().__init__(brisk_config())
+    Args:
+        model: Its model, see `surface_rig`.
+    """
+
+    def __init__(self, model: str = "stops") -> None:
+        super().__init__(brisk_config(model))
         limits = self.config.axes["x"].limits
         self._range_v = limits.drive_min_v, limits.drive_max_v
         self._tolerance_v = self.stage.axes[0].law.limits.read_back_tolerance_v

@@ -21,10 +21,12 @@ from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.fault_cases import SwingingStage
 from tests.control.rig_stage import RigStage, cycles_until, quick_config
+from tests.control.surface_rig import EACH_MODEL, with_model
 
 PUNCTUAL = CycleTiming(0, 0, 10_000, 0, 0)
 LATE = PUNCTUAL._replace(late_ns=600_000)
 LAG_CYCLES = 12
+OTHER_MODELS = ("stops", "lag", "path")
 
 
 def is_degraded(record: CycleRecord) -> bool:
@@ -54,17 +56,25 @@ def test_noisy_sensor_leads_to_feedforward(reaction: Reaction) -> None:
 
 
 @pytest.mark.fault("D5")
-def test_model_far_from_the_identified_one_leads_to_feedforward(reaction: Reaction) -> None:
-    """The learned model is replaced by one that differs by 33 % of the range at its upper end.
+@pytest.mark.parametrize(
+    "model", ["surface", *(pytest.param(one, marks=pytest.mark.stress) for one in OTHER_MODELS)]
+)
+def test_model_far_from_the_identified_one_leads_to_feedforward(
+    model: str, reaction: Reaction
+) -> None:
+    """The learned model is replaced by one that needs much less drive at its upper end.
 
-    The stage rests at the lower end, where both models agree: nothing moves, and nothing is
+    The stage rests at the lower end, where both models need none: nothing moves, and nothing is
     learned.
     """
-    stage = SwingingStage()
-    stage.do(rq.Goto(position_um=0.3))
+    stage = SwingingStage(model=model)
+    stage.do(rq.Goto(position_um=0.0))
     stage.run(1.5)
     adaptation = stage.stage.axes[0].law.identifier.adaptation
-    adaptation.adopt(adaptation.weights.copy(), offset=0.03, scale=-0.3)
+    if model == "stops":
+        adaptation.adopt(adaptation.weights.copy(), offset=0.1, scale=-0.3)
+    else:
+        adaptation.adopt(1.8 * adaptation.weights)
     after = stage.run(11.0)
 
     reaction("D5", cycles=check_degraded(stage, after, Fault.D5))
@@ -106,9 +116,9 @@ class LaggingSensor(FaultyDevice):
         return [sample._replace(position_um=older.position_um) if self.lags else sample]
 
 
-def trimmed_stage() -> tuple[RigStage, LaggingSensor]:
+def trimmed_stage(model: str) -> tuple[RigStage, LaggingSensor]:
     """Return a stage that rests at 12 µm, with a trim that is stable unless the sensor lags."""
-    config, built = quick_config(), list[LaggingSensor]()
+    config, built = with_model(quick_config(), model), list[LaggingSensor]()
 
     def lagging(device: Device) -> Device:
         built.append(LaggingSensor(device))
@@ -125,13 +135,16 @@ def trimmed_stage() -> tuple[RigStage, LaggingSensor]:
 
 
 @pytest.mark.fault("D6")
-def test_oscillating_stage_is_warned_of_and_then_led_to_feedforward(reaction: Reaction) -> None:
+@pytest.mark.parametrize("model", EACH_MODEL)
+def test_oscillating_stage_is_warned_of_and_then_led_to_feedforward(
+    model: str, reaction: Reaction
+) -> None:
     """A delay that the configuration does not name makes the trim oscillate.
 
     With half its gain it still does. In feedforward the oscillation ends, so that HOLD does not
     follow.
     """
-    stage, sensor = trimmed_stage()
+    stage, sensor = trimmed_stage(model)
     trim, before_ns = stage.stage.axes[0].law.trim, stage.t_ns
     sensor.lags = True
     after = stage.run(0.65)

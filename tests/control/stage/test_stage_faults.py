@@ -21,6 +21,7 @@ from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
 from tests.control.rig_stage import FaultyStage, RigStage, cycles_until, has_left_run, quick_config
+from tests.control.surface_rig import EACH_MODEL, with_model
 
 CASES = [
     FaultCase("S1", InjectionKind.STUCK, {}, State.HOLD, 60),
@@ -54,6 +55,17 @@ def result_of(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
 def test_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase, reaction: Reaction) -> None:
     """The fault is reported, the stage leaves RUN within the bound, and ends at rest."""
     check_course(case, *result_of(case), reaction)
+
+
+@pytest.mark.fault("S9")
+@pytest.mark.parametrize("model", EACH_MODEL[1:])
+def test_position_beside_the_loops_of_a_surface_holds_the_stage(
+    model: str, reaction: Reaction
+) -> None:
+    """The same case for a stage whose model is a surface: the sensor shows 40 % of each move."""
+    (case,) = (one for one in CASES if one.fault == "S9")
+
+    check_course(case, *run_case(case, model), reaction)
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
@@ -269,9 +281,10 @@ def test_oscillating_axis_has_half_the_gain_until_a_reset() -> None:
 
 
 @pytest.mark.fault("D10")
-def test_unknown_memory_is_shown_until_conditioning(reaction: Reaction) -> None:
+@pytest.mark.parametrize("model", EACH_MODEL)
+def test_unknown_memory_is_shown_until_conditioning(model: str, reaction: Reaction) -> None:
     """It is shown while it matters: not in SAFE, and not in mode uncompensated."""
-    stage = RigStage(quick_config(), memory_known=False)
+    stage = RigStage(with_model(quick_config(), model), memory_known=False)
     stage.cycle()
     before = ids(stage.records[-1].present)
     before_ns = stage.t_ns

@@ -19,6 +19,7 @@ from piezod.hysteresis import even_thresholds
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.rig_stage import FaultyStage, RigStage, shipped_config
+from tests.control.surface_rig import EACH_MODEL, with_model
 
 RANGE_UM = 31.3
 
@@ -103,9 +104,12 @@ def test_lms_is_refused_with_the_thresholds_of_an_adopted_model() -> None:
 
 @pytest.mark.fault("D1")
 @pytest.mark.usefixtures("learns_nothing")
-def test_learned_model_that_is_worse_is_a_fault_and_is_dropped(reaction: Reaction) -> None:
+@pytest.mark.parametrize("model", EACH_MODEL)
+def test_learned_model_that_is_worse_is_a_fault_and_is_dropped(
+    model: str, reaction: Reaction
+) -> None:
     """The stage degrades to the identified model and arrives, although it was off in RUN."""
-    stage = running(with_compensator({}, rate_hz=1000.0), Mode.FEEDFORWARD)
+    stage = running(with_model(with_compensator({}, rate_hz=1000.0), model), Mode.FEEDFORWARD)
     stage.do(rq.Goto(position_um=13.0))
     stage.run(1.5)
 
@@ -154,9 +158,10 @@ def test_proven_model_stays_when_learning_ends() -> None:
 
 @pytest.mark.fault("D2")
 @pytest.mark.usefixtures("learns_nothing")
-def test_weights_that_are_nan_do_not_outlive_their_mode(reaction: Reaction) -> None:
+@pytest.mark.parametrize("model", EACH_MODEL)
+def test_weights_that_are_nan_do_not_outlive_their_mode(model: str, reaction: Reaction) -> None:
     """The stage degrades to the identified model, and still moves to its target."""
-    stage = running(with_compensator({}))
+    stage = running(with_model(with_compensator({}), model))
     error_um(stage, 13.0)
 
     before_ns = stage.t_ns

@@ -23,6 +23,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind as Kind
 from tests.control.rig_stage import ON_TIME
 from tests.control.stage.commanded_stage import PEOPLE, CommandedStage
+from tests.control.surface_rig import VARIANTS
 
 REQUESTS: Final[list[rq.Request]] = [
     rq.Arm(),
@@ -68,12 +69,7 @@ SETPOINTS_UM: Final = st.floats(0.0, 30.0) | st.sampled_from([nan, inf, -1.0])
 
 
 class AnyHistory(RuleBasedStateMachine):
-    """What may happen to a stage; `CommandedStage` checks each step."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.stage, self.restarts = CommandedStage(), 0
-        self.stage.cycle()
+    """What may happen to a stage with any model; `CommandedStage` checks each step."""
 
     @rule(person=st.sampled_from(PEOPLE), request=st.sampled_from(REQUESTS))
     def command(self, person: Peer, request: rq.Request) -> None:
@@ -81,9 +77,15 @@ class AnyHistory(RuleBasedStateMachine):
         self.stage.command(person, request)
         self.stage.cycle()
 
-    @initialize(mode=st.sampled_from([None, *Mode]), position_um=st.floats(0.0, 25.0))
-    def start(self, mode: Mode | None, position_um: float) -> None:
+    @initialize(
+        model=st.sampled_from(list(VARIANTS)),
+        mode=st.sampled_from([None, *Mode]),
+        position_um=st.floats(0.0, 25.0),
+    )
+    def start(self, model: str, mode: Mode | None, position_um: float) -> None:
         """Somebody moves the stage, in four cases of five."""
+        self.stage, self.restarts = CommandedStage(model), 0
+        self.stage.cycle()
         if mode is not None:
             for request in (rq.Arm(), rq.SelectMode(mode=mode), rq.Goto(position_um=position_um)):
                 self.command(PEOPLE[0], request)

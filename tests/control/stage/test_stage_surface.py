@@ -14,7 +14,7 @@ from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.records.figures.run import mode_figure
 from piezod.records.telemetry_reader import read_telemetry
 from tests.control.rig_stage import RigStage, shipped_config
-from tests.control.surface_rig import surface_config, surface_file
+from tests.control.surface_rig import surface_file, with_model
 from tests.recorded import new_stage, run_modes, sine, write_recording
 
 
@@ -73,7 +73,7 @@ def test_surface_needs_recursive_least_squares() -> None:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the recording of a stage with a surface, with its coefficients."""
     folder = tmp_path_factory.mktemp("surface")
-    axis = surface_config(folder).axes["x"]
+    axis = with_model(shipped_config(), "surface").axes["x"]
     stage = new_stage(axis=axis)
     run_modes(stage, (Mode.FEEDFORWARD, Mode.ADAPTIVE))
     path = folder / "rec.h5"
@@ -83,7 +83,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_recording_of_a_surface_is_replayed(recording: Path) -> None:
     """Its own model repeats the drive; with the learned part of it to some mV."""
-    axis = surface_config(recording.parent).axes["x"]
+    axis = with_model(shipped_config(), "surface").axes["x"]
     assert axis.model is not None
     model, _ = read_model(axis.model)
 

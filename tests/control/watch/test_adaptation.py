@@ -15,16 +15,21 @@ from piezod.hysteresis import (
     RLSIdentifier,
     Shadowed,
     StopForm,
+    SurfaceForm,
+    SurfaceIdentifier,
     even_thresholds,
     new_bank,
 )
 from piezod.hysteresis.normalisation import AffineRange
 from tests.conftest import Reaction
 from tests.control.fakes import MS
+from tests.hysteresis.surfaces import Floats, drawn
 
 POSITION_UM = AffineRange(0.0, 30.0)
 BANK = new_bank(even_thresholds(5), even_thresholds(5))
 MODEL = StageModel(StopForm(BANK), np.full(10, 0.02), AffineRange(0.0, 150.0), POSITION_UM, 0.0)
+
+SURFACE = StageModel(SurfaceForm(), drawn(3), MODEL.drive_v, POSITION_UM, 0.0)
 
 
 def learner() -> Shadowed:
@@ -135,30 +140,48 @@ def test_stage_that_follows_worse_than_with_the_identified_model_is_detected(
 
 @pytest.mark.fault("D2")
 @pytest.mark.parametrize("closed", [True, False])
-def test_weights_that_are_nan_are_detected_within_a_tenth_of_a_second(closed: bool) -> None:
-    """This holds whether the weights are in use or not."""
+@pytest.mark.parametrize("identified", [MODEL, None], ids=["identified", "not identified"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_weights_that_are_not_finite_are_detected_within_a_tenth_of_a_second(
+    value: float, identified: StageModel | None, closed: bool
+) -> None:
+    """This holds whether the weights are in use or not, and is not measured as a drift."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, MS)
-    shadowed.weights[3] = math.nan
+    watch = AdaptationWatch(0, shadowed, proof(), identified, POSITION_UM, MS)
+    shadowed.weights[3] = value
 
-    assert 0 < first(run(watch, lambda _k: 15.0, 200, closed=closed), "D2") <= 100
+    found = run(watch, lambda _k: 15.0, 600, closed=closed)
+
+    assert 0 < first(found, "D2") <= 100
+    assert {detection.fault for each in found for detection in each} == {"D2"}
 
 
 @pytest.mark.fault("D5")
-@pytest.mark.parametrize(("share", "is_found"), [(0.2, False), (0.4, True)])
+@pytest.mark.parametrize(
+    ("weights", "offset", "differs", "is_found"),
+    [
+        (MODEL.weights, 0.2, 0.2, False),
+        (MODEL.weights, 0.4, 0.4, True),
+        (1.45 * SURFACE.weights, 0.0, 0.26, False),
+        (1.8 * SURFACE.weights, 0.0, 0.4, True),
+    ],
+    ids=["stops near", "stops far", "surface near", "surface far"],
+)
 def test_model_that_has_drifted_for_ten_seconds_is_detected(
-    share: float, is_found: bool, reaction: Reaction
+    weights: Floats, offset: float, differs: float, is_found: bool, reaction: Reaction
 ) -> None:
-    """A drive that differs by 40 % of its range is a fault; 20 % is allowed."""
-    shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, MS)
-    shadowed.adopt(MODEL.weights, offset=share)
+    """A drive that differs by 40 % of its range is a fault; 26 % is allowed."""
+    stops = weights.size == MODEL.weights.size
+    identified = MODEL if stops else SURFACE
+    learned = learner() if stops else Shadowed(SurfaceIdentifier(SURFACE.weights))
+    watch = AdaptationWatch(0, learned, proof(), identified, POSITION_UM, MS)
+    learned.adopt(weights, offset=offset)
     found = run(watch, lambda _k: 15.0, 12_000)
 
     assert first(found, "D5") == (10_000 - 1 if is_found else -1)
     if is_found:
         reaction("D5", cycles=first(found, "D5") + 1)
-    assert not is_found or found[-1][0].measured == pytest.approx(share)
+    assert not is_found or found[-1][0].measured == pytest.approx(differs, abs=0.03)
 
 
 def test_stage_without_a_model_has_no_drift() -> None:
