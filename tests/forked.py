@@ -1,22 +1,30 @@
 """`piezod` in a process of its own that starts at once: everything has been imported before.
 
 To import is most of what a short-lived process does. A server does it once for all processes of a
-test worker, and forks; otherwise they are what the command line starts.
+test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop and
+`piezod safe` in turn.
 """
 
 import multiprocessing
 import os
+import runpy
 import signal
 import subprocess
 import sys
+import threading
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from io import TextIOWrapper
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Final
 
-from piezod.cli import main
+from piezod.daemon.supervisor import loop_run
 
+PIEZOD: Final = "piezod.cli.main"
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["tests.preloaded"])
 
@@ -25,10 +33,11 @@ class Forked:
     """A process, as `subprocess.Popen` is one.
 
     Args:
-        arguments: Of `piezod`.
+        arguments: Of `piezod`, or of another module.
         streams: What it has for standard input, output and error; they stay open here.
         environ: Its environment; this process's if not given.
         folder: Its current folder; this process's if not given.
+        module: What it runs.
 
     Attributes:
         pid: Its number.
@@ -40,9 +49,11 @@ class Forked:
         streams: tuple[int, int, int],
         environ: Mapping[str, str] | None = None,
         folder: Path | None = None,
+        module: str = PIEZOD,
     ) -> None:
         theirs = [Connection(os.dup(each)) for each in streams]
-        what = tuple(arguments), str(folder or Path.cwd()), dict(environ or os.environ), theirs
+        command = (module, *arguments)
+        what = command, str(folder or Path.cwd()), dict(environ or os.environ), theirs
         self._process = _SERVER.Process(target=_run, args=what, daemon=True)
         self._process.start()
         for each in theirs:
@@ -119,18 +130,64 @@ def forked(*arguments: str) -> Iterator[Piped]:
 
 
 def _run(
-    arguments: Sequence[str], folder: str, environ: Mapping[str, str], streams: Sequence[Connection]
+    command: Sequence[str], folder: str, environ: Mapping[str, str], streams: Sequence[Connection]
 ) -> None:
-    """Be `piezod`, in the new process."""
+    """Run a module, in the new process."""
     for number, stream in enumerate(streams):
         os.dup2(stream.fileno(), number)
         stream.close()
+    os.chdir(folder)
+    vars(loop_run)["subprocess"] = SimpleNamespace(**{**vars(subprocess), "Popen": _ForkedModule})
+    _run_module(command, environ)
+
+
+def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
+    """Run a module as `python -m` does."""
     sys.stdin, sys.stdout, sys.stderr = (
         TextIOWrapper(os.fdopen(number, mode, closefd=False), encoding="utf-8")
         for number, mode in enumerate(("rb", "wb", "wb"))
     )
-    os.chdir(folder)
     os.environ.clear()
     os.environ.update(environ)
-    sys.argv = ["piezod", *arguments]
-    main.run()
+    sys.argv = list(command)
+    sys.modules.pop(command[0], None)  # it may be imported, but runs anew
+    runpy.run_module(command[0], run_name="__main__", alter_sys=True)
+
+
+class _ForkedModule(subprocess.Popen[bytes]):
+    """`python -m MODULE`, as a fork of this process.
+
+    Args:
+        command: The interpreter, "-m", the module and its arguments.
+        env: The environment.
+        options: Those of `Popen`.
+    """
+
+    def __init__(self, command: Sequence[str], env: Mapping[str, str], **options: Any) -> None:
+        # A fork of a process with threads is safe here: it needs no lock that one of them may hold.
+        super().__init__(command, preexec_fn=partial(_be, command[2:], env), **options)
+
+
+def _be(command: Sequence[str], environ: Mapping[str, str]) -> None:
+    """Run a module in a fork of a daemon, and end."""
+    os.closerange(3, os.sysconf("SC_OPEN_MAX"))
+    signal.set_wakeup_fd(-1)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+    for number in (signal.SIGPIPE, signal.SIGXFSZ):
+        signal.signal(number, signal.SIG_IGN)  # as Python has it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    code = 1
+    try:
+        _run_module(command, environ)
+        code = 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 0 if end.code is None else 1
+    except BaseException:  # noqa: BLE001 - whatever it is, a process ends with it
+        traceback.print_exc()
+    for thread in threading.enumerate():
+        if not (thread.daemon or thread is threading.current_thread()):
+            thread.join()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

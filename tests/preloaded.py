@@ -1,15 +1,21 @@
 """All that devices and daemons need, with kernels loaded: what `tests.forked` forks from."""
 
-import rich.console  # noqa: F401 - to have them imported is all that these are for
+import gc
 
 import piezod.cli.emulate
 import piezod.cli.output
 import piezod.cli.run
+import piezod.daemon.loop.process
 import piezod.daemon.supervisor.run
 import piezod.daemon.supervisor.supervisor
 import piezod.devices.emulators
-import piezod.web.server  # noqa: F401 - likewise
+import piezod.web.server  # noqa: F401 - to have them imported is all that these are for
 from piezod.cli.emulate_parts import bench, default_rig
+from piezod.control.warm_up import warm_up
+from piezod.telemetry import requests_codec
+from tests.control.rig_stage import shipped_config
 
 with bench(default_rig(1), None):
-    pass
+    requests_codec.warm_up()
+    warm_up(shipped_config())
+gc.freeze()  # else the first collection in each fork copies all memory

@@ -78,16 +78,19 @@ class ChaosStage(HostedStage):
 
 
 def processes(of: str) -> list[str]:
-    """Return the command lines that name a text, of all processes but this one."""
+    """Return the ids of all processes but this one with a file of a folder in their memory.
+
+    The loop has its shared memory there, also after the file is removed.
+    """
     found = []
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit() and int(folder.name) != os.getpid():
             try:
-                line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-            except OSError:  # it has ended
+                mapped = (folder / "maps").read_text("utf-8")
+            except OSError:  # it has ended, or is another user's
                 continue
-            if of in line and is_alive(int(folder.name)):
-                found.append(line)
+            if of in mapped and is_alive(int(folder.name)):
+                found.append(folder.name)
     return found
 
 
