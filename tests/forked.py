@@ -11,6 +11,7 @@ import runpy
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
@@ -99,21 +100,38 @@ class Piped(Forked):
     """One that is talked to.
 
     Args:
-        arguments: Of `piezod`.
+        arguments: Of `piezod`, or of another module.
+        module: What it runs.
 
     Attributes:
         stdin: What is written here, it reads from standard input.
         stdout: What it prints.
     """
 
-    def __init__(self, arguments: Sequence[str]) -> None:
+    def __init__(self, arguments: Sequence[str], module: str = PIEZOD) -> None:
         read_fd, stdin_fd = os.pipe()
         stdout_fd, write_fd = os.pipe()
-        super().__init__(arguments, (read_fd, write_fd, 2))
+        super().__init__(arguments, (read_fd, write_fd, 2), module=module)
         os.close(read_fd)
         os.close(write_fd)
         self.stdin = os.fdopen(stdin_fd, "w", encoding="utf-8")
         self.stdout = os.fdopen(stdout_fd, encoding="utf-8")
+
+
+def run(
+    arguments: Sequence[str],
+    environ: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+    module: str = PIEZOD,
+) -> "subprocess.CompletedProcess[str]":
+    """Run a process to its end; arguments as for `Forked`."""
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+        with Path(os.devnull).open("rb") as nothing:
+            streams = (nothing.fileno(), out.fileno(), err.fileno())
+            code = Forked(arguments, streams, environ, folder, module).wait()
+        out.seek(0)
+        err.seek(0)
+        return subprocess.CompletedProcess(arguments, code, out.read(), err.read())
 
 
 @contextmanager

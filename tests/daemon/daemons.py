@@ -21,7 +21,7 @@ from piezod.daemon.paths import StagePaths, stage_paths
 from piezod.telemetry.shared_map import MapError, attach
 from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
-from tests.forked import Forked
+from tests.forked import Forked, run
 
 # A unix socket needs no TLS; httpx's own context takes 25 ms to make, too long for polling.
 NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -71,13 +71,7 @@ class Daemon:
 
     def command(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         """Run another `piezod` command with the same folders."""
-        with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
-            with Path(os.devnull).open("rb") as nothing:
-                streams = (nothing.fileno(), out.fileno(), err.fileno())
-                code = Forked(arguments, streams, self.environ).wait()
-            out.seek(0)
-            err.seek(0)
-            return subprocess.CompletedProcess(arguments, code, out.read(), err.read())
+        return run(arguments, self.environ)
 
     @property
     def text(self) -> str:

@@ -1,8 +1,6 @@
 """Short soaks, and the judgement of a soak."""
 
 import re
-import subprocess
-import sys
 import threading
 import time
 import traceback
@@ -24,6 +22,7 @@ from piezod.daemon.loop.accept import load
 from piezod.telemetry.record import AxisRecord, CycleRecord
 from piezod.units import NS_PER_S
 from tests.daemon.daemons import configuration
+from tests.forked import run
 from tests.soak.figure import soak_figure
 from tests.soak.observer import Observer, Row
 from tests.soak.rig import CheckedRig
@@ -41,12 +40,7 @@ def test_stage_keeps_its_limits_and_recovers(tmp_path: Path, hours: float) -> No
     Its process is its own: in virtual time the threads of other tests would wait for ever.
     """
     arguments = ("--hours", f"{hours}", "--seed", "7", "--out", str(tmp_path))
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.soak", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(arguments, module="tests.soak")
     printed = done.stdout
     cycles, writes = (int(number(rf"{what} (\d+)", printed)) for what in ("cycles", "writes"))
 
