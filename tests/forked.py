@@ -23,6 +23,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Final
 
+from piezod.cli import main
 from piezod.daemon.supervisor import loop_run
 
 PIEZOD: Final = "piezod.cli.main"
@@ -167,9 +168,12 @@ def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
     )
     os.environ.clear()
     os.environ.update(environ)
-    sys.argv = list(command)
-    sys.modules.pop(command[0], None)  # it may be imported, but runs anew
-    runpy.run_module(command[0], run_name="__main__", alter_sys=True)
+    module, *_ = sys.argv = list(command)
+    if module == PIEZOD:
+        main.run()  # its parser is made already
+    else:
+        sys.modules.pop(module, None)  # it may be imported, but runs anew
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
 
 
 class _ForkedModule(subprocess.Popen[bytes]):

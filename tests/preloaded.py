@@ -1,6 +1,10 @@
 """All that devices and daemons need, with kernels loaded: what `tests.forked` forks from."""
 
 import gc
+from functools import cache
+
+import rich.console  # noqa: F401 - to have them imported is all that these are for
+import typer.main
 
 import piezod.cli.emulate
 import piezod.cli.output
@@ -9,8 +13,9 @@ import piezod.daemon.loop.process
 import piezod.daemon.supervisor.run
 import piezod.daemon.supervisor.supervisor
 import piezod.devices.emulators
-import piezod.web.server  # noqa: F401 - to have them imported is all that these are for
+import piezod.web.server  # noqa: F401 - likewise
 from piezod.cli.emulate_parts import bench, default_rig
+from piezod.cli.main import app
 from piezod.control.warm_up import warm_up
 from piezod.telemetry import requests_codec
 from tests.control.rig_stage import shipped_config
@@ -18,4 +23,6 @@ from tests.control.rig_stage import shipped_config
 with bench(default_rig(1), None):
     requests_codec.warm_up()
     warm_up(shipped_config())
+vars(typer.main)["get_command"] = cache(typer.main.get_command)
+typer.main.get_command(app)  # makes the parser of all verbs, which takes longer than most verbs
 gc.freeze()  # else the first collection in each fork copies all memory

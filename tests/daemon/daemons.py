@@ -27,7 +27,7 @@ from tests.forked import Forked, run
 NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 REPOSITORY = Path(__file__).parents[2]
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
-ASK_EACH_S = 0.03
+ASK_EACH_S = 0.05
 NEXT_VERB = {"SAFE": "arm", "FAULT": "reset", "HOLD": "stop"}
 UP_WITHIN_S = 90.0
 """On a fresh clone a loop compiles its kernels before its first cycle."""
