@@ -1,8 +1,8 @@
 """`piezod` in a process of its own that starts at once: everything has been imported before.
 
 To import is most of what a short-lived process does. A server does it once for all processes of a
-test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop and
-`piezod safe` in turn.
+test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop in
+turn.
 """
 
 import multiprocessing
@@ -156,7 +156,7 @@ def _run(
         os.dup2(stream.fileno(), number)
         stream.close()
     os.chdir(folder)
-    vars(loop_run)["subprocess"] = SimpleNamespace(**{**vars(subprocess), "Popen": _ForkedModule})
+    vars(loop_run)["subprocess"] = SimpleNamespace(**{**vars(subprocess), "Popen": _popen})
     _run_module(command, environ)
 
 
@@ -176,18 +176,18 @@ def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
         runpy.run_module(module, run_name="__main__", alter_sys=True)
 
 
-class _ForkedModule(subprocess.Popen[bytes]):
-    """`python -m MODULE`, as a fork of this process.
+def _popen(
+    command: Sequence[str], env: Mapping[str, str], **options: Any
+) -> "subprocess.Popen[bytes]":
+    """Start `python -m MODULE` like `subprocess.Popen`; a loop is a fork of this process.
 
-    Args:
-        command: The interpreter, "-m", the module and its arguments.
-        env: The environment.
-        options: Those of `Popen`.
+    `piezod safe` is not: how long its start takes is part of a promise.
     """
-
-    def __init__(self, command: Sequence[str], env: Mapping[str, str], **options: Any) -> None:
-        # A fork of a process with threads is safe here: it needs no lock that one of them may hold.
-        super().__init__(command, preexec_fn=partial(_be, command[2:], env), **options)
+    if command[2] == PIEZOD:
+        return subprocess.Popen(command, env=env, **options)
+    be_the_loop = partial(_be, command[2:], env)
+    # The loop needs no lock that a thread of this process may hold.
+    return subprocess.Popen(command, preexec_fn=be_the_loop, **options)  # noqa: PLW1509 - see above
 
 
 def _be(command: Sequence[str], environ: Mapping[str, str]) -> None:
@@ -204,7 +204,7 @@ def _be(command: Sequence[str], environ: Mapping[str, str]) -> None:
         _run_module(command, environ)
         code = 0
     except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else 0 if end.code is None else 1
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
     except BaseException:  # noqa: BLE001 - whatever it is, a process ends with it
         traceback.print_exc()
     for thread in threading.enumerate():
