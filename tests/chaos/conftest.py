@@ -78,18 +78,18 @@ class ChaosStage(HostedStage):
 
 
 def processes(of: str) -> list[str]:
-    """Return the ids of all processes but this one with a file of a folder in their memory.
+    """Return the ids of all processes but this one that name a folder, or have mapped a file of it.
 
-    The loop has its shared memory there, also after the file is removed.
+    The loop has mapped its shared memory, also after the file is removed.
     """
     found = []
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit() and int(folder.name) != os.getpid():
             try:
-                mapped = (folder / "maps").read_text("utf-8")
+                known = (folder / "cmdline").read_bytes() + (folder / "maps").read_bytes()
             except OSError:  # it has ended, or is another user's
                 continue
-            if of in mapped and is_alive(int(folder.name)):
+            if of.encode() in known and is_alive(int(folder.name)):
                 found.append(folder.name)
     return found
 

@@ -8,6 +8,7 @@ import signal
 import socket
 import ssl
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -200,6 +201,16 @@ class Daemon:
             os.kill(pid, signal.SIGKILL)
             eventually(lambda: not is_alive(pid))
         shutil.rmtree(self.folder)
+
+
+class StartedDaemon(Daemon):
+    """A daemon that the interpreter starts, as on a bench; it starts its processes like that."""
+
+    def another(self) -> Any:
+        """Start `piezod run`."""
+        command = (sys.executable, "-m", "piezod", "run", str(self.config))
+        with self.log.open("ab") as log:
+            return subprocess.Popen(command, stdout=log, stderr=log, env=self.environ)
 
 
 def configuration(folder: Path, **replaced: str) -> Path:

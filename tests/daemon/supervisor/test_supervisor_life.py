@@ -1,8 +1,6 @@
 """A stage from its start to its end, with real processes."""
 
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +10,7 @@ import pytest
 
 from tests.conftest import Reaction
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, Daemon, configuration, is_alive
+from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, StartedDaemon, configuration, is_alive
 from tests.daemon.hosted_stage import SAFE_V, HostedStage
 from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
@@ -185,16 +183,6 @@ def test_end_without_the_device_that_was_driven_fails(start: StartDaemon, tmp_pa
     assert daemon.exit_code() == 1
     assert "UNKNOWN" in daemon.text
     assert daemon.paths.running.exists()
-
-
-class StartedDaemon(Daemon):
-    """A daemon that the interpreter starts, as on a bench; it starts its processes like that."""
-
-    def another(self) -> Any:
-        """Start `piezod run`."""
-        command = (sys.executable, "-m", "piezod", "run", str(self.config))
-        with self.log.open("ab") as log:
-            return subprocess.Popen(command, stdout=log, stderr=log, env=self.environ)
 
 
 def test_shipped_configuration_runs() -> None:
