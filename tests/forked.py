@@ -1,22 +1,32 @@
 """`piezod` in a process of its own that starts at once: everything has been imported before.
 
 To import is most of what a short-lived process does. A server does it once for all processes of a
-test worker, and forks; otherwise they are what the command line starts.
+test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop in
+turn.
 """
 
 import multiprocessing
 import os
+import runpy
 import signal
 import subprocess
 import sys
+import tempfile
+import threading
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from io import TextIOWrapper
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Final
 
 from piezod.cli import main
+from piezod.daemon.supervisor import loop_run
 
+PIEZOD: Final = "piezod.cli.main"
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["tests.preloaded"])
 
@@ -25,10 +35,11 @@ class Forked:
     """A process, as `subprocess.Popen` is one.
 
     Args:
-        arguments: Of `piezod`.
+        arguments: Of `piezod`, or of another module.
         streams: What it has for standard input, output and error; they stay open here.
         environ: Its environment; this process's if not given.
         folder: Its current folder; this process's if not given.
+        module: What it runs.
 
     Attributes:
         pid: Its number.
@@ -40,9 +51,11 @@ class Forked:
         streams: tuple[int, int, int],
         environ: Mapping[str, str] | None = None,
         folder: Path | None = None,
+        module: str = PIEZOD,
     ) -> None:
         theirs = [Connection(os.dup(each)) for each in streams]
-        what = tuple(arguments), str(folder or Path.cwd()), dict(environ or os.environ), theirs
+        command = (module, *arguments)
+        what = command, str(folder or Path.cwd()), dict(environ or os.environ), theirs
         self._process = _SERVER.Process(target=_run, args=what, daemon=True)
         self._process.start()
         for each in theirs:
@@ -88,21 +101,38 @@ class Piped(Forked):
     """One that is talked to.
 
     Args:
-        arguments: Of `piezod`.
+        arguments: Of `piezod`, or of another module.
+        module: What it runs.
 
     Attributes:
         stdin: What is written here, it reads from standard input.
         stdout: What it prints.
     """
 
-    def __init__(self, arguments: Sequence[str]) -> None:
+    def __init__(self, arguments: Sequence[str], module: str = PIEZOD) -> None:
         read_fd, stdin_fd = os.pipe()
         stdout_fd, write_fd = os.pipe()
-        super().__init__(arguments, (read_fd, write_fd, 2))
+        super().__init__(arguments, (read_fd, write_fd, 2), module=module)
         os.close(read_fd)
         os.close(write_fd)
         self.stdin = os.fdopen(stdin_fd, "w", encoding="utf-8")
         self.stdout = os.fdopen(stdout_fd, encoding="utf-8")
+
+
+def run(
+    arguments: Sequence[str],
+    environ: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+    module: str = PIEZOD,
+) -> "subprocess.CompletedProcess[str]":
+    """Run a process to its end; arguments as for `Forked`."""
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+        with Path(os.devnull).open("rb") as nothing:
+            streams = (nothing.fileno(), out.fileno(), err.fileno())
+            code = Forked(arguments, streams, environ, folder, module).wait()
+        out.seek(0)
+        err.seek(0)
+        return subprocess.CompletedProcess(arguments, code, out.read(), err.read())
 
 
 @contextmanager
@@ -119,18 +149,67 @@ def forked(*arguments: str) -> Iterator[Piped]:
 
 
 def _run(
-    arguments: Sequence[str], folder: str, environ: Mapping[str, str], streams: Sequence[Connection]
+    command: Sequence[str], folder: str, environ: Mapping[str, str], streams: Sequence[Connection]
 ) -> None:
-    """Be `piezod`, in the new process."""
+    """Run a module, in the new process."""
     for number, stream in enumerate(streams):
         os.dup2(stream.fileno(), number)
         stream.close()
+    os.chdir(folder)
+    vars(loop_run)["subprocess"] = SimpleNamespace(**{**vars(subprocess), "Popen": _popen})
+    _run_module(command, environ)
+
+
+def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
+    """Run a module as `python -m` does."""
     sys.stdin, sys.stdout, sys.stderr = (
         TextIOWrapper(os.fdopen(number, mode, closefd=False), encoding="utf-8")
         for number, mode in enumerate(("rb", "wb", "wb"))
     )
-    os.chdir(folder)
     os.environ.clear()
     os.environ.update(environ)
-    sys.argv = ["piezod", *arguments]
-    main.run()
+    module, *_ = sys.argv = list(command)
+    if module == PIEZOD:
+        main.run()  # its parser is made already
+    else:
+        sys.modules.pop(module, None)  # it may be imported, but runs anew
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+
+def _popen(
+    command: Sequence[str], env: Mapping[str, str], **options: Any
+) -> "subprocess.Popen[bytes]":
+    """Start `python -m MODULE` like `subprocess.Popen`; a loop is a fork of this process.
+
+    `piezod safe` is not: how long its start takes is part of a promise.
+    """
+    if command[2] == PIEZOD:
+        return subprocess.Popen(command, env=env, **options)
+    be_the_loop = partial(_be, command[2:], env)
+    # The loop needs no lock that a thread of this process may hold.
+    return subprocess.Popen(command, preexec_fn=be_the_loop, **options)  # noqa: PLW1509 - see above
+
+
+def _be(command: Sequence[str], environ: Mapping[str, str]) -> None:
+    """Run a module in a fork of a daemon, and end."""
+    os.closerange(3, os.sysconf("SC_OPEN_MAX"))
+    signal.set_wakeup_fd(-1)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+    for number in (signal.SIGPIPE, signal.SIGXFSZ):
+        signal.signal(number, signal.SIG_IGN)  # as Python has it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    code = 1
+    try:
+        _run_module(command, environ)
+        code = 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:  # noqa: BLE001 - whatever it is, a process ends with it
+        traceback.print_exc()
+    for thread in threading.enumerate():
+        if not (thread.daemon or thread is threading.current_thread()):
+            thread.join()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

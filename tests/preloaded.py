@@ -1,15 +1,37 @@
 """All that devices and daemons need, with kernels loaded: what `tests.forked` forks from."""
 
+import gc
+from errno import EPERM
+from functools import cache
+
 import rich.console  # noqa: F401 - to have them imported is all that these are for
+import typer.main
 
 import piezod.cli.emulate
 import piezod.cli.output
 import piezod.cli.run
+import piezod.daemon.loop.process
 import piezod.daemon.supervisor.run
 import piezod.daemon.supervisor.supervisor
 import piezod.devices.emulators
 import piezod.web.server  # noqa: F401 - likewise
 from piezod.cli.emulate_parts import bench, default_rig
+from piezod.cli.main import app
+from piezod.control.warm_up import warm_up
+from piezod.daemon.loop import realtime
+from piezod.telemetry import requests_codec
+from tests.control.rig_stage import shipped_config
+
+
+def _refuse(_: object) -> None:
+    """Refuse to lock memory, as the kernel does to most users: a fork would have to copy it all."""
+    raise PermissionError(EPERM, "not in a fork")
+
 
 with bench(default_rig(1), None):
-    pass
+    requests_codec.warm_up()
+    warm_up(shipped_config())
+vars(realtime)["lock_memory"] = _refuse
+vars(typer.main)["get_command"] = cache(typer.main.get_command)
+typer.main.get_command(app)  # makes the parser of all verbs, which takes longer than most verbs
+gc.freeze()  # else the first collection in each fork copies all memory

@@ -78,16 +78,19 @@ class ChaosStage(HostedStage):
 
 
 def processes(of: str) -> list[str]:
-    """Return the command lines that name a text, of all processes but this one."""
+    """Return the ids of all processes but this one that name a folder, or have mapped a file of it.
+
+    The loop has mapped its shared memory, also after the file is removed.
+    """
     found = []
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit() and int(folder.name) != os.getpid():
             try:
-                line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-            except OSError:  # it has ended
+                known = (folder / "cmdline").read_bytes() + (folder / "maps").read_bytes()
+            except OSError:  # it has ended, or is another user's
                 continue
-            if of in line and is_alive(int(folder.name)):
-                found.append(line)
+            if of.encode() in known and is_alive(int(folder.name)):
+                found.append(folder.name)
     return found
 
 

@@ -14,7 +14,7 @@ import pytest
 from piezod.records.atomic import replacing
 from tests.chaos.conftest import left_behind
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import Daemon, configuration
+from tests.daemon.daemons import Daemon, StartedDaemon, configuration
 from tests.daemon.waiting import eventually
 
 pytestmark = pytest.mark.chaos
@@ -84,28 +84,30 @@ def test_stage_runs_whatever_the_monotonic_clock_shows(tmp_path: Path, since_boo
 
 
 @pytest.mark.fault("L4")
-def test_wall_clock_that_is_set_moves_nothing(start: StartDaemon, tmp_path: Path) -> None:
+def test_wall_clock_that_is_set_moves_nothing(tmp_path: Path) -> None:
     """Steps of the wall clock by two years are reported as L4, and the stage stays in RUN.
 
-    The wall clock is that of the loop process: Python runs `sitecustomize` before all else.
+    The wall clock is that of the daemon's processes: Python runs `sitecustomize` before all else.
     """
     shift = tmp_path / "shift"
     shift.write_text("0", encoding="ascii")
     (tmp_path / "sitecustomize.py").write_text(SITE.format(path=str(shift)), encoding="ascii")
-    daemon = start(configuration(tmp_path), PYTHONPATH=str(tmp_path)).up()
-    daemon.driven(10.0, above_v=40.0)
-    for number, step_s in enumerate((TWO_YEARS_S, -TWO_YEARS_S), 1):
-        with replacing(shift) as temporary:  # a process that reads half a number would step twice
-            temporary.write_text(str(step_s), encoding="ascii")
-        eventually(partial(_counted, daemon, number), 60.0)
-        # A step while the one before is still present is no new detection.
-        eventually(lambda: not _present(daemon), 60.0)
-    state = daemon.status()["state"]
-    daemon.do("shutdown")
+    with StartedDaemon(configuration(tmp_path), PYTHONPATH=str(tmp_path)) as daemon:
+        daemon.up()
+        daemon.driven(10.0, above_v=40.0)
+        for number, step_s in enumerate((TWO_YEARS_S, -TWO_YEARS_S), 1):
+            # A process that reads half a number would step twice.
+            with replacing(shift) as temporary:
+                temporary.write_text(str(step_s), encoding="ascii")
+            eventually(partial(_counted, daemon, number), 60.0)
+            # A step while the one before is still present is no new detection.
+            eventually(lambda: not _present(daemon), 60.0)
+        state = daemon.status()["state"]
+        daemon.do("shutdown")
 
-    assert state == "RUN"
-    assert daemon.exit_code() == 0, daemon.text
-    assert left_behind(daemon) == []
+        assert state == "RUN"
+        assert daemon.exit_code() == 0, daemon.text
+        assert left_behind(daemon) == []
 
 
 def _counted(daemon: Daemon, number: int) -> bool:

@@ -23,6 +23,7 @@ from piezod_drivers.emulated.options import EmulatedOptions
 from tests.cli.conftest import Command
 from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
+from tests.forked import Forked, run
 from tests.hosted_rig import hosted, writes
 
 STAGE = """
@@ -38,7 +39,7 @@ axes:
     safety: {safe_v: 10, ramp_v_per_s: 200}
 """
 
-SAFE = [sys.executable, "-m", "piezod.cli.main", "safe", "stage.yaml"]
+SAFE = ("safe", "stage.yaml")
 
 
 @pytest.fixture
@@ -147,29 +148,26 @@ def test_loop_that_still_drives_is_waited_for(
     """The ramp begins only when a loop process without supervisor has ended."""
     loop = device_lock(paths.loop_lock)
     with ThreadPoolExecutor(1) as beside:
-        safe = beside.submit(_safe_as_a_process)
+        safe = beside.submit(run, SAFE)
         eventually(lambda: is_held(paths.lock))
         untouched = len(writes(folder / "trace.csv"))
         loop.release()
 
-    assert safe.result() == 0
+    assert safe.result().returncode == 0
     assert untouched == 1
     assert in_force_v(rig) == pytest.approx(10, abs=0.5)
     assert piezod("safe", "stage.yaml").code == 0
 
 
-def _safe_as_a_process() -> int:
-    return subprocess.run(SAFE, check=False, stdout=subprocess.DEVNULL).returncode
-
-
 @pytest.mark.usefixtures("paths")
 def test_ramp_is_not_left_half_way(folder: Path, rig: EmulatedRig) -> None:
     """SIGTERM, which a service manager sends to children too, does not interrupt the ramp."""
-    with subprocess.Popen(SAFE, stdout=subprocess.DEVNULL) as safe:
+    with Path(os.devnull).open("r+b") as nothing:
+        safe = Forked(SAFE, (nothing.fileno(), nothing.fileno(), nothing.fileno()))
         eventually(lambda: len(writes(folder / "trace.csv")) > 1)
         safe.send_signal(signal.SIGTERM)
 
-    assert safe.returncode == 0
+        assert safe.wait() == 0
     assert in_force_v(rig) == pytest.approx(10, abs=0.5)
 
 

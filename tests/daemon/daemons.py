@@ -8,6 +8,7 @@ import signal
 import socket
 import ssl
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -21,13 +22,13 @@ from piezod.daemon.paths import StagePaths, stage_paths
 from piezod.telemetry.shared_map import MapError, attach
 from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
-from tests.forked import Forked
+from tests.forked import Forked, run
 
 # A unix socket needs no TLS; httpx's own context takes 25 ms to make, too long for polling.
 NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 REPOSITORY = Path(__file__).parents[2]
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
-ASK_EACH_S = 0.03
+ASK_EACH_S = 0.05
 NEXT_VERB = {"SAFE": "arm", "FAULT": "reset", "HOLD": "stop"}
 UP_WITHIN_S = 90.0
 """On a fresh clone a loop compiles its kernels before its first cycle."""
@@ -71,13 +72,7 @@ class Daemon:
 
     def command(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         """Run another `piezod` command with the same folders."""
-        with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
-            with Path(os.devnull).open("rb") as nothing:
-                streams = (nothing.fileno(), out.fileno(), err.fileno())
-                code = Forked(arguments, streams, self.environ).wait()
-            out.seek(0)
-            err.seek(0)
-            return subprocess.CompletedProcess(arguments, code, out.read(), err.read())
+        return run(arguments, self.environ)
 
     @property
     def text(self) -> str:
@@ -206,6 +201,16 @@ class Daemon:
             os.kill(pid, signal.SIGKILL)
             eventually(lambda: not is_alive(pid))
         shutil.rmtree(self.folder)
+
+
+class StartedDaemon(Daemon):
+    """A daemon that the interpreter starts, as on a bench; it starts its processes like that."""
+
+    def another(self) -> Any:
+        """Start `piezod run`."""
+        command = (sys.executable, "-m", "piezod", "run", str(self.config))
+        with self.log.open("ab") as log:
+            return subprocess.Popen(command, stdout=log, stderr=log, env=self.environ)
 
 
 def configuration(folder: Path, **replaced: str) -> Path:

@@ -1,6 +1,6 @@
 """A loop without devices: it counts healthy cycles and answers requests.
 
-As a process, `python fake_loop.py RUNTIME CONFIG COPY LOCK`, it accepts the configuration like a
+As a process, `start_fake_loop(RUNTIME, CONFIG, COPY, LOCK)`, it accepts the configuration like a
 real loop process. If the title of the configuration is "broken", it ends with code 3 when it is
 started.
 """
@@ -11,7 +11,7 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from piezod.config.requests import Estop, Request, Shutdown
 from piezod.config.states import State
@@ -23,6 +23,7 @@ from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
+from tests.forked import Piped
 
 
 class FakeLoop(threading.Thread):
@@ -72,6 +73,13 @@ class FakeLoop(threading.Thread):
         """End the thread."""
         self._ending.set()
         self.join()
+
+
+def start_fake_loop(*arguments: str) -> Any:
+    """Start one as a process, as `loop_run` takes it: pipes for bytes."""
+    process: Any = Piped(arguments, "tests.daemon.fake_loop")
+    process.stdin, process.stdout = process.stdin.detach(), process.stdout.detach()
+    return process
 
 
 def accept(source: Path, copy: Path) -> bool:

@@ -1,10 +1,10 @@
 """The loop process, with a test instead of its supervisor."""
 
-import subprocess
-import sys
+import os
 import threading
 import time
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import TracebackType
 from typing import Self
 
@@ -21,6 +21,7 @@ from piezod.telemetry.ring import Record, RecordReader
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
+from tests.forked import Forked
 
 BEAT_S = 0.05
 STARTED_WITHIN_S = 90.0
@@ -54,22 +55,15 @@ class LoopChild:
         self.silent = threading.Event()
         self._beating = threading.Thread(target=beat, args=(self.shared, self.silent))
         self._beating.start()
-        module, copy = "piezod.daemon.loop.process", runtime / "config" / config.name
-        command = [
-            sys.executable,
-            "-m",
-            module,
-            *map(str, (runtime, config, copy, runtime / "loop.lock")),
-        ]
-        self.process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        assert self.process.stdin is not None
-        self.process.stdin.write(b"start\n")
-        self.process.stdin.close()
+        copy = runtime / "config" / config.name
+        places = (runtime, config, copy, runtime / "loop.lock")
+        with TemporaryFile() as word, Path(os.devnull).open("wb") as nothing:
+            word.write(b"start\n")
+            word.seek(0)
+            streams = (word.fileno(), nothing.fileno(), nothing.fileno())
+            self.process = Forked(
+                [str(each) for each in places], streams, module="piezod.daemon.loop.process"
+            )
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -122,4 +116,4 @@ class LoopChild:
 
     def ended(self) -> int:
         """Wait for its end; return the exit code."""
-        return self.process.wait(timeout=60)
+        return self.process.wait(60.0)

@@ -23,8 +23,8 @@ BENCHES: dict[str, Callable[[], PlayBench]] = {
     "lc400-pauses": lambda: lc400_play_bench.play_bench(drops=False),
     "psj-nv200": lambda: nv200_play_bench.play_bench(wave_end="holds"),
 }
-LONG = 60
-"""Cycles of a play of 0.3 s."""
+LONG = 40
+"""Cycles of a play of 0.2 s."""
 IN_MID_PLAY_NS = 33 * MS
 """In the second cycle, behind the held points and the lead-in."""
 

@@ -1,8 +1,6 @@
 """Short soaks, and the judgement of a soak."""
 
 import re
-import subprocess
-import sys
 import threading
 import time
 import traceback
@@ -25,6 +23,7 @@ from piezod.telemetry.record import AxisRecord, CycleRecord
 from piezod.units import NS_PER_S
 from tests.control.surface_rig import VARIANTS, model_path
 from tests.daemon.daemons import configuration
+from tests.forked import run
 from tests.soak.figure import soak_figure
 from tests.soak.observer import Observer, Row
 from tests.soak.rig import CheckedRig
@@ -45,12 +44,7 @@ def test_stage_keeps_its_limits_and_recovers(tmp_path: Path, model: str, hours: 
     Its process is its own: in virtual time the threads of other tests would wait for ever.
     """
     arguments = ("--hours", f"{hours}", "--model", model, "--seed", "7", "--out", str(tmp_path))
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.soak", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(arguments, module="tests.soak")
     printed = done.stdout
     cycles, writes = (int(number(rf"{what} (\d+)", printed)) for what in ("cycles", "writes"))
 

@@ -22,7 +22,7 @@ cycle is as large. The pages that it has used stay locked."""
 _MAPPING: Final = re.compile(
     r"^(?P<begin>[0-9a-f]+)-(?P<end>[0-9a-f]+) (?P<access>\S+) \S+ \S+ \S+ *(?P<file>.*)\n"
     r"(?:.*\n)*?Rss: +(?P<resident>\d+) kB\n"
-    r"(?:.*\n)*?Private_Dirty: +(?P<changed>\d+) kB\n",
+    r"(?:.*\n)*?Anonymous: +(?P<changed>\d+) kB\n",
     re.MULTILINE,
 )
 """One mapping in /proc/self/smaps."""
@@ -37,7 +37,7 @@ class Mapping(NamedTuple):
         readable: Whether this process may read it.
         file: Path of the mapped file; empty without one.
         resident_kb: Size of the part in RAM, in KiB.
-        changed_kb: Size of the part in RAM that this process has changed, in KiB.
+        changed_kb: Size of the part in RAM that differs from the file, in KiB.
     """
 
     begin: int

@@ -173,11 +173,11 @@ def test_a_device_that_falls_silent_does_not_end_the_loop(
         daemon.until("BLIND")
         eventually(lambda: "B1" in present(daemon))
         first, skipped = words[Word.HEALTHY_CYCLES], words[Word.SKIPPED_CYCLES]
-        eventually(lambda: words[Word.HEALTHY_CYCLES] > first + 3 * RATE_HZ)
+        eventually(lambda: words[Word.HEALTHY_CYCLES] > first + RATE_HZ)
         delayed = words[Word.SKIPPED_CYCLES] - skipped
         far.faults()
         daemon.until("FAULT")
         eventually(lambda: abs(daemon.status()["axes"]["x"]["read_back_v"]) < 0.5)
 
         assert daemon.process.poll() is None
-        assert delayed < 3 * RATE_HZ / 2
+        assert delayed < RATE_HZ / 2

@@ -29,14 +29,14 @@ class Rig(NamedTuple):
         paths: Its files.
         processes: The processes that were started, each with its module.
         safe_codes: The exit code of `piezod safe`, in a list.
-        loop_command: Arguments of Python in place of the loop process.
+        loop_code: Code of Python for the loop process, in a list; without any it is a fake loop.
     """
 
     config: Path
     paths: StagePaths
     processes: list[tuple[str, "Popen[bytes]"]]
     safe_codes: list[int]
-    loop_command: list[str]
+    loop_code: list[str]
 
     def run(self, during: Callable[[], None]) -> bool:
         """Run the stage; call a function meanwhile, and end the stage after it."""

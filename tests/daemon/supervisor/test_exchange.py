@@ -4,9 +4,8 @@ import asyncio
 import json
 import re
 import shutil
-import sys
 from pathlib import Path
-from subprocess import PIPE, Popen
+from typing import Any
 
 import pytest
 
@@ -23,15 +22,13 @@ from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 from piezod.telemetry.succession import Succession, put_succession, succession_of
 from tests.daemon.daemons import REPOSITORY, configuration
-
-FAKE = Path(__file__).parents[1] / "fake_loop.py"
+from tests.daemon.fake_loop import start_fake_loop
 
 
 @pytest.fixture(autouse=True)
 def _fake_loops(monkeypatch: pytest.MonkeyPatch) -> None:
-    def started(_module: str, *arguments: str, piped: bool = False) -> "Popen[bytes]":
-        pipe = PIPE if piped else None
-        return Popen([sys.executable, str(FAKE), *arguments], stdin=pipe, stdout=pipe)
+    def started(_module: str, *arguments: str, **_piped: bool) -> Any:
+        return start_fake_loop(*arguments)
 
     monkeypatch.setattr(loop_run, "_start", started)
 

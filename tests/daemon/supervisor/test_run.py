@@ -63,7 +63,7 @@ def test_signal_before_the_loop_answers_ends_it_in_order(
     rig: Rig,
 ) -> None:
     """A loop that has touched no device is killed, without a wait or a ramp."""
-    rig.loop_command[:] = ["-c", "import time; time.sleep(600)"]
+    rig.loop_code[:] = ["import time; time.sleep(600)"]
     signals = Signals()
     signals.receive(signal.SIGTERM)
     rig.paths.make_folders()
@@ -378,7 +378,7 @@ def test_start_that_fails_leaves_the_mark_as_it_was(rig: Rig, unclean: bool) -> 
 def test_copy_that_cannot_be_written_is_named(rig: Rig) -> None:
     """The loop process reports the file of the error, and no mark is made."""
     error = '{"failed": [28, "No space left on device", "config-a/rig.yaml"]}'
-    rig.loop_command[:] = ["-c", f"print({error!r})"]
+    rig.loop_code[:] = [f"print({error!r})"]
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock, pytest.raises(OSError, match=r"config-a/rig\.yaml"):

@@ -10,7 +10,7 @@ import pytest
 
 from tests.conftest import Reaction
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, configuration, is_alive
+from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, StartedDaemon, configuration, is_alive
 from tests.daemon.hosted_stage import SAFE_V, HostedStage
 from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
@@ -185,15 +185,16 @@ def test_end_without_the_device_that_was_driven_fails(start: StartDaemon, tmp_pa
     assert daemon.paths.running.exists()
 
 
-def test_shipped_configuration_runs(start: StartDaemon) -> None:
+def test_shipped_configuration_runs() -> None:
     """The shipped example runs from any folder, and a shutdown request ends it like SIGTERM."""
-    daemon = start(SHIPPED).up()
-    name = daemon.status()["stage"]
+    with StartedDaemon(SHIPPED) as daemon:
+        daemon.up()
+        name = daemon.status()["stage"]
 
-    daemon.do("shutdown")
+        daemon.do("shutdown")
 
-    assert name == "simulated"
-    assert daemon.exit_code() == 0
+        assert name == "simulated"
+        assert daemon.exit_code() == 0
 
 
 @pytest.mark.fault("P10")

@@ -66,7 +66,7 @@ def test_loop_without_a_supervisor_goes_to_safe_and_ends(
 
     The ramp takes longer than a start.
     """
-    config = configuration(tmp_path, safety="{safe_v: 0, ramp_v_per_s: 20}")
+    config = configuration(tmp_path, safety="{safe_v: 0, ramp_v_per_s: 40}")
     daemon = start(config).up()
     daemon.driven(10.0, above_v=40.0)
     loop_pid = daemon.loop_pid

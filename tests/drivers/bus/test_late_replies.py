@@ -72,8 +72,8 @@ class Trial:
         self._move(level)
         if not self._able.inputs:
             return 0.0
-        for _ in range(100):
-            self._wire.wait(20 * MS)
+        for _ in range(3):
+            self._wire.wait(100 * MS)
             sample = self._device.read(self._wire.now_ns)[0]
         assert sample.valid
         return float(sample.position_um)
@@ -82,9 +82,9 @@ class Trial:
         if not self._able.outputs:
             return 0.0, 0.0
         assert self._write(level)
-        self._wire.wait(1000 * MS)
+        self._wire.wait(100 * MS)
         self._device.write([level_out(level)] * self._n_outputs, self._wire.now_ns)
-        self._wire.wait(1000 * MS)
+        self._wire.wait(100 * MS)
         readings = self._device.read_back(self._wire.now_ns)[0]
         return self._wire.rig.drive_v[0], float(readings)
 
@@ -137,10 +137,10 @@ def _try(profile: Profile, transactions: int) -> Trial:
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.name)
 def test_no_late_reply_is_taken_for_another(profile: Profile) -> None:
     """While the device moves all the time, no accepted value is wrong."""
-    trial = _try(profile, 1500)
+    trial = _try(profile, 1000)
 
     assert trial.wrong == []
-    assert trial.accepted.total() > 500
+    assert trial.accepted.total() > 350
 
 
 @pytest.mark.stress

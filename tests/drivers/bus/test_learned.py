@@ -46,7 +46,7 @@ from tests.experiment.play.rig_axis import (
     sine,
 )
 
-SETTINGS = PlaySettings(passes=4, settle_s=0.3, record_s=0.1)
+SETTINGS = PlaySettings(passes=4, settle_s=0.1, record_s=0.05)
 LONG = PlaySettings(passes=6, settle_s=3.0, record_s=1.0)
 SLOW = PlaySettings(passes=6, settle_s=3.0, record_s=3.0)
 """At 10 Hz an average has fewer periods, so that its noise would be learned."""

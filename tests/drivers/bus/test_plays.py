@@ -27,6 +27,7 @@ from tests.drivers.bus.played_table import (
     sine,
     start,
 )
+from tests.forked import Piped
 
 MS = 1_000_000
 CYCLES = 20
@@ -126,20 +127,17 @@ def test_record_is_in_step_with_the_table(player: Player) -> None:
 
 
 @contextmanager
-def host(player: Player, where: str) -> Iterator[subprocess.Popen[str]]:
+def host(player: Player, where: str) -> Iterator[Piped]:
     """Run a process that plays; it is killed at the end."""
-    options = json.dumps(player.options_at(where))
-    command = [sys.executable, "-m", "tests.drivers.bus.played_table", player.driver, options]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        [*command, player.wiring.outputs[0]], stdin=pipe, stdout=pipe, text=True
-    ) as process:
+    what = player.driver, json.dumps(player.options_at(where)), player.wiring.outputs[0]
+    process = Piped(what, "tests.drivers.bus.played_table")
+    with process.stdin, process.stdout:
         try:
-            assert process.stdout is not None
             assert process.stdout.readline() == "playing\n"
             yield process
         finally:
             process.kill()
+            process.wait()
 
 
 def writes(trace: Path) -> list[tuple[int, float]]:
@@ -181,9 +179,8 @@ def test_safe_stops_the_play_of_a_killed_host(player: Player, tmp_path: Path) ->
     """
     trace = tmp_path / "trace.csv"
     with emulated(player.profile, arguments=("--trace", str(trace))) as devices:
-        with host(player, devices.where[0]) as process:
-            process.kill()
-            process.wait()
+        with host(player, devices.where[0]):
+            pass
         n_before = len(writes(trace))
         eventually(lambda: len(writes(trace)) > n_before + 1000)
         stage = STAGE.format(
