@@ -3,16 +3,13 @@
 import json
 import re
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from piezod.config.model_file import load_model
 from piezod.control.law.model_files import read_model
-from piezod.experiment.fit.automatic import Progress
-from piezod.experiment.fit.file import FileFit, identify_file
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis import SurfaceForm
 from piezod.hysteresis.path_relaxation import PathRelaxation
@@ -22,20 +19,6 @@ from tests.experiment.made_up import write_record
 from tests.experiment.made_up_surface import surface_record
 
 SURFACE = ("--method", "surface")
-
-
-IDENTIFIED = cache(identify_file)
-
-
-@pytest.fixture
-def fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fit each file once with the same options: its name stands for its record in this module."""
-
-    def identify(data: Path, *, progress: Progress, **options: Any) -> FileFit:
-        progress("fitted before", 1.0)
-        return IDENTIFIED(data, **options)
-
-    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", identify)
 
 
 @pytest.fixture
@@ -65,10 +48,10 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
 def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     """A stage whose loops widen with the rate has its lag in the text and in the document."""
     record = surface_record(activation=0.01, noise=0.0005, duration_s=20.0)
-    write_record(folder / "lagging.csv", record)
+    write_record(folder / "data.csv", record)
 
-    text = piezod("identify", "lagging.csv", *SURFACE).out
-    document = json.loads(piezod("identify", "lagging.csv", *SURFACE, "--json").out)
+    text = piezod("identify", "data.csv", *SURFACE).out
+    document = json.loads(piezod("identify", "data.csv", *SURFACE, "--json").out)
 
     assert document["rate_lag"] == pytest.approx(0.01, rel=0.1)
     shown = f"lag {100 * document['rate_lag']:.2g} % of the drive's range per e-fold of its rate"
@@ -80,10 +63,10 @@ def test_relaxation_along_the_path_is_shown_and_kept(piezod: Command, folder: Pa
     """A stage whose loops do not close has it in the text, in the document and in the file."""
     path = PathRelaxation(-0.2, 2.0, 0.1)
     record = surface_record(path=path, creep=0.004, noise=0.0005, duration_s=20.0)
-    write_record(folder / "relaxing.csv", record)
+    write_record(folder / "data.csv", record)
 
-    text = piezod("identify", "relaxing.csv", *SURFACE, "--out", "model.yaml").out
-    document = json.loads(piezod("identify", "relaxing.csv", *SURFACE, "--json").out)
+    text = piezod("identify", "data.csv", *SURFACE, "--out", "model.yaml").out
+    document = json.loads(piezod("identify", "data.csv", *SURFACE, "--json").out)
 
     found = document["path_relaxation"]
     assert found["decay"] == pytest.approx(2.0, rel=0.1)
