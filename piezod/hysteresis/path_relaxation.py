@@ -196,10 +196,15 @@ class PathRelaxation:
     @property
     def at_rest(self) -> float:
         """h_0, after many cycles of the whole range."""
-        h = 0.0
-        for _ in range(_CYCLES):
-            h = -risen(-risen(h, 1.0, *self._rates), 1.0, *self._rates)
-        return h
+        return _at_rest(*self._rates)
+
+
+@compiled
+def _at_rest(fast: float, slow: float) -> float:
+    h = 0.0
+    for _ in range(_CYCLES):
+        h = -risen(-risen(h, 1.0, fast, slow), 1.0, fast, slow)
+    return h
 
 
 def steepest_relaxation(skew: float) -> float:

@@ -5,12 +5,13 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 import typer
 
 from piezod.cli import main
+from piezod.experiment.fit.file import FileFit, identify_file
 from tests.client.fake_daemon import STATUS, FakeDaemon
 from tests.client.group_of_fakes import daemons  # noqa: F401 - a fixture
 from tests.experiment.conftest import SLOW_LOOP
@@ -53,6 +54,22 @@ def piezod(
         return Outcome(int(ended.value.code or 0), *capsys.readouterr())
 
     return call
+
+
+FITS: dict[str, FileFit] = {}
+
+
+@pytest.fixture
+def fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit files once for the same options, however the fit is shown, because it takes seconds."""
+
+    def known(data: Path, **options: Any) -> FileFit:
+        del options["progress"]
+        contents = [file.read_bytes() for file in (data, options["test"]) if file]
+        key = repr((data, options, contents))
+        return FITS.get(key) or FITS.setdefault(key, identify_file(data, **options))
+
+    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", known)
 
 
 @pytest.fixture

@@ -3,13 +3,11 @@
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from piezod.cli.identify import _FitJob
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
-from piezod.experiment.fit.file import FileFit, identify_file
 from piezod.experiment.fit.record import Record
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, swells, write_record
@@ -38,18 +36,6 @@ def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
         return CHOICES[key]
 
     monkeypatch.setattr("piezod.experiment.fit.file.choose", known)
-
-
-@pytest.fixture
-def fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fit a file once in each test, because the fit takes seconds."""
-    fits: dict[str, FileFit] = {}
-
-    def known(data: Path, **options: Any) -> FileFit:
-        key = repr((data, {name: each for name, each in options.items() if name != "progress"}))
-        return fits.get(key) or fits.setdefault(key, identify_file(data, **options))
-
-    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", known)
 
 
 @pytest.mark.usefixtures("chosen_once")

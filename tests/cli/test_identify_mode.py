@@ -22,7 +22,7 @@ from tests.experiment.made_up import write_record
 def fitted(tmp_path_factory: pytest.TempPathFactory) -> FileFit:
     """Return the fit to a file with a record that rings."""
     file = tmp_path_factory.mktemp("data") / "ringing.csv"
-    write_record(file, ringing_record(duration_s=2.0))
+    write_record(file, ringing_record(duration_s=1.0))
     settings = FitSettings(method=Method.SURFACE)
     return identify_file(file, test=None, skip_s=0.0, delay_s=0.00135, settings=settings)
 
@@ -36,6 +36,12 @@ def test_text_has_the_mode_and_the_reason(fitted: FileFit) -> None:
         r"For the axis: `first_mode: \{frequency_hz: 1\d\d(\.\d+)?, damping: 0\.0\d+\}`\.",
         mode_line(fitted),
     )
+
+
+def test_fit_that_is_unsmoothed_is_its_own_counterpart(fitted: FileFit) -> None:
+    """A model with a mode is fitted to the displacement as recorded, and not a second time."""
+    assert fitted.raw is not None
+    assert fitted.raw.fit is fitted.taken.fit
 
 
 def test_document_has_the_mode(fitted: FileFit) -> None:

@@ -24,11 +24,12 @@ SURFACE = ("--method", "surface")
 @pytest.fixture
 def data(folder: Path) -> Path:
     """Return a data file of a stage that is a surface, whose samples are reported too early."""
-    record = surface_record(delay_s=-0.004, creep=0.004, noise=0.0005, duration_s=30.0)
+    record = surface_record(delay_s=-0.004, creep=0.004, noise=0.0005, duration_s=20.0)
     write_record(folder / "data.csv", record)
     return Path("data.csv")
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> None:
     """The file has the errors of voltage and position; `check` and a stage accept it."""
     options = (*SURFACE, "--test", data, "--out", "model.yaml")
@@ -43,9 +44,10 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
     assert (folder / "model.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     """A stage whose loops widen with the rate has its lag in the text and in the document."""
-    record = surface_record(activation=0.01, noise=0.0005)
+    record = surface_record(activation=0.01, noise=0.0005, duration_s=20.0)
     write_record(folder / "data.csv", record)
 
     text = piezod("identify", "data.csv", *SURFACE).out
@@ -56,10 +58,11 @@ def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     assert shown in " ".join(text.split())
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_relaxation_along_the_path_is_shown_and_kept(piezod: Command, folder: Path) -> None:
     """A stage whose loops do not close has it in the text, in the document and in the file."""
     path = PathRelaxation(-0.2, 2.0, 0.1)
-    record = surface_record(path=path, creep=0.004, noise=0.0005)
+    record = surface_record(path=path, creep=0.004, noise=0.0005, duration_s=20.0)
     write_record(folder / "data.csv", record)
 
     text = piezod("identify", "data.csv", *SURFACE, "--out", "model.yaml").out
@@ -74,6 +77,7 @@ def test_relaxation_along_the_path_is_shown_and_kept(piezod: Command, folder: Pa
     assert form.path == PathRelaxation(**found)
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_document_of_a_surface(piezod: Command, data: Path) -> None:
     """It has both errors everywhere, the uncertainty, the parts and a negative delay."""
     document = json.loads(piezod("identify", data, *SURFACE, "--test", data, "--json").out)
@@ -97,9 +101,10 @@ def test_document_of_a_surface(piezod: Command, data: Path) -> None:
     assert document["without_creep"]["train"]["position_error_rms_pct"] > 0.1
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_text_of_a_surface(piezod: Command, data: Path) -> None:
     """It says which errors are which, and what a negative delay means."""
-    code, out, err = piezod("identify", data, *SURFACE)
+    code, out, err = piezod("identify", data, *SURFACE, "--test", data)
 
     assert (code, err) == (0, "")
     text = " ".join(out.split())
@@ -149,9 +154,9 @@ def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay:
 @pytest.mark.parametrize(
     ("record", "text"),
     [
-        (partial(ringing_record, duration_s=2.0), r"Taken: surface(?!.* it has no first mode)"),
+        (partial(ringing_record, duration_s=1.0), r"Taken: surface(?!.* it has no first mode)"),
         (
-            partial(surface_record, noise=0.0005, duration_s=20.0),
+            partial(surface_record, noise=0.0005, duration_s=15.0),
             r"it has no first mode, because the record shows none that makes its errors on "
             r"held-out blocks smaller by 10 % or more\.",
         ),

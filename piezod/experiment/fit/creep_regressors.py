@@ -17,10 +17,11 @@ def with_creep(values: FloatArray, weights: FloatArray, period_s: float) -> Floa
         weights: (K,) weight of each lag.
         period_s: Sample period, in s.
     """
-    crept = np.ascontiguousarray(values).copy()
-    for weight, gain in zip(weights, _gains(period_s), strict=True):
-        if weight:
-            _add_lag(values, gain, weight, crept)
+    values = np.ascontiguousarray(values)
+    crept = values.copy()
+    if weights.any():
+        lags = np.zeros((weights.size, values.shape[1]))
+        _add_lags(values, _gains(period_s), weights, lags, crept)
     return crept
 
 
@@ -31,11 +32,9 @@ def lags_of(values: FloatArray, period_s: float) -> FloatArray:
         values: (n,) value, evenly in time.
         period_s: Sample period, in s.
     """
-    column = np.ascontiguousarray(values)[:, np.newaxis]
-    lags = np.zeros((TIME_CONSTANTS_S.size, values.size, 1))
-    for k, gain in enumerate(_gains(period_s)):
-        _add_lag(column, gain, 1.0, lags[k])
-    return lags[:, :, 0].T
+    lags = np.zeros((values.size, TIME_CONSTANTS_S.size))
+    _fill_lags(np.ascontiguousarray(values), _gains(period_s), lags)
+    return lags
 
 
 def decays(n_samples: int, period_s: float) -> FloatArray:
@@ -48,11 +47,23 @@ def _gains(period_s: float) -> FloatArray:
     return -np.expm1(-period_s / TIME_CONSTANTS_S)
 
 
+# As `advance_creep`: a lag follows the value of the sample before.
+
+
 @compiled
-def _add_lag(values: FloatArray, gain: float, weight: float, total: FloatArray) -> None:
-    # As `advance_creep`: a lag follows the value of the sample before.
-    for j in range(values.shape[1]):
-        lag = 0.0
-        for k in range(1, values.shape[0]):
-            lag += gain * (values[k - 1, j] - lag)
-            total[k, j] += weight * lag
+def _fill_lags(values: FloatArray, gains: FloatArray, lags: FloatArray) -> None:
+    for k in range(1, values.size):
+        for i in range(gains.size):
+            lags[k, i] = lags[k - 1, i] + gains[i] * (values[k - 1] - lags[k - 1, i])
+
+
+@compiled
+def _add_lags(
+    values: FloatArray, gains: FloatArray, weights: FloatArray, lags: FloatArray, total: FloatArray
+) -> None:
+    """Add the weighted lags of (n, p) values to (n, p) totals; the (K, p) lags advance in place."""
+    for k in range(1, values.shape[0]):
+        for i in range(gains.size):
+            for j in range(values.shape[1]):
+                lags[i, j] += gains[i] * (values[k - 1, j] - lags[i, j])
+                total[k, j] += weights[i] * lags[i, j]

@@ -186,6 +186,8 @@ def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:
 
 def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
     """Return the same fit with other settings; None if the record does not support them."""
+    if settings == fit.settings:
+        return fit
     try:
         again = fit_model(record, replace(settings, delay_s=fit.model.delay_s))
     except DataError:

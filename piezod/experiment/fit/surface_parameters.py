@@ -88,11 +88,11 @@ def solved(
         The parameters, shape (42,).
     """
     free = ~fixed
-    rows, rest = regressors[:, free], target - regressors[:, fixed] @ known[fixed]
+    rest = target - regressors[:, fixed] @ known[fixed]
     constraints, bounds = _constraints(free, float(known[SKEW]))
-    gram = penalised(rows, free)
+    gram, right_side = penalised_gram(regressors, free), (regressors.T @ rest)[free]
     found = known.copy()
-    found[free] = minimise(gram, rows.T @ rest, constraints[:, free], bounds)
+    found[free] = minimise(gram, right_side, constraints[:, free], bounds)
     # The solver keeps the bounds up to rounding; this keeps them exactly.
     for place, (low, high) in _SCALAR_BOUNDS.items():
         if free[place]:
@@ -100,16 +100,15 @@ def solved(
     return found
 
 
-def penalised(rows: FloatArray, free: Rows) -> FloatArray:
-    """Return the Gram matrix of the free parameters, with penalties.
+def penalised_gram(regressors: FloatArray, free: Rows) -> FloatArray:
+    """Return the Gram matrix of the free parameters, with penalties, shape (f, f).
 
     Args:
-        rows: (n, f) regressors of the free parameters.
+        regressors: (n, 42) regressors of all parameters.
         free: (42,) mask of these parameters.
     """
-    gram = rows.T @ rows
-    power = np.zeros(COUNT)
-    power[free] = np.diag(gram)
+    gram = regressors.T @ regressors
+    power = np.where(free, np.diag(gram), 0.0)
     # A parameter without effect keeps its value: the prompt slope, if nothing lags.
     penalties = np.diag(1e-9 * np.maximum(power, 1e-6 * power.max()))
     penalties[:SIZE, :SIZE] += RIDGE * float(np.mean(power[:SIZE])) * np.eye(SIZE)
@@ -118,7 +117,7 @@ def penalised(rows: FloatArray, free: Rows) -> FloatArray:
         differences = np.eye(count) - 1.0 / count
         mean = float(np.mean(power[CREEP:OFFSET]))
         penalties[CREEP:OFFSET, CREEP:OFFSET] += CREEP_RIDGE * mean * differences
-    return gram + penalties[np.ix_(free, free)]
+    return (gram + penalties)[np.ix_(free, free)]
 
 
 def _constraints(free: Rows, skew: float) -> tuple[FloatArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self, TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from piezod.experiment.fit.surface_parameters import (
     form_of,
     mode_of,
 )
+from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.surface_form import surface_regressors
 
@@ -40,6 +42,11 @@ class SurfaceRecord:
     before: float
     counted: Rows
 
+    @cached_property
+    def decay(self) -> FloatArray:
+        """Decay of all lags of the creep from one, shape (n, K)."""
+        return decays(self.positions.size, self.period_s)
+
 
 @dataclass(frozen=True)
 class Point:
@@ -51,6 +58,7 @@ class Point:
     Attributes:
         record: The record.
         parameters: (42,) parameters.
+        drives: (n,) drives.
         quick: (n, 26) regressors of the coefficients, of the prompt slope and of the weight of the
             path, without creep.
         lags: (n, K) lags of the creep.
@@ -62,6 +70,7 @@ class Point:
 
     record: SurfaceRecord
     parameters: FloatArray
+    drives: FloatArray
     quick: FloatArray
     lags: FloatArray
     started: FloatArray
@@ -78,11 +87,11 @@ class Point:
         quick = surface_regressors(drives, form_of(parameters, period_s))
         y = quick @ parameters[:CREEP]
         start = (record.before - float(parameters[OFFSET])) / (1.0 + float(np.sum(weights)))
-        decay = decays(drives.size, period_s)
-        lags = lags_of(y, period_s) + start * decay
+        lags = lags_of(y, period_s) + start * record.decay
         crept = y + lags @ weights
         predicted = shown(crept, parameters, period_s) + parameters[OFFSET]
-        return cls(record, parameters, quick, lags, decay @ weights, start, crept, predicted)
+        started = record.decay @ weights
+        return cls(record, parameters, drives, quick, lags, started, start, crept, predicted)
 
     @property
     def rms(self) -> float:
@@ -94,6 +103,18 @@ class Point:
         """Return what the sensor shows of values, shape (n,) or (n, p), at this point."""
         return shown(values, self.parameters, self.record.period_s)
 
+    def quick_gradient(self, place: int, step: float) -> FloatArray:
+        """Return the change of the displacement without creep with a parameter of the form, (n,).
+
+        Args:
+            place: The parameter.
+            step: Step of the difference.
+        """
+        parameters = self._moved(place, step)
+        form = form_of(parameters, self.record.period_s)
+        there = form.positions_at(parameters[:SIZE], self.drives)
+        return (there - self.quick @ self.parameters[:CREEP]) / step
+
     def gradient(self, place: int, step: float) -> FloatArray:
         """Return the change of the displacement with one parameter, by a difference, shape (n,).
 
@@ -101,11 +122,13 @@ class Point:
             place: The parameter: the delay or one of the mode, if the point has a mode.
             step: Step of the difference.
         """
+        there = shown(self.crept, self._moved(place, step), self.record.period_s)
+        return (there - self.shown(self.crept)) / step
+
+    def _moved(self, place: int, step: float) -> FloatArray:
         moved = self.parameters.copy()
         moved[place] += step
-        there = shown(self.crept, moved, self.record.period_s)
-        here = shown(self.crept, self.parameters, self.record.period_s)
-        return (there - here) / step
+        return moved
 
 
 def shown(values: FloatArray, parameters: FloatArray, period_s: float) -> FloatArray:

@@ -63,7 +63,7 @@ class SurfaceProblem(Problem):
 
         terms = (Term.RATE, Term.PATH) if self._settings.creep else (Term.RATE,)
         allowed = frozenset(terms if search_terms else ())
-        found = with_shown_terms(record, fitted, allowed)
+        found = with_shown_terms(fitted, allowed)
         # The first samples that count depend on the delay that was found.
         found_s = float(found.parameters[DELAY]) * self.record.period_s
         return replace(found, counted=self.record.counted(found_s))

@@ -47,11 +47,11 @@ def search_surface(
         return without_mode
     # Smoothing would remove the vibration from the displacement.
     unsmoothed = replace(settings, smoothing=False)
-    problem = SurfaceProblem(record, unsmoothed)
-    plain, with_mode = (
-        problem.solve(begin_s, search_delay=search_delay, search_terms=True, mode=mode)
-        for begin_s, mode in ((start_s, None), (guess.delay_s if search_delay else start_s, guess))
-    )
+    if problem.record is not record:
+        problem = SurfaceProblem(record, unsmoothed)
+        plain = problem.solve(start_s, search_delay=search_delay, search_terms=True)
+    begin_s = guess.delay_s if search_delay else start_s
+    with_mode = problem.solve(begin_s, search_delay=search_delay, search_terms=True, mode=guess)
     model = problem.model(with_mode.parameters)
     unit = problem.position_um.width / model.position_um.width
     shows_mode = shown_mode(model.mode, with_mode, plain, unit) if model.mode else None

@@ -7,7 +7,6 @@ from typing import Final, TypeAlias
 from piezod.experiment.fit.blocks import clearly_better, held_out_squares
 from piezod.experiment.fit.surface import LinearisedSurface
 from piezod.experiment.fit.surface_parameters import form_of
-from piezod.experiment.fit.surface_point import Point, SurfaceRecord
 from piezod.hysteresis.everett import SIZE
 
 SMALLER, LEAST_GAIN = 0.95, 5e-5
@@ -30,40 +29,30 @@ Fitted: TypeAlias = Callable[[frozenset[Term]], LinearisedSurface]
 """Returns the best surface with these terms."""
 
 
-def with_shown_terms(
-    record: SurfaceRecord, fitted: Fitted, allowed: frozenset[Term]
-) -> LinearisedSurface:
+def with_shown_terms(fitted: Fitted, allowed: frozenset[Term]) -> LinearisedSurface:
     """Return the fit with the terms that a record shows, found one after the other.
 
     Args:
-        record: The record.
-        fitted: Fits a surface with given terms to it.
+        fitted: Fits a surface with given terms to the record.
         allowed: The terms that are tried.
     """
     terms: frozenset[Term] = frozenset()
     found = fitted(terms)
     while terms < allowed:
         trials = {term: fitted(terms | {term}) for term in allowed - terms}
-        shown = [term for term, trial in trials.items() if _shows(record, term, trial, found)]
+        shown = [term for term, trial in trials.items() if _shows(term, trial, found)]
         if not shown:
             break
-        best = min(shown, key=lambda term: _rms(record, trials[term]))
+        best = min(shown, key=lambda term: trials[term].rms)
         terms, found = terms | {best}, trials[best]
     return found
 
 
-def _shows(
-    record: SurfaceRecord, term: Term, trial: LinearisedSurface, without: LinearisedSurface
-) -> bool:
+def _shows(term: Term, trial: LinearisedSurface, without: LinearisedSurface) -> bool:
     if term is Term.PATH:
         # The bound of a fit is that of the skew before its last step.
-        form = form_of(trial.parameters, record.period_s)
+        form = form_of(trial.parameters, trial.period_s)
         if form.smallest_slope(trial.parameters[:SIZE]) <= 0.0:
             return False
         return clearly_better(held_out_squares(trial), held_out_squares(without), PATH_GAIN)
-    before = _rms(record, without)
-    return _rms(record, trial) < min(SMALLER * before, before - LEAST_GAIN)
-
-
-def _rms(record: SurfaceRecord, fit: LinearisedSurface) -> float:
-    return Point.at(record, fit.parameters).rms
+    return trial.rms < min(SMALLER * without.rms, without.rms - LEAST_GAIN)

@@ -31,7 +31,7 @@ HALF_PERIOD_S = 0.5 / RATE_HZ
 @pytest.fixture(scope="module")
 def fit() -> Fit:
     """Return the fit to a record that rings."""
-    return fit_model(ringing_record(), SURFACE)
+    return fit_model(ringing_record(duration_s=2.0), SURFACE)
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.stress)])
@@ -70,7 +70,7 @@ def test_mode_is_found_within_its_uncertainty(seed: int, mode: FirstMode, delay_
 
 def test_another_drive_is_predicted(fit: Fit) -> None:
     """The mode makes the error of the position on another drive smaller by factors."""
-    other = ringing_record(seed=5, held_s=0.02)
+    other = ringing_record(seed=5, held_s=0.02, duration_s=2.0)
 
     errors = fit.errors_pct(other)
 
@@ -103,7 +103,7 @@ def test_stage_without_a_mode_shows_none() -> None:
 
 def test_filter_of_the_sensor_is_no_mode() -> None:
     """A motion that does not ring is no first mode."""
-    fit = fit_model(ringing_record(mode=FirstMode(180.0, 0.7)), SURFACE)
+    fit = fit_model(ringing_record(mode=FirstMode(180.0, 0.7), duration_s=2.0), SURFACE)
 
     assert fit.model.mode is None
 
@@ -119,7 +119,7 @@ def test_fit_reports_how_clearly_the_mode_is_shown(fit: Fit) -> None:
 
 def test_loops_of_a_ringing_record_are_those_of_its_drive() -> None:
     """A vibration has swings of all sizes, but a drive of two levels shows one loop."""
-    fit = fit_model(ringing_record(two_levels=True), SURFACE)
+    fit = fit_model(ringing_record(two_levels=True, duration_s=2.0), SURFACE)
 
     (warning,) = fit_warnings(fit, fit.record.period_s)
 

@@ -55,7 +55,7 @@ def test_record_of_one_frequency_bounds_the_creep() -> None:
 
 def test_creep_stays_within_the_limits_of_a_model_file() -> None:
     """The weight of a lag is at most 0.1, whatever the record asks for."""
-    fit = fit_model(surface_record(creep=0.12), UNDELAYED)
+    fit = fit_model(surface_record(creep=0.12, duration_s=20.0), UNDELAYED)
 
     assert np.max(fit.model.creep.weights) == pytest.approx(MAX_LAG)
     assert np.max(fit.model.creep.weights) <= MAX_LAG
@@ -74,7 +74,7 @@ def test_record_without_small_loops_has_a_warning() -> None:
 
 def test_creep_before_the_record_is_that_of_its_first_position() -> None:
     """A record that starts away from the zero of the sensor is described as well."""
-    record = surface_record(creep=0.01)
+    record = surface_record(creep=0.01, duration_s=20.0)
     shifted = replace(record, position_um=record.position_um + 20.0)
 
     plain, moved = (fit_model(each, SURFACE) for each in (record, shifted))
@@ -89,10 +89,10 @@ def test_creep_before_the_record_is_that_of_its_first_position() -> None:
 def test_band_is_the_scatter_of_the_predicted_voltage() -> None:
     """The band follows from one record; the scatter over records with other noise agrees."""
     fits = [
-        fit_model(surface_record(noise=0.002, seed=seed, duration_s=20.0), UNDELAYED)
+        fit_model(surface_record(noise=0.002, seed=seed, duration_s=10.0), UNDELAYED)
         for seed in range(12)
     ]
-    clean = surface_record(duration_s=20.0)
+    clean = surface_record(duration_s=10.0)
     predicted_v = np.stack([fit.predicted_v(clean) for fit in fits])
     scatter_pct = 100.0 * np.std(predicted_v, axis=0, ddof=1) / fits[0].model.drive_v.width
 
