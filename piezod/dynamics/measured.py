@@ -149,4 +149,5 @@ def noise_density(values: FloatArray, rate_hz: float) -> tuple[FloatArray, Float
     length = _segment(values.size // 4, rate_hz)
     spectra = _spectra(values, length)
     power = _density(spectra, spectra, length, rate_hz).real
-    return np.fft.rfftfreq(length, 1.0 / rate_hz)[1:], np.sqrt(power[1:])
+    frequency_hz = np.asarray(np.fft.rfftfreq(length, 1.0 / rate_hz), np.float64)
+    return frequency_hz[1:], np.asarray(np.sqrt(power[1:]), np.float64)
