@@ -19,7 +19,7 @@ class Promise(NamedTuple):
     Attributes:
         what: The reaction.
         cycles: Largest number of cycles from the cause to the reaction. 1 is the first cycle that
-            can see the cause. Measured in virtual time at 1 kHz.
+            can see the cause. Measured in virtual time, at 1 kHz if a time decides the reaction.
         ms: Largest time from the cause to the reaction, in ms. Measured on a wall clock, with real
             processes.
     """

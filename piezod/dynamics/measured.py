@@ -5,7 +5,6 @@ from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
 
 ComplexArray = npt.NDArray[np.complex128]
 FloatArray = npt.NDArray[np.float64]
@@ -24,6 +23,8 @@ MOST_LINES: Final = 400
 """Numbers of the lines that are kept, in geometric progression."""
 _BAND: Final = 4
 """Frequencies of a segment that are one line: neighbours correlate."""
+_HANN_POWER: Final = 3.0 / 8.0
+"""Mean square of a Hann window."""
 _HANN_OVERLAP: Final = 1.0 / 18.0
 """Loss of averages by the correlation of segments that overlap by half, under a Hann window."""
 
@@ -93,9 +94,10 @@ def from_record(drive: FloatArray, position: FloatArray, rate_hz: float) -> Meas
         rate_hz: Samples per second.
     """
     length = _segment(drive.size // SEGMENTS, rate_hz)
-    both = {"fs": rate_hz, "nperseg": length, "detrend": "linear"}
-    frequency_hz, cross = signal.csd(drive, position, **both)
-    given, found = (signal.welch(each, **both)[1] for each in (drive, position))
+    frequency_hz = np.fft.rfftfreq(length, 1.0 / rate_hz)
+    one, other = _spectra(drive, length), _spectra(position, length)
+    cross = _density(one, other, length, rate_hz)
+    given, found = (_density(each, each, length, rate_hz).real for each in (one, other))
     edges = np.arange(_BAND // 2, frequency_hz.size - _BAND, _BAND)
     weighted = np.add.reduceat(given * frequency_hz, edges)
     cross, given, found = (np.add.reduceat(each, edges) for each in (cross, given, found))
@@ -116,6 +118,27 @@ def _segment(longest: int, rate_hz: float) -> int:
     return max(8, min(longest, max(SEGMENT, round(SEGMENT_S * rate_hz))))
 
 
+def _spectra(values: FloatArray, length: int) -> ComplexArray:
+    """Return the spectra of segments that overlap by half, shape (segments, lines).
+
+    Each segment is taken without its straight line, under a Hann window.
+    """
+    segments = np.lib.stride_tricks.sliding_window_view(values, length)[:: length - length // 2]
+    line = np.linspace(-1.0, 1.0, length)
+    slopes = segments @ line / (line @ line)
+    rest = segments - segments.mean(axis=1, keepdims=True) - slopes[:, None] * line
+    window = np.hanning(length + 1)[:-1]
+    return np.asarray(np.fft.rfft(window * rest, axis=1), np.complex128)
+
+
+def _density(one: ComplexArray, other: ComplexArray, length: int, rate_hz: float) -> ComplexArray:
+    """Return the one-sided cross density of two signals from their `_spectra`, shape (lines,)."""
+    density: ComplexArray = np.mean(one.conj() * other, axis=0) / (_HANN_POWER * length * rate_hz)
+    # All frequencies but 0 and half of the rate stand for a negative one, too.
+    density[1 : (length + 1) // 2] *= 2.0
+    return density
+
+
 def noise_density(values: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     """Return frequencies in Hz, and the amplitude density of values, in their unit per √Hz.
 
@@ -124,5 +147,7 @@ def noise_density(values: FloatArray, rate_hz: float) -> tuple[FloatArray, Float
         rate_hz: Samples per second.
     """
     length = _segment(values.size // 4, rate_hz)
-    frequency_hz, power = signal.welch(values, fs=rate_hz, nperseg=length, detrend="linear")
-    return frequency_hz[1:], np.sqrt(power[1:])
+    spectra = _spectra(values, length)
+    power = _density(spectra, spectra, length, rate_hz).real
+    frequency_hz = np.asarray(np.fft.rfftfreq(length, 1.0 / rate_hz), np.float64)
+    return frequency_hz[1:], np.asarray(np.sqrt(power[1:]), np.float64)

@@ -69,7 +69,7 @@ def test_an_axis_found_high_up_keeps_its_polarity(
 ) -> None:
     """It is driven down; the polarity does not depend on that direction."""
     findings = Findings()
-    with session(RIG, wrap=wrap) as axis:  # type: ignore[arg-type] # a factory
+    with session(RIG, wrap=wrap, rate_hz=200.0) as axis:  # type: ignore[arg-type] # a factory
         done(axis, findings)
 
     assert findings.travel is not None

@@ -15,13 +15,22 @@ from piezod.control.watch.sensor import STUCK_SWING
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
-from tests.control.rig_stage import FaultyStage, RigStage, cycles_until, has_left_run, quick_config
+from tests.control.rig_stage import (
+    SLEW_V_PER_S,
+    FaultyStage,
+    RigStage,
+    cycles_until,
+    has_left_run,
+    quick_config,
+)
 from tests.control.surface_rig import with_model
 
 SWING = rq.Wave(
     command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
 )
 AT_REST = {State.SAFE, State.FAULT}
+SLEW_STEP_V = SLEW_V_PER_S / quick_config().rate_hz + 1e-9
+"""Largest step that the slew rate allows in a cycle, in V."""
 
 
 class SwingingStage(FaultyStage):
@@ -34,6 +43,7 @@ class SwingingStage(FaultyStage):
         reads_back: Whether the amplifier reports its voltage.
         tells_restart: Whether the amplifier reports a restart.
         strict_rt: Whether a single stall stops the stage.
+        rate_hz: Rate of the loop; the one in the repository if None.
     """
 
     def __init__(
@@ -45,11 +55,12 @@ class SwingingStage(FaultyStage):
         reads_back: bool = True,
         tells_restart: bool = False,
         strict_rt: bool = False,
+        rate_hz: float | None = None,
     ) -> None:
         config = with_model(quick_config(), model)
         loop = config.loop.model_copy(update={"strict_rt": strict_rt})
         super().__init__(
-            config.model_copy(update={"loop": loop}),
+            config.model_copy(update={"loop": loop, "rate_hz": rate_hz or config.rate_hz}),
             holds=holds,
             reads_back=reads_back,
             tells_restart=tells_restart,
@@ -73,11 +84,11 @@ class FaultCase:
 
 
 def run_case(case: FaultCase, model: str = "stops") -> tuple[SwingingStage, list[CycleRecord]]:
-    """Return a stage after 200 ms of a fault and at rest, and its records since the fault."""
+    """Return a stage after 0.5 s of a fault and at rest, and its records since the fault."""
     stage = SwingingStage(model=model)
-    stage.fail(case.kind, 200, **case.arguments)
-    after = stage.run(0.2)
-    while len(after) < 3000 and (stage.state not in AT_REST or abs(stage.x.drive_v) >= 0.5):
+    stage.fail(case.kind, 100, **case.arguments)
+    after = stage.run(0.5)
+    while len(after) < 1000 and (stage.state not in AT_REST or abs(stage.x.drive_v) >= 0.5):
         after.append(stage.cycle())
     return stage, after + stage.run(0.4)
 

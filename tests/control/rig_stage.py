@@ -29,23 +29,29 @@ CONFIG = Path(__file__).parents[2] / "config" / "simulated.yaml"
 ON_TIME = CycleTiming(0, 0, 10_000, 0, 0)
 
 QUICK_RAMP_V_PER_S = 200.0
+SLEW_V_PER_S = 2000.0
 
 Wrap = Callable[[Device], Device]
 
 
 @cache
 def shipped_config() -> DaemonConfig:
-    """Return the configuration in the repository, at 1 kHz; it is read once, and immutable."""
-    return load_daemon(CONFIG, registry).model_copy(update={"rate_hz": 1000.0})
+    """Return the configuration in the repository; it is read once, and immutable."""
+    return load_daemon(CONFIG, registry)
 
 
 @cache
 def quick_config() -> DaemonConfig:
-    """Return the same with conditioning in 0.4 s and a ramp at four times the rate."""
+    """Return the same with conditioning in 0.4 s, a quicker ramp, and a lower slew rate.
+
+    At the slew rate of the repository one step is most of the range, and no step would be a fault.
+    """
     axis = shipped_config().axes["x"]
     brief = axis.conditioning.model_copy(update={"cycles": 2, "frequency_hz": 5.0})
     steep = axis.safety.model_copy(update={"ramp_v_per_s": QUICK_RAMP_V_PER_S})
-    quick_axis = axis.model_copy(update={"conditioning": brief, "safety": steep})
+    slow = axis.limits.model_copy(update={"slew_v_per_s": SLEW_V_PER_S})
+    changed = {"conditioning": brief, "safety": steep, "limits": slow}
+    quick_axis = axis.model_copy(update=changed)
     return shipped_config().model_copy(update={"axes": {"x": quick_axis}})
 
 

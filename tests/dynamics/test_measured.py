@@ -67,3 +67,16 @@ def test_noise_density_of_white_noise() -> None:
     _, density = noise_density(values, 2.0)
 
     assert np.sqrt(np.mean(density**2)) == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("samples", [2000, 2001])
+def test_power_of_noise_is_that_of_its_density(samples: int) -> None:
+    """The density times the width of its lines adds up to the variance, whatever the drift."""
+    values = np.random.default_rng(5).standard_normal(samples)
+    drifting = values + np.linspace(0.0, 100.0, samples)
+
+    frequency_hz, density = noise_density(drifting, 1000.0)
+
+    power = np.sum(density**2) * frequency_hz[0]
+    assert power == pytest.approx(np.var(values), rel=0.1)
+    assert density == pytest.approx(noise_density(values, 1000.0)[1])

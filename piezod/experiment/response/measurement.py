@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from scipy import signal
 
 from piezod.dynamics.measured import from_periods, from_record, noise_density
 from piezod.dynamics.steps import measured_steps
@@ -90,10 +89,10 @@ def _shift(plan: ResponsePlan, drive_v: FloatArray) -> int:
         raise DataError("the recording does not contain the drive")
     # Changes and not voltages: their correlation has a sharp peak.
     changes, planned = np.diff(drive_v), np.diff(planned_v)
-    correlation = signal.correlate(changes, planned, mode="full", method="fft")
-    lags = signal.correlation_lags(changes.size, planned.size)
-    shift = int(lags[np.argmax(correlation)])
+    size = changes.size + planned.size  # so that a negative shift comes after all positive ones
+    spectrum = np.fft.rfft(changes, size) * np.fft.rfft(planned, size).conj()
+    shift = int(np.argmax(np.fft.irfft(spectrum, size)))
     last = shift + plan.first + plan.periods * plan.period
-    if shift < 0 or last > drive_v.size:
+    if last > drive_v.size:
         raise DataError("the recording does not contain the whole drive; measure again")
     return shift

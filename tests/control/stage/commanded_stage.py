@@ -5,12 +5,10 @@ answer. Each cycle and each request is checked at once, so that a failure shows 
 """
 
 from collections.abc import Callable, Coroutine
-from functools import cache
 from math import isfinite, nan
 from typing import Any, Final, cast
 
 from piezod.config import requests as rq
-from piezod.config.daemon import DaemonConfig
 from piezod.config.endpoints import Role
 from piezod.config.states import State
 from piezod.control.law.axis import AxisOutput
@@ -40,25 +38,10 @@ WAY_DOWN: Final[dict[State, rq.Request]] = {
     **dict.fromkeys((*ARMED, State.HOLD), rq.Stop()),
     State.FAULT: rq.Reset(engineer=True),
 }
-RATE_HZ: Final = 200.0
-SLEW_V_PER_S: Final = 2000.0
 LOCAL_CYCLES: Final = 8
 """Cycles in local mode, within which the output settles."""
 WITHIN_S: Final = 12.0
 """A ramp, the second that a fault must be gone, and the time after which a HOLD or a ramp fails."""
-
-
-@cache
-def brisk_config(model: str) -> DaemonConfig:
-    """Return the configuration of the repository, with its rate, with short programs, and slow.
-
-    At the slew rate of the repository one step is most of the range, and no step would be a fault.
-    """
-    axis = quick_config().axes["x"]
-    limits = axis.limits.model_copy(update={"slew_v_per_s": SLEW_V_PER_S})
-    axes = {"x": axis.model_copy(update={"limits": limits})}
-    brisk = quick_config().model_copy(update={"rate_hz": RATE_HZ, "axes": axes})
-    return with_model(brisk, model)
 
 
 class CommandedStage(FaultyStage):
@@ -69,7 +52,7 @@ class CommandedStage(FaultyStage):
     """
 
     def __init__(self, model: str = "stops") -> None:
-        super().__init__(brisk_config(model))
+        super().__init__(with_model(quick_config(), model))
         limits = self.config.axes["x"].limits
         self._range_v = limits.drive_min_v, limits.drive_max_v
         self._tolerance_v = self.stage.axes[0].law.limits.read_back_tolerance_v

@@ -16,8 +16,8 @@ from tests.control.fault_cases import SwingingStage
 from tests.control.rig_stage import RigStage, cycles_until, has_left_run
 
 OFTEN_LATE = CycleTiming(0, 1, 10_000, 0, 0)
-CYCLES_TO_L2 = 700  # of two periods each: more than a tenth of those of the last 5 s
-CYCLES_TO_PUNCTUAL = 5500
+CYCLES_TO_L2 = 700  # of two periods each: more than a tenth of those of the last 5 s, at 1 kHz
+PUNCTUAL_WITHIN_S = 5.5
 
 
 def stall(periods: int) -> CycleTiming:
@@ -42,7 +42,7 @@ def steps_v(records: list[CycleRecord]) -> FloatArray:
 
 
 @pytest.mark.fault("L1")
-@pytest.mark.parametrize("periods", [7, 100, 900])
+@pytest.mark.parametrize("periods", [7, 100, 180])
 def test_stall_is_survived(periods: int) -> None:
     """The stage stays in RUN and in its mode, and steps within the slew rate."""
     stage = SwingingStage()
@@ -62,7 +62,7 @@ def test_stall_is_survived(periods: int) -> None:
 def test_command_goes_on_in_time_after_a_stall() -> None:
     """Its phase is that of a stage without a stall, and the error is as small soon after."""
     stalled, twin = SwingingStage(), SwingingStage()
-    stalled.cycle(stall(200))
+    stalled.cycle(stall(40))
     twin.run(0.2)
     twin.cycle()
     ours, theirs = stalled.run(0.5), twin.run(0.5)
@@ -74,21 +74,21 @@ def test_command_goes_on_in_time_after_a_stall() -> None:
     errors_um = [
         abs(record.axes[0].command_um - record.axes[0].position_um)
         for records in (ours, theirs)
-        for record in records[-100:]
+        for record in records[-20:]
     ]
-    assert max(errors_um[:100]) < max(errors_um[100:]) + 0.1
+    assert max(errors_um[:20]) < max(errors_um[20:]) + 0.1
 
 
 @pytest.mark.fault("L2")
 def test_lasting_lateness_holds_and_goes_on_by_itself(reaction: Reaction) -> None:
     """The movement goes on in the same mode, without a step, when the cycles are punctual."""
-    stage = SwingingStage()
+    stage = SwingingStage(rate_hz=1000.0)
     motion, before_ns = stage.x.motion, stage.t_ns
     late_for_long(stage)
     reaction("L2", cycles=stage.cycles_to(Fault.L2, before_ns))
     held_v = {record.axes[0].drive_v for record in stage.run(0.5)}
-    stage.until("RUN", within_s=CYCLES_TO_PUNCTUAL * stage.period_ns * 1e-9)
-    resumed = stage.run(3.0)
+    stage.until("RUN", within_s=PUNCTUAL_WITHIN_S)
+    resumed = stage.run(1.0)
 
     assert len(held_v) == 1
     assert stage.faults()[-1] == Fault.L2
@@ -178,7 +178,7 @@ def test_resume_and_arm_are_refused_while_the_cycles_are_late() -> None:
 def test_pause_of_a_second_holds_until_a_person_resumes(reaction: Reaction) -> None:
     """After two seconds without one the stage ramps."""
     stage = SwingingStage()
-    first = stage.cycle(stall(1000))
+    first = stage.cycle(stall(200))
     state, mode = stage.state, stage.x.mode
     reaction("L5", cycles=cycles_until([first], has_left_run))
     stage.run(2.1)
@@ -191,7 +191,7 @@ def test_pause_of_a_second_holds_until_a_person_resumes(reaction: Reaction) -> N
 @pytest.mark.fault("L2")
 @pytest.mark.fault("L5")
 @pytest.mark.parametrize(
-    ("periods", "fault", "state"), [(7, Fault.L2, State.HOLD), (100, Fault.L5, State.RAMP)]
+    ("periods", "fault", "state"), [(7, Fault.L2, State.HOLD), (20, Fault.L5, State.RAMP)]
 )
 def test_strict_stall_stops_the_stage(periods: int, fault: Fault, state: State) -> None:
     """With `strict_rt` seven lost periods hold the stage; a tenth of a second ramps it."""

@@ -14,7 +14,13 @@ from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
-from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
+from tests.control.fault_cases import (
+    SLEW_STEP_V,
+    FaultCase,
+    SwingingStage,
+    check_course,
+    run_case,
+)
 from tests.control.rig_stage import FaultyStage
 
 CASES = [
@@ -77,7 +83,7 @@ def test_limits_hold_after_a_bus_fault(case: FaultCase) -> None:
     assert all(isfinite(drive_v) and 0.0 <= drive_v <= 150.0 for _, (drive_v,) in writes)
     for (before_ns, (before_v,)), (t_ns, (drive_v,)) in pairwise(writes):
         periods = (t_ns - before_ns) // stage.period_ns
-        assert abs(drive_v - before_v) <= 20.0 * periods + 1e-9
+        assert abs(drive_v - before_v) <= SLEW_STEP_V * periods
 
 
 @pytest.mark.parametrize(
@@ -88,18 +94,19 @@ def test_nothing_is_sent_in_blind_and_nothing_caught_up(flag: DeviceFlag, fault:
     stage = SwingingStage()
     while stage.x.drive_v < 60.0:
         stage.cycle()
-    stage.fail(InjectionKind.LOST, 300, flag=flag)
-    stage.run(0.002)
+    stage.fail(InjectionKind.LOST, 60, flag=flag)
+    stage.run(0.01)
     stage.channels.writes.clear()
-    stage.run(0.29)
+    stage.run(0.28)
     sent = len(stage.channels.writes)
     stage.until("RAMP")
-    stage.run(0.002)
+    in_force_v = stage.x.read_back_v
+    stage.run(0.01)
 
     assert fault in stage.faults()
     assert sent == 0
     (_, (first_v,)), *_ = stage.channels.writes
-    assert abs(first_v - stage.x.read_back_v) < 0.5
+    assert abs(first_v - in_force_v) < 1.1  # a ramp takes 1 V in a cycle
 
 
 @pytest.mark.fault("B1")
@@ -110,7 +117,7 @@ def test_output_that_was_not_driven_is_not_driven_after_blind(reads_back: bool) 
     stage.run(0.1)
     stage.device.write([33.0], stage.t_ns)
     stage.fail(InjectionKind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
-    stage.run(0.01)
+    stage.run(0.05)
     blind = stage.state
     stage.until("FAULT")
     stage.run(1.5)
@@ -125,14 +132,14 @@ def test_output_that_was_not_driven_is_not_driven_after_blind(reads_back: bool) 
 def test_lost_sensor_holds_and_then_ramps_without_blind() -> None:
     """The lost device is reported once; the missing samples are its consequence."""
     stage = SwingingStage()
-    stage.fail(InjectionKind.DROPPED, 2000)
-    stage.fail(InjectionKind.SENSOR_FLAGGED, 2000, flag=DeviceFlag.DISCONNECTED)
+    stage.fail(InjectionKind.DROPPED, 400)
+    stage.fail(InjectionKind.SENSOR_FLAGGED, 400, flag=DeviceFlag.DISCONNECTED)
     after = stage.run(3.5)
 
     states = [record.state for record in after]
     assert set(stage.faults()) == {"B1"}
     assert states[1] is State.HOLD
-    assert 1000 <= states.index(State.RAMP) <= 1003
+    assert 200 <= states.index(State.RAMP) <= 203
     assert State.BLIND not in states
     assert stage.state == State.FAULT
     assert stage.x.drive_v == pytest.approx(0.0, abs=0.5)
@@ -143,10 +150,10 @@ def test_amplifier_that_is_lost_after_the_sensor_is_blind() -> None:
     """It is the same fault in a more severe case."""
     stage = SwingingStage()
     stage.fail(InjectionKind.SENSOR_FLAGGED, 100, flag=DeviceFlag.DISCONNECTED)
-    stage.run(0.01)
+    stage.run(0.05)
     held = stage.state
     stage.fail(InjectionKind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
-    stage.run(0.002)
+    stage.run(0.01)
 
     assert (held, stage.state) == (State.HOLD, State.BLIND)
 
@@ -155,8 +162,8 @@ def test_amplifier_that_is_lost_after_the_sensor_is_blind() -> None:
 def test_missing_replies_hold_once_and_can_be_resumed() -> None:
     """The missing sample is detected before the bus fault, and does not hold a second time."""
     stage = SwingingStage()
-    stage.fail(InjectionKind.DROPPED, 300)
-    stage.fail(InjectionKind.SENSOR_FLAGGED, 300, flag=DeviceFlag.LATE_REPLY)
+    stage.fail(InjectionKind.DROPPED, 60)
+    stage.fail(InjectionKind.SENSOR_FLAGGED, 60, flag=DeviceFlag.LATE_REPLY)
     after = stage.run(0.5)
     stage.do(rq.Resume())
 
@@ -183,10 +190,10 @@ def test_single_bad_frames_do_not_prolong_a_fault() -> None:
     """A fault whose cause now appears only now and then can be resumed."""
     stage = SwingingStage()
     stage.fail(InjectionKind.FLAGGED, 10, flag=DeviceFlag.BAD_CHECKSUM)
-    stage.run(0.01)
+    stage.run(0.05)
     for _ in range(6):
         stage.fail(InjectionKind.FLAGGED, 1, flag=DeviceFlag.BAD_CHECKSUM)
-        stage.run(0.01)
+        stage.run(0.05)
     stage.do(rq.Resume())
 
     assert stage.state == State.RUN
@@ -214,7 +221,7 @@ def test_held_output_without_read_back_is_ramped_from_the_last_write() -> None:
         stage.cycle()
     stage.fail(InjectionKind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
     before_v = stage.x.in_force_v
-    stage.run(0.002)
+    stage.run(0.01)
     blind = stage.state
     stage.channels.writes.clear()
     stage.until("FAULT")
@@ -243,7 +250,7 @@ def test_unknown_output_is_not_ramped(
         Mode.FEEDFORWARD, holds=holds, reads_back=False, tells_restart=tells_restart
     )
     stage.fail(InjectionKind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
-    stage.run(0.051)
+    stage.run(0.255)
     if reported_flag is not None:
         stage.fail(InjectionKind.FLAGGED, 1, flag=reported_flag)
     stage.channels.writes.clear()
@@ -266,8 +273,8 @@ def test_amplifier_that_may_have_been_off_does_not_get_its_old_voltage() -> None
     stage = SwingingStage(Mode.FEEDFORWARD, holds=True, reads_back=False)
     while stage.x.drive_v < 60.0:
         stage.cycle()
-    stage.fail(InjectionKind.REFUSED, 30)
-    stage.run(0.03)
+    stage.fail(InjectionKind.REFUSED, 10)
+    stage.run(0.05)
     blind = stage.state
     stage.channels.writes.clear()
     stage.until("FAULT")

@@ -21,9 +21,9 @@ def fell_during_a_pause(flag: DeviceFlag | None = None) -> SwingingStage:
     stage.device.deactivate(stage.t_ns)
     stage.device.activate(stage.t_ns)
     if flag is not None:
-        stage.fail(InjectionKind.FLAGGED, 4005, flag=flag)
+        stage.fail(InjectionKind.FLAGGED, 805, flag=flag)
     stage.channels.writes.clear()
-    stage.cycle(CycleTiming(0, 4000, 10_000, 0, 0))
+    stage.cycle(CycleTiming(0, 800, 10_000, 0, 0))
     return stage
 
 
@@ -76,5 +76,5 @@ def test_no_ramp_starts_with_a_step_up(off_v: float) -> None:
     stage.ask(rq.Stop())
 
     assert stage.state == State.RAMP
-    assert abs(last_v - before_v) < 2.0
-    assert last_v - 0.3 < stage.x.drive_v <= last_v
+    assert abs(last_v - before_v) < 5.0
+    assert last_v - 1.1 < stage.x.drive_v <= last_v

@@ -19,7 +19,13 @@ from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
-from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
+from tests.control.fault_cases import (
+    SLEW_STEP_V,
+    FaultCase,
+    SwingingStage,
+    check_course,
+    run_case,
+)
 from tests.control.rig_stage import FaultyStage, RigStage, cycles_until, has_left_run, quick_config
 from tests.control.surface_rig import EACH_MODEL, with_model
 
@@ -76,7 +82,7 @@ def test_limits_hold_during_the_reaction(case: FaultCase) -> None:
     writes = stage.channels.writes
     assert all(isfinite(drive_v) and 0.0 <= drive_v <= 150.0 for _, (drive_v,) in writes)
     for (before_ns, (before_v,)), (t_ns, (drive_v,)) in pairwise(writes):
-        assert t_ns - before_ns > stage.period_ns or abs(drive_v - before_v) <= 20.0 + 1e-9
+        assert t_ns - before_ns > stage.period_ns or abs(drive_v - before_v) <= SLEW_STEP_V
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
@@ -105,7 +111,7 @@ def test_spike_has_no_reaction() -> None:
 
     steps_v = [b.axes[0].drive_v - a.axes[0].drive_v for a, b in pairwise(after)]
     assert {record.state for record in after} == {State.RUN}
-    assert max(map(abs, steps_v)) < 2.0
+    assert max(map(abs, steps_v)) < 5.0  # the sine itself makes steps of 4 V
 
 
 @pytest.mark.fault("S4")
@@ -118,11 +124,11 @@ def test_nothing_is_learned_from_a_spike() -> None:
     missed.fail(InjectionKind.DROPPED, 1)
     for stage in (spiked, missed):
         stage.cycle()
-    after = adaptations[0].weights.copy()
+    after, seen = adaptations[0].weights.copy(), spiked.records[-1]
     for stage in (spiked, missed):
         stage.run(0.5)
 
-    assert ids(spiked.records[-501].present) == [Fault.S4]
+    assert ids(seen.present) == [Fault.S4]
     assert after.tolist() == before.tolist()
     assert adaptations[0].weights.tolist() == adaptations[1].weights.tolist() != before.tolist()
 
@@ -131,7 +137,7 @@ def test_nothing_is_learned_from_a_spike() -> None:
 def test_short_gap_of_samples_ends_with_resume() -> None:
     """A gap below a second holds the stage; `resume` continues when samples are back."""
     stage = SwingingStage()
-    stage.fail(InjectionKind.DROPPED, 100)
+    stage.fail(InjectionKind.DROPPED, 20)
     stage.run(0.5)
     held = stage.state
     stage.do(rq.Resume())
@@ -160,7 +166,7 @@ def test_collapsed_amplifier_is_taken_over_from_its_read_back() -> None:
         stage.cycle()
     writes.clear()
     stage.device.deactivate(stage.t_ns)  # its power is off: 0 V within milliseconds
-    stage.run(0.03)
+    stage.run(0.1)
     stage.device.activate(stage.t_ns)
     stage.run(1.5)
 
@@ -180,7 +186,7 @@ def test_voltage_that_is_not_a_number_is_not_written(
     update = law.update
     monkeypatch.setattr(law, "update", lambda *values: update(*values)._replace(drive_v=nan))
     stage.channels.writes.clear()
-    after = stage.run(0.02)
+    after = stage.run(0.1)
 
     assert {drive_v for _, (drive_v,) in stage.channels.writes} <= {before_v}
     assert stage.faults() == [Fault.A5]
@@ -222,7 +228,7 @@ def test_overloaded_amplifier_has_half_the_slew_rate(
     monkeypatch.setattr(Guard, "admit", seen)
     stage.cycle()
     stage.fail(InjectionKind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
-    stage.run(0.005)
+    stage.run(0.025)
     during = halved[-1]
     stage.run(0.1)
 
@@ -233,8 +239,8 @@ def test_overloaded_amplifier_has_half_the_slew_rate(
 def test_nothing_is_written_in_local_mode_and_then_the_output_is_taken_over() -> None:
     """The voltage that is held afterwards is the one that was left."""
     stage = SwingingStage()
-    stage.fail(InjectionKind.FLAGGED, 3000, flag=DeviceFlag.LOCAL_MODE)
-    stage.run(0.002)
+    stage.fail(InjectionKind.FLAGGED, 600, flag=DeviceFlag.LOCAL_MODE)
+    stage.run(0.01)
     stage.channels.writes.clear()
     stage.device.write([33.0], stage.t_ns)
     stage.run(2.9)
@@ -253,7 +259,7 @@ def test_output_after_local_mode_is_unknown_without_read_back() -> None:
     """The result is FAULT, without a write."""
     stage = SwingingStage(Mode.FEEDFORWARD, reads_back=False, holds=True)
     stage.fail(InjectionKind.FLAGGED, 100, flag=DeviceFlag.LOCAL_MODE)
-    stage.run(0.002)
+    stage.run(0.01)
     stage.channels.writes.clear()
     stage.until("FAULT")
 
@@ -265,7 +271,7 @@ def test_oscillating_axis_has_half_the_gain_until_a_reset() -> None:
     """If it still oscillates half a second later, it continues in feedforward."""
     stage = SwingingStage(Mode.TRIMMED)
     trim, seen = stage.stage.axes[0].law.trim, []
-    for _ in range(502):
+    for _ in range(102):
         stage.controller.report(Detection(Fault.D6, 0))
         stage.cycle()
         seen.append((trim.gain_halved, stage.x.mode))
@@ -311,7 +317,7 @@ def test_exception_of_a_driver_is_a_fault(kind: InjectionKind, reaction: Reactio
     """The cycles continue, the stage holds or is blind within two cycles, and ends safe."""
     stage = SwingingStage()
     stage.fail(kind, 50)
-    after = stage.run(0.01)
+    after = stage.run(0.05)
     stage.run(3.5)
 
     assert Fault.P3 in stage.faults()
@@ -332,7 +338,7 @@ def test_exception_of_the_control_law_holds_the_voltage(
 
     monkeypatch.setattr(stage.stage.axes[0].law, "update", broken)
     before_v = stage.x.drive_v
-    after = stage.run(0.02)
+    after = stage.run(0.1)
 
     assert Fault.P4 in stage.faults()
     reaction("P4", cycles=cycles_until(after, has_left_run))
@@ -357,20 +363,20 @@ def test_jump_of_the_wall_clock_changes_nothing(reaction: Reaction) -> None:
     """The voltages are those of a stage whose clock did not jump."""
     jumped, twin = SwingingStage(), SwingingStage()
     hour_ns = 3600 * 10**9
-    ours = [jumped.cycle(CycleTiming(0, 0, 10_000, hour_ns, 0)) for _ in range(500)]
-    theirs = [twin.cycle(CycleTiming(0, 0, 10_000, 0, 0)) for _ in range(500)]
+    ours = [jumped.cycle(CycleTiming(0, 0, 10_000, hour_ns, 0)) for _ in range(100)]
+    theirs = [twin.cycle(CycleTiming(0, 0, 10_000, 0, 0)) for _ in range(100)]
 
     assert [record.axes[0].drive_v for record in ours] == [
         record.axes[0].drive_v for record in theirs
     ]
-    shown = cycles_until(jumped.records[-500:], lambda each: ids(each.present) == [Fault.L4])
+    shown = cycles_until(ours, lambda each: ids(each.present) == [Fault.L4])
     reaction("L4", cycles=shown)
 
 
 @pytest.mark.fault("C9")
 def test_stream_that_stops_holds_in_feedforward(reaction: Reaction) -> None:
     """The mode does not matter."""
-    stage = SwingingStage(Mode.FEEDFORWARD)
+    stage = SwingingStage(Mode.FEEDFORWARD, rate_hz=1000.0)
     before = len(stage.records)
     stage.do(rq.Stream(axes=("x",)))
     stage.run(0.2)

@@ -56,7 +56,7 @@ def test_axis_follows_its_command_input() -> None:
     assert stage.state == "RUN"
     assert stage.x.command_um == pytest.approx(10.0)
     assert stage.x.position_um == pytest.approx(10.0, abs=0.3)
-    assert max(steps_um) <= 200.0 * 1e-3 + 1e-9
+    assert max(steps_um) <= 200.0 * stage.period_ns * 1e-9 + 1e-9
 
 
 @pytest.mark.fault("C9")

@@ -142,7 +142,7 @@ def test_mode_feedforward_goes_back_to_a_proven_model_at_once() -> None:
 
 def test_proven_model_stays_when_learning_ends() -> None:
     """Weights that have improved the stage for a second are kept in mode `feedforward`."""
-    stage = running(with_compensator({}, rate_hz=1000.0), Mode.ADAPTIVE)
+    stage = running(with_compensator({}))
     for position_um in (20.0, 2.0) * 3:
         error_um(stage, position_um)
     law = stage.stage.axes[0].law
@@ -178,7 +178,7 @@ def test_weights_that_are_nan_do_not_outlive_their_mode(model: str, reaction: Re
 @pytest.mark.fault("S3")
 def test_impossible_position_at_rest_spoils_nothing() -> None:
     """In SAFE it is no fault; it made a creep of many ranges, and wrong weights were learned."""
-    stage = FaultyStage(shipped_config().model_copy(update={"rate_hz": 200.0}))
+    stage = FaultyStage()
     stage.until("SAFE")
     stage.fail(InjectionKind.REPLACED, 1000, value=-500.0)
     stage.run(6.0)

@@ -14,7 +14,7 @@ from piezod.testing.injections import Injection, InjectionKind
 from tests.conftest import Reaction
 from tests.control.fakes import MS
 from tests.control.fault_cases import implausible_from
-from tests.control.rig_stage import RigStage
+from tests.control.rig_stage import RigStage, shipped_config
 
 SLOW = Sine(kind="sine", low=1, high=25, frequency_hz=1)
 WAVES: Mapping[str, WaveformConfig] = {
@@ -27,9 +27,10 @@ WAVES: Mapping[str, WaveformConfig] = {
         kind="staircase", levels=tuple(5 + 0.25 * k for k in range(60)), dwell_s=0.03
     ),
 }
-START_MS = 1137
+START_MS = 137
+"""The drive then rises fastest."""
 LEARNED_MS = 6137
-"""By then the usual noise is known."""
+"""Likewise; by then the usual noise is known."""
 
 
 def arm_in(stage: RigStage, mode: Mode) -> None:
@@ -53,7 +54,7 @@ def test_healthy_stage_has_no_fault(mode: Mode) -> None:
     """Sines, triangles, steps at the slew rate, and rest; in every mode."""
     stage = RigStage()
     arm_in(stage, mode)
-    run_all(stage, 0.6, 1.5)
+    run_all(stage, 1.0, 5.0)
 
     assert stage.faults() == []
     assert stage.state == "RUN"
@@ -77,7 +78,7 @@ def test_healthy_stage_has_no_fault_for_long(rate_hz: float, seed: int) -> None:
 
 
 def faulty(kind: InjectionKind, value: float, mode: Mode) -> RigStage:
-    """Return a stage on a slow sine that fails when its drive rises fastest."""
+    """Return a stage at 1 kHz on a slow sine, that fails when its drive rises fastest."""
     start_ms = LEARNED_MS if kind is InjectionKind.NOISE else START_MS
 
     def wrap(device: Device) -> Device:
@@ -85,7 +86,7 @@ def faulty(kind: InjectionKind, value: float, mode: Mode) -> RigStage:
         assert isinstance(device, Amplifier)
         return FaultyDevice(device, [Injection(kind, start_ms * MS, value=value)])
 
-    stage = RigStage(wrap=wrap)
+    stage = RigStage(shipped_config().model_copy(update={"rate_hz": 1000.0}), wrap)
     arm_in(stage, mode)
     stage.do(rq.Wave(command_um={"x": SLOW}, duration_s=100.0))
     while stage.t_ns < (start_ms - 1) * MS:

@@ -95,7 +95,7 @@ def misses(worst: dict[Mode, dict[str, float]], bounds: Sequence[float]) -> dict
 
 
 def brief(config: ExperimentConfig) -> ExperimentConfig:
-    """Return an experiment with half of the identification, and part of the first case."""
+    """Return an experiment with half the rate and identification, and part of the first case."""
     identification = config.identification
     assert identification is not None
     assert isinstance(identification.drive_v, SequenceConfig)
@@ -113,6 +113,7 @@ def brief(config: ExperimentConfig) -> ExperimentConfig:
     return config.model_copy(
         update={
             "identification": identification.model_copy(update=shorter),
+            "rate_hz": config.rate_hz / 2.0,
             "settle_s": 2.0,
             "cases": (config.cases[0].model_copy(update={"duration_s": 7.0}),),
         }

@@ -13,7 +13,7 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import ExperimentResult, Recording
 
 HOLDS = """\
-rate_hz: 1000
+rate_hz: 500
 seed: 3
 devices:
   rig: {driver: simulated, options: {variant: stack}}
@@ -78,7 +78,7 @@ def recording(result: ExperimentResult, mode: str) -> Recording:
 
 def held_um(result: ExperimentResult, mode: str) -> FloatArray:
     """Return the true displacement from 0.1 s after the motion on, in µm."""
-    return recording(result, mode).true_um[1100:]
+    return recording(result, mode).true_um[550:]
 
 
 def test_creep_is_identified(folder: Path) -> None:
@@ -98,7 +98,7 @@ def test_holds_creep_less_with_a_creep_model(folder: Path) -> None:
 
     assert without > 0.15
     assert with_creep < without / 3
-    assert np.ptp(recording(run(folder), "feedforward").drive_v[1100:]) > 0.5
+    assert np.ptp(recording(run(folder), "feedforward").drive_v[550:]) > 0.5
 
 
 @pytest.mark.stress
@@ -106,7 +106,7 @@ def test_trim_removes_the_remaining_creep(folder: Path) -> None:
     """In mode trimmed a hold ends at the command, up to noise and sensor."""
     text = HOLDS.replace(", adaptive]", ", trimmed]")
     feedforward_um, trimmed_um = (
-        np.abs(held_um(run(folder, text), mode)[-1000:] - 20.0)
+        np.abs(held_um(run(folder, text), mode)[-500:] - 20.0)
         for mode in ("feedforward", "trimmed")
     )
 

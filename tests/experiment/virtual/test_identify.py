@@ -4,7 +4,7 @@ import pytest
 
 from piezod.errors import DataError
 from piezod.experiment.virtual.run import run_experiment
-from tests.experiment.conftest import Load
+from tests.experiment.conftest import SLOW_LOOP, Load
 
 LATE = """\
   late:
@@ -15,9 +15,9 @@ LATE = """\
 """
 
 
-def test_error_names_the_axis(load: Load, short: str) -> None:
+def test_error_names_the_axis(load: Load) -> None:
     """A record that no model fits is refused with the name of its axis."""
-    config = load(short.replace("identification:", LATE + "identification:"))
+    config = load(SLOW_LOOP.replace("identification:", LATE + "identification:"))
 
     with pytest.raises(DataError, match=r"^axis late: position_um does not grow with the drive"):
         run_experiment(config, "", "", lambda _label, _share: None)
@@ -33,12 +33,14 @@ def test_error_names_the_axis(load: Load, short: str) -> None:
     ],
 )
 def test_trim_that_is_too_weak_for_its_model_has_a_warning(
-    load: Load, short: str, trim: str, modes: str, warned: bool
+    load: Load, trim: str, modes: str, warned: bool
 ) -> None:
     """The error of the model on held-out positions is compared with what the trim may remove."""
-    text = short.replace("identification:", f"    trim: {trim}\nmodes: {modes}\nidentification:")
+    changed = f"    trim: {trim}\nmodes: {modes}\nidentification:"
 
-    result = run_experiment(load(text), "", "", lambda _label, _share: None)
+    result = run_experiment(
+        load(SLOW_LOOP.replace("identification:", changed)), "", "", lambda _label, _share: None
+    )
 
     about = [text for text in result.warnings if "removes at most 0.1 %, its `authority" in text]
     assert len(about) == warned

@@ -24,9 +24,10 @@ PAPER_PCT = {
 
 
 def brief(config: ExperimentConfig) -> ExperimentConfig:
-    """Return an experiment with the first half of its first case."""
+    """Return an experiment with half the rate, and the first half of its first case."""
     half = config.cases[0].model_copy(update={"duration_s": 10.0})
-    return config.model_copy(update={"settle_s": 2.0, "cases": (half,)})
+    changed = {"rate_hz": config.rate_hz / 2.0, "settle_s": 2.0, "cases": (half,)}
+    return config.model_copy(update=changed)
 
 
 def whole(config: ExperimentConfig) -> ExperimentConfig:
