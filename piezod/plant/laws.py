@@ -110,16 +110,22 @@ class ThermalRelays:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoucWen:
-    """Hysteresis x = k·u - h with dh = α·du - β·|du|·h - γ·du·|h|.
+    """Hysteresis x = k·u - h with dh = α·du - (β·|du|·h + γ·du·|h|)·|h/h_s|^(n-1).
 
-    The equation is that of T. S. Low and W. Guo, J. Microelectromech. Syst. 4, 1995, for a
-    piezoelectric actuator. With β = 2 and γ = β/10 the loop is 1.2 % wide at a swing of 5 %, and
-    7 % at a swing of 30 %. α = (β+γ)/(2β) follows from both: just after a turn at saturation the
-    hysteretic part stands still, as for relays.
+    h_s = α/(β+γ) is the saturation of h. With n = 1 the equation is that of T. S. Low and W. Guo,
+    J. Microelectromech. Syst. 4, 1995, for a piezoelectric actuator. With β = 2 and γ = β/10 the
+    loop is then 1.2 % wide at a swing of 5 %, and 7 % at a swing of 30 %. α = (β+γ)/(2β) follows
+    from both: just after a turn at saturation the hysteretic part stands still, as for relays.
+
+    A larger n (Y. K. Wen, J. Eng. Mech. 102, 1976) makes the way into the saturation steeper and
+    shorter. It hardly relaxes a small h, so that small loops drift for longer.
     """
 
     beta: Annotated[float, ParameterRange("", 0.5, 20, "β, per nominal drive")] = 2.0
     gamma: Annotated[float, ParameterRange("", 0, 0.4, "γ, per nominal drive")] = 0.2
+    exponent: Annotated[
+        float, ParameterRange("", 1, 4, "n: how late h relaxes on its way to h_s", varies=False)
+    ] = 1.0
     # Without it the noise of the amplifier would erase h within a second, at any voltage: |du| adds
     # up the smallest oscillation. 6 mV of 150 V is 7 times that noise.
     pinning: Annotated[

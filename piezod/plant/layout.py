@@ -70,9 +70,10 @@ CONSTANTS: Final = np.dtype(
         ("adc_step_v", "f8"),  # 0: no quantisation
         ("saturation_v", "f8"),
         ("law", "i8"),  # class of hysteresis; the fields below are 0 for the other classes
-        ("alpha", "f8"),  # of Bouc-Wen, like the next five
+        ("alpha", "f8"),  # of Bouc-Wen, like the next six
         ("beta", "f8"),
         ("gamma", "f8"),
+        ("bouc_wen_exponent", "f8"),
         ("pinning", "f8"),
         ("g_at_rest", "f8"),
         ("part_at_nominal", "f8"),
