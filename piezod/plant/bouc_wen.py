@@ -1,22 +1,16 @@
-"""Bouc-Wen hysteresis, compiled.
+"""The state of a Bouc-Wen stage along a monotonic move, compiled.
 
-    y = (u - h) / N,   dh = α·dv - (β·|dv|·h + γ·dv·|h|)·|h/h_s|^(n-1),   h_s = α/(β+γ)
+    dg = dv - (β·|dv|·g + γ·dv·|g|)·|g/g_s|^(n-1),   g_s = 1/(β+γ)
 
-y is the hysteretic part of the displacement and N its value at the nominal drive. v follows the
-drive u at the distance r, the pinning: it stands still while u oscillates by less. The state is
-v and g = h/α. A monotonic move has a closed form if the exponent n is 1, and is integrated
-otherwise.
+With g = h/α and the drive v; `path.py` has the displacement. A monotonic move has a closed form if
+the exponent n is 1, and is integrated otherwise.
 """
 
 from math import ceil, exp, log1p
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 from piezod.jit import compiled
-from piezod.plant.laws import BoucWen
 
-Record: TypeAlias = Any  # a (1,) array of `layout.CONSTANTS` or `layout.STATE`
-
-BOUC_WEN: Final = 2
 LONGEST_STEP: Final = 1e-3
 """Of the integration, in nominal drives; its error over the range is below 1e-9."""
 
@@ -64,48 +58,3 @@ def slope(g: float, beta: float, gamma: float, exponent: float) -> float:
     """Return dg/dv on a rise."""
     relaxed = (beta * g + gamma * abs(g)) * ((beta + gamma) * abs(g)) ** (exponent - 1.0)
     return float(1.0 - relaxed)
-
-
-@compiled
-def bouc_wen(unit: float, state: Record, constants: Record) -> float:
-    """Move the drive monotonically to `unit` and return the displacement in travels.
-
-    Args:
-        unit: Drive in nominal drives.
-        state: State of the plant.
-        constants: Constants of the plant.
-    """
-    s, c = state[0], constants[0]
-    if unit - c.pinning > s.v:
-        s.g = risen(s.g, unit - c.pinning - s.v, c.beta, c.gamma, c.bouc_wen_exponent)
-        s.v = unit - c.pinning
-    elif unit + c.pinning < s.v:
-        s.g = -risen(-s.g, s.v - unit - c.pinning, c.beta, c.gamma, c.bouc_wen_exponent)
-        s.v = unit + c.pinning
-    part = (unit - c.alpha * (s.g - c.g_at_rest)) / c.part_at_nominal
-    s.hysteretic = c.reversible * unit + c.irreversible * part
-    s.unit = unit
-    return float(s.hysteretic)
-
-
-def bouc_wen_constants(law: BoucWen, highest: float) -> dict[str, float]:
-    """Return the constants of a stage that rests at 0 after its highest drive.
-
-    Args:
-        law: Parameters.
-        highest: Highest drive, in nominal drives.
-    """
-    of_g = (law.beta, law.gamma, law.exponent)
-    saturated = 1 / (law.beta + law.gamma)
-    way = 2 * law.pinning  # v turns later than the drive, by this distance
-    at_rest = -risen(-saturated, highest - way, *of_g)
-    at_nominal = risen(at_rest, 1 - way, *of_g)
-    return {
-        "alpha": law.alpha,
-        "beta": law.beta,
-        "gamma": law.gamma,
-        "bouc_wen_exponent": law.exponent,
-        "pinning": law.pinning,
-        "g_at_rest": at_rest,
-        "part_at_nominal": 1 - law.alpha * (at_nominal - at_rest),
-    }
