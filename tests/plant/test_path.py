@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from piezod.plant.bouc_wen import risen
 from piezod.plant.dahl import approached
+from piezod.plant.laws import BoucWen, Dahl
 from piezod.plant.plant import Plant
 
 VARIANTS = ("bouc-wen", "dahl")
@@ -47,26 +48,25 @@ def moved(rate: Rate, h: float, start: float, end: float) -> float:
     return float(solution.y[0, -1])
 
 
-def plant_of(make_plant: Callable[..., Plant], variant: str, **hysteresis: float) -> Plant:
-    """Return a plant with its hysteresis only, and other parameters of that."""
+def plant_of(make_plant: Callable[..., Plant], variant: str, law: BoucWen | Dahl) -> Plant:
+    """Return a plant with its hysteresis only, and with other parameters of that."""
     parameters = make_plant(variant, only=STATIC).parameters
-    law = replace(parameters.hysteresis, **hysteresis)
     return Plant(replace(parameters, hysteresis=law), np.random.SeedSequence(1))
 
 
 @pytest.mark.parametrize(
-    ("variant", "hysteresis", "rate", "h_saturated", "irreversible_um"),
+    ("variant", "law", "rate", "h_saturated", "irreversible_um"),
     [
-        ("bouc-wen", {}, bouc_wen(1), 0.25, 13.9),
-        ("bouc-wen", {"exponent": 2.0}, bouc_wen(2), 0.25, 13.9),
-        ("dahl", {}, dahl, 0.5, 15.4),
+        ("bouc-wen", BoucWen(), bouc_wen(1), 0.25, 13.9),
+        ("bouc-wen", BoucWen(exponent=2.0), bouc_wen(2), 0.25, 13.9),
+        ("dahl", Dahl(), dahl, 0.5, 15.4),
     ],
 )
 def test_stage_follows_the_differential_equation(
     make_plant: Callable[..., Plant],
     run: Callable[..., Any],
     variant: str,
-    hysteresis: dict[str, float],
+    law: BoucWen | Dahl,
     rate: Rate,
     h_saturated: float,
     irreversible_um: float,
@@ -81,7 +81,7 @@ def test_stage_follows_the_differential_equation(
         end = float(np.clip(v, unit - PINNING, unit + PINNING))
         h, v = moved(rate, h, v, end), end
         expected_um.append((30 - irreversible_um) * unit + scale * (unit - h + h_at_rest))
-    actual_um = run(plant_of(make_plant, variant, **hysteresis), 150 * units).position_um
+    actual_um = run(plant_of(make_plant, variant, law), 150 * units).position_um
 
     assert np.ptp(actual_um) > 25
     assert actual_um == pytest.approx(expected_um, abs=1e-6)
@@ -132,18 +132,19 @@ def test_stage_has_no_memory_of_turning_points(
 
 
 @pytest.mark.parametrize(
-    ("variant", "hysteresis"), [("bouc-wen", {}), ("bouc-wen", {"exponent": 2.0}), ("dahl", {})]
+    ("variant", "law"),
+    [("bouc-wen", BoucWen()), ("bouc-wen", BoucWen(exponent=2.0)), ("dahl", Dahl())],
 )
 @given(drives=st.lists(st.floats(0, 1), min_size=2, max_size=10))
 def test_displacement_rises_with_the_drive(
     make_plant: Callable[..., Plant],
     run: Callable[..., Any],
     variant: str,
-    hysteresis: dict[str, float],
+    law: BoucWen | Dahl,
     drives: list[float],
 ) -> None:
     """On every branch the displacement moves in the direction of the drive."""
     units = np.array([0.0, *drives])
-    position_um = run(plant_of(make_plant, variant, **hysteresis), 150 * units).position_um
+    position_um = run(plant_of(make_plant, variant, law), 150 * units).position_um
 
     assert np.all(np.diff(position_um) * np.diff(units) >= 0)
