@@ -125,7 +125,7 @@ class BoucWen:
     beta: Annotated[float, ParameterRange("", 0.5, 20, "β, per nominal drive")] = 2.0
     gamma: Annotated[float, ParameterRange("", 0, 0.4, "γ, per nominal drive")] = 0.2
     exponent: Annotated[
-        float, ParameterRange("", 1, 4, "n: how late h relaxes on its way to h_s", varies=False)
+        float, ParameterRange("", 1, 4, "n: the larger, the less a small h relaxes", varies=False)
     ] = 1.0
     # Without it the noise of the amplifier would erase h within a second, at any voltage: |du| adds
     # up the smallest oscillation. 6 mV of 150 V is 7 times that noise.
