@@ -13,6 +13,7 @@ from piezod.records.figures.style import (
     BLACK,
     BLUE,
     GREEN,
+    GREY,
     ORANGE,
     PURPLE,
     VERMILLION,
@@ -28,10 +29,11 @@ _SHOWN: Final = {
     "preisach-asymmetric": ORANGE,
     "thermal-relays": PURPLE,
     "bouc-wen": VERMILLION,
+    "dahl": GREY,
 }
 _SWINGS: Final = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 _HALF: Final = 500  # samples of a branch; a loop takes 1 s
-_SETTLE: Final = 60  # loops before the shown one; small loops of Bouc-Wen settle slowly
+_SETTLE: Final = 60  # loops before the shown one; small loops of Bouc-Wen and Dahl settle slowly
 
 
 @house_style()

@@ -4,14 +4,14 @@
     drive ─► hysteresis, gain ─► + creep + drift ─► first mode ─► displacement
     displacement ─► fibre curve ─► + noise ─► detector ─► anti-alias filter ─► delay ─► converter
 
-The class of the hysteresis is a constant of the plant: `preisach.py`, `relays.py`, `bouc_wen.py`.
+The class of the hysteresis is a constant of the plant: `preisach.py`, `relays.py`, `path.py`.
 """
 
 from math import exp
 from typing import Any, TypeAlias
 
 from piezod.jit import compiled
-from piezod.plant.bouc_wen import BOUC_WEN, bouc_wen
+from piezod.plant.path import BOUC_WEN, DAHL, path_part
 from piezod.plant.preisach import preisach
 from piezod.plant.relays import RELAYS, relax
 
@@ -32,9 +32,9 @@ def hysteresis(middle: float, end: float, state: Record, constants: Record) -> f
         Displacement in the middle, in travels.
     """
     s, c = state[0], constants[0]
-    if c.law == BOUC_WEN:
-        in_middle = bouc_wen(middle, state, constants)
-        bouc_wen(end, state, constants)
+    if c.law in (BOUC_WEN, DAHL):
+        in_middle = path_part(middle, state, constants)
+        path_part(end, state, constants)
     elif c.law == RELAYS:
         before = s.part
         after = relax(middle, state, constants)

@@ -12,6 +12,7 @@ parameters of a class let the width grow with the swing, and the share of the hy
 """
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import Annotated, TypeAlias
 
 import numpy as np
@@ -110,16 +111,22 @@ class ThermalRelays:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoucWen:
-    """Hysteresis x = k·u - h with dh = α·du - β·|du|·h - γ·du·|h|.
+    """Hysteresis x = k·u - h with dh = α·du - (β·|du|·h + γ·du·|h|)·|h/h_s|^(n-1).
 
-    The equation is that of T. S. Low and W. Guo, J. Microelectromech. Syst. 4, 1995, for a
-    piezoelectric actuator. With β = 2 and γ = β/10 the loop is 1.2 % wide at a swing of 5 %, and
-    7 % at a swing of 30 %. α = (β+γ)/(2β) follows from both: just after a turn at saturation the
-    hysteretic part stands still, as for relays.
+    h_s = α/(β+γ) is the saturation of h. With n = 1 the equation is that of T. S. Low and W. Guo,
+    J. Microelectromech. Syst. 4, 1995, for a piezoelectric actuator. With β = 2 and γ = β/10 the
+    loop is then 1.2 % wide at a swing of 5 %, and 7 % at a swing of 30 %. α = (β+γ)/(2β) follows
+    from both: just after a turn at saturation the hysteretic part stands still, as for relays.
+
+    A larger n (Y. K. Wen, J. Eng. Mech. 102, 1976) makes the way into the saturation steeper and
+    shorter. It hardly relaxes a small h, so that small loops drift for longer.
     """
 
     beta: Annotated[float, ParameterRange("", 0.5, 20, "β, per nominal drive")] = 2.0
     gamma: Annotated[float, ParameterRange("", 0, 0.4, "γ, per nominal drive")] = 0.2
+    exponent: Annotated[
+        float, ParameterRange("", 1, 4, "n: the larger, the less a small h relaxes", varies=False)
+    ] = 1.0
     # Without it the noise of the amplifier would erase h within a second, at any voltage: |du| adds
     # up the smallest oscillation. 6 mV of 150 V is 7 times that noise.
     pinning: Annotated[
@@ -131,5 +138,42 @@ class BoucWen:
         """α, for a slope of 0 just after a turn at saturation."""
         return (self.beta + self.gamma) / (2 * self.beta)
 
+    @property
+    def saturated(self) -> float:
+        """Saturation of h/α, in nominal drives."""
+        return 1 / (self.beta + self.gamma)
 
-HysteresisLaw: TypeAlias = PowerLaw | ExponentialDensity | GaussianDensity | ThermalRelays | BoucWen
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dahl:
+    """Hysteresis x = k·u - h with dh = α·du·(1 - h/h_s·sign(du))², Dahl's equation of friction.
+
+    The equation is that of P. R. Dahl, A Solid Friction Model (Aerospace Corporation, 1968), with
+    the exponent 2. As in Bouc-Wen loops do not close at once, but h forgets with the inverse of the
+    path and not exponentially. The relaxation of a small h is that of `BoucWen`. α is such that the
+    hysteretic part stands still just after a turn of the full loop. The loop is 1.2 % wide at a
+    swing of 5 %, and 7 % at a swing of 30 %.
+    """
+
+    relaxation: Annotated[
+        float, ParameterRange("", 0.5, 10, "relaxation of a small h, per nominal drive")
+    ] = 2.0
+    pinning: Annotated[
+        float, ParameterRange("", 0, 0.01, "oscillation that leaves h as it is, nominal drives")
+    ] = 4e-5
+
+    @property
+    def alpha(self) -> float:
+        """α, from the largest h/h_s of a full loop, which is sqrt(s² + 1) - s."""
+        largest = sqrt(self.saturated**2 + 1) - self.saturated
+        return float((1 + largest) ** -2)
+
+    @property
+    def saturated(self) -> float:
+        """s, the saturation of h/α, in nominal drives."""
+        return 2 / self.relaxation
+
+
+HysteresisLaw: TypeAlias = (
+    PowerLaw | ExponentialDensity | GaussianDensity | ThermalRelays | BoucWen | Dahl
+)

@@ -9,13 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from piezod.plant.bouc_wen import BOUC_WEN, bouc_wen_constants
 from piezod.plant.density import NODES, everett_table
 from piezod.plant.discretise import creep, mode, receiver
 from piezod.plant.fibre import BEST_GAP, peak_gap_um
 from piezod.plant.kernel import fibre_v
-from piezod.plant.laws import BoucWen, HysteresisLaw, PowerLaw, ThermalRelays
+from piezod.plant.laws import BoucWen, Dahl, HysteresisLaw, PowerLaw, ThermalRelays
 from piezod.plant.parameters import AmplifierParameters, PlantParameters, SensorParameters
+from piezod.plant.path import bouc_wen_constants, dahl_constants
 from piezod.plant.preisach import POWER_LAW, TABLE, everett
 from piezod.plant.relays import CELLS, RELAYS, relay_constants
 
@@ -70,12 +70,14 @@ CONSTANTS: Final = np.dtype(
         ("adc_step_v", "f8"),  # 0: no quantisation
         ("saturation_v", "f8"),
         ("law", "i8"),  # class of hysteresis; the fields below are 0 for the other classes
-        ("alpha", "f8"),  # of Bouc-Wen, like the next five
-        ("beta", "f8"),
-        ("gamma", "f8"),
+        ("alpha", "f8"),  # of Bouc-Wen and Dahl, like the next three
         ("pinning", "f8"),
         ("g_at_rest", "f8"),
         ("part_at_nominal", "f8"),
+        ("beta", "f8"),  # of Bouc-Wen, like the next two
+        ("gamma", "f8"),
+        ("bouc_wen_exponent", "f8"),
+        ("saturated", "f8"),  # of Dahl
         ("attempts", "f8"),  # of the relays, per sub-step
         ("activation", "f8"),
         ("cell", "f8", (CELLS,)),  # drive in the middle of each cell
@@ -115,7 +117,7 @@ STATE: Final = np.dtype(
         ("past_slope_v", "f8", (DELAY_BUFFER,)),
         ("noise_used", "i8"),  # sub-steps of the block whose noise has been used
         ("noise", "f8", (NOISE_BLOCK, 2)),
-        ("v", "f8"),  # of Bouc-Wen, like the next one
+        ("v", "f8"),  # of Bouc-Wen and Dahl, like the next one
         ("g", "f8"),
         ("part", "f8"),  # of the relays, since rest
         ("up", "f8", (CELLS, CELLS)),  # fraction of each relay that is up
@@ -168,7 +170,9 @@ def _hysteresis(law: HysteresisLaw, step_s: float) -> dict[str, Any]:
         case PowerLaw():
             return {"law": POWER_LAW}
         case BoucWen():
-            return {"law": BOUC_WEN, **bouc_wen_constants(law, _HIGHEST)}
+            return bouc_wen_constants(law, _HIGHEST)
+        case Dahl():
+            return dahl_constants(law, _HIGHEST)
         case ThermalRelays():
             return {"law": RELAYS, **relay_constants(law, step_s, _LOWEST, _HIGHEST)}
         case _:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from piezod.plant.effects import without
-from piezod.plant.laws import BoucWen, ExponentialDensity, GaussianDensity, ThermalRelays
+from piezod.plant.laws import BoucWen, Dahl, ExponentialDensity, GaussianDensity, ThermalRelays
 from piezod.plant.parameters import (
     AmplifierParameters,
     PlantParameters,
@@ -89,6 +89,12 @@ _BOUC_WEN = replace(
     hysteresis=BoucWen(),
 )
 
+_DAHL = replace(
+    _STACK,
+    stage=replace(_STACK.stage, reversible_um=14.6, irreversible_um=15.4, skew=0.0),
+    hysteresis=Dahl(),
+)
+
 VARIANTS: Final[Mapping[str, Variant]] = {
     "stack": Variant("30 µm stack stage, 0 to 150 V", _STACK),
     "stack-uncalibrated": Variant(
@@ -111,6 +117,7 @@ VARIANTS: Final[Mapping[str, Variant]] = {
         "the stack stage as thermally activated relays: loops widen with the speed", _RELAYS
     ),
     "bouc-wen": Variant("the stack stage as a Bouc-Wen model", _BOUC_WEN),
+    "dahl": Variant("the stack stage as a Dahl model", _DAHL),
     "light-damping": Variant(
         "the stack stage with a first mode at 400 Hz and a damping ratio of 0.005",
         replace(_STACK, stage=replace(_STACK.stage, mode_hz=400.0, mode_damping=0.005)),

@@ -151,8 +151,8 @@ TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
             "variant: cantilever",
             "10: variant: unknown value (got 'cantilever'), "
             "allowed: stack, stack-uncalibrated, flexure, afm, preisach-exponential, "
-            "preisach-gaussian, preisach-asymmetric, thermal-relays, bouc-wen, light-damping, "
-            "no-antialias, gain-drift",
+            "preisach-gaussian, preisach-asymmetric, thermal-relays, bouc-wen, dahl, "
+            "light-damping, no-antialias, gain-drift",
         ),
         (
             "{variant: preisach-gaussian, stage: {exponent: 1.5}}",

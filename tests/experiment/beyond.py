@@ -59,11 +59,13 @@ LIMITS: Final = (
         "half the Bouc-Wen part",
         {"stage": {"reversible_um": 23.05, "irreversible_um": 6.95}},
     ),
+    Limit("bouc-wen", "exponent 2", {"hysteresis": {"exponent": 2.0}}),
     Limit("light-damping", "exact sensor", _EXACT),
     Limit("no-antialias", "no noise, no mode", {"effects": {"sensor_noise": False, "mode": False}}),
     Limit("gain-drift", "constant gain", {"stage": {"gain_growth_per_s": 0.0}}),
 )
-"""The effects without which the errors that miss their target reach it, or show what remains."""
+"""The effects without which the errors that miss their target reach it, or show what remains; and a
+stage with another equation than the model's."""
 
 
 def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:

@@ -159,7 +159,7 @@ def test_halving_the_sub_step_changes_nothing_that_matters(
 
 @pytest.mark.parametrize(
     ("variant", "change"),
-    [("preisach-asymmetric", 1e-4), ("bouc-wen", 1e-4), ("thermal-relays", 2e-3)],
+    [("preisach-asymmetric", 1e-4), ("bouc-wen", 1e-4), ("dahl", 1e-4), ("thermal-relays", 2e-3)],
 )
 def test_sub_step_hardly_matters_for_other_classes_of_hysteresis(
     make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str, change: float

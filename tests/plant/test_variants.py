@@ -70,6 +70,7 @@ def test_loop_of_every_specimen_is_12_to_18_pct_wide(run: Callable[..., Any], va
         ("preisach-asymmetric", 14.5, 15.5),
         ("thermal-relays", 0, 1),
         ("bouc-wen", 0, 0.1),
+        ("dahl", 0, 0.1),
     ],
 )
 def test_branches_differ_only_on_the_asymmetric_stage(

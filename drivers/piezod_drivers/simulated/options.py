@@ -132,6 +132,7 @@ class SimulatedOptions(ConfigModel):
         "preisach-asymmetric",
         "thermal-relays",
         "bouc-wen",
+        "dahl",
         "light-damping",
         "no-antialias",
         "gain-drift",
