@@ -88,6 +88,7 @@ def _warm_forms() -> None:
         identifier.predict(weights, 0.0, 0.0)
         form.smallest_slope(weights)
         form.widest_loop(weights, levels)
+        form.position_range(weights, levels)
         form.loop(levels).of(identifier)
 
 

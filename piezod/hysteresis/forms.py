@@ -93,6 +93,18 @@ class ModelForm(Protocol):
             Drives at these displacements while they rise, and while they fall.
         """
 
+    def position_range(
+        self, weights: FloatArray, drives: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and the highest displacement at drives, shape (n,) each.
+
+        No past of slow motion leads beyond them.
+
+        Args:
+            weights: (size,) weights.
+            drives: (n,) drives in [0, 1].
+        """
+
     def loop(self, positions: FloatArray) -> LoopDrives:
         """Return what gives the drives at these displacements for weights that change.
 
@@ -181,6 +193,18 @@ class StopForm:
         """Return the drives on both branches of the widest loop, shape (n,) each."""
         drives = self.inverse(weights).run(np.concatenate((positions, positions[::-1])))
         return drives[: positions.size], drives[positions.size :][::-1]
+
+    def position_range(
+        self, weights: FloatArray, drives: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and the highest displacement at drives, shape (n,) each."""
+        rise = np.linspace(0.0, 1.0, 513)
+        # These are drives for positions; np.interp needs them to increase, to swap both.
+        one, other = (
+            np.interp(drives, np.maximum.accumulate(branch), rise)
+            for branch in self.widest_loop(weights, rise)
+        )
+        return np.minimum(one, other), np.maximum(one, other)
 
     def loop(self, positions: FloatArray) -> StopLoop:
         """Return what gives the drives at these displacements, (n,)."""

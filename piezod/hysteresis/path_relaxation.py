@@ -172,6 +172,20 @@ class PathRelaxation:
         """Largest distance between two displacements of the term, since |h| ≤ 1/(b + g)."""
         return 2.0 * abs(self.weight) / self._rates[0]
 
+    def range_at(self, drives: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the smallest and the largest displacement of the term at drives, (n,) each.
+
+        h is largest after a rise from 0 at the lowest drive, and smallest after a fall from 0 at
+        the highest: at the ends it has the sign of the move that led there, and a move back takes
+        more from h than the move has given.
+        """
+        ends = [
+            (-risen(0.0, 1.0 - drive, *self._rates), risen(0.0, drive, *self._rates))
+            for drive in drives.tolist()
+        ]
+        both = self.weight * (np.array(ends) - self.at_rest)
+        return both.min(axis=1), both.max(axis=1)
+
     @property
     def least_slope(self) -> float:
         """The smallest slope that the term adds to a branch: at a turn from saturation, or 0.

@@ -194,6 +194,20 @@ class SurfaceForm:
         drives = self.slow.drives_at(weights, np.concatenate((positions, positions[::-1])))
         return drives[: positions.size], drives[positions.size :][::-1]
 
+    def position_range(
+        self, weights: FloatArray, drives: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and the highest displacement at drives, shape (n,) each."""
+        widest = surface(weights, 1.0, 0.0)[0]
+        rising, falling = np.array(
+            [
+                (surface(weights, drive, 0.0)[0], widest - surface(weights, 1.0, drive)[0])
+                for drive in drives.tolist()
+            ]
+        ).T
+        low, high = self.path.range_at(drives) if self.path else (0.0, 0.0)
+        return np.minimum(rising, falling) + low, np.maximum(rising, falling) + high
+
     def loop(self, positions: FloatArray) -> SurfaceLoop:
         """Return what gives the drives at these displacements, (n,), of slow motion."""
         return SurfaceLoop(self.slow.terms, positions, self._beyond)

@@ -1,8 +1,9 @@
 """Tests whether the displacement follows the drive: S9. Adaptation cannot hide this fault.
 
 If there is a model, the position must lie between the branches of the widest loop, whatever the
-past of the stage. With or without a model, the position must rise if the drive rises, and fall if
-it falls, once a stride is long enough.
+past of the stage; a part that relaxes along the path may lead beyond them near the ends. With or
+without a model, the position must rise if the drive rises, and fall if it falls, once a stride is
+long enough.
 """
 
 from math import copysign
@@ -18,21 +19,19 @@ _TABLE_SIZE = 65
 
 
 class Plausible:
-    """The widest loop of an identified stage, as a table that no learning changes. Real-time safe.
+    """The positions that an identified stage can have, as a table that no learning changes.
+
+    Real-time safe.
 
     Args:
         model: The identified model.
     """
 
     def __init__(self, model: StageModel) -> None:
-        rise = np.linspace(0.0, 1.0, 513)
-        rising, falling = model.form.widest_loop(model.weights, rise)
         grid = np.linspace(0.0, 1.0, _TABLE_SIZE)
-        # These are drives for positions; np.interp needs them to increase, to swap both.
-        up, down = np.maximum.accumulate(rising), np.maximum.accumulate(falling)
-        one, other = np.interp(grid, up, rise), np.interp(grid, down, rise)
-        self._low: list[float] = np.minimum(one, other).tolist()
-        self._high: list[float] = np.maximum(one, other).tolist()
+        low, high = model.form.position_range(model.weights, grid)
+        self._low: list[float] = low.tolist()
+        self._high: list[float] = high.tolist()
         self._drive_v = model.drive_v
 
     def bounds(self, low_v: float, high_v: float) -> tuple[float, float]:

@@ -54,6 +54,28 @@ def test_surface_is_adopted_and_learned() -> None:
     assert least_surface_slope(law.compensator.weights) > 0.0
 
 
+@pytest.mark.fault("S9")
+@pytest.mark.parametrize("model", ["surface", "path"])
+def test_conditioned_stage_is_where_its_model_allows(model: str) -> None:
+    """A decaying swing leaves the rest of a path below that of full cycles: this is no S9."""
+    config = with_model(shipped_config().model_copy(update={"rate_hz": 200.0}), model)
+    swing = config.axes["x"].conditioning.model_copy(update={"frequency_hz": 5.0})
+    axis = config.axes["x"].model_copy(update={"conditioning": swing})
+    stage = RigStage(config.model_copy(update={"axes": {"x": axis}}))
+    stage.until("SAFE")
+
+    stage.do(rq.Arm(), rq.Condition())
+    stage.until("READY")
+    stage.run(1.0)
+    rest_um = stage.x.position_um
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=12.0))
+    stage.run(1.0)
+
+    assert stage.faults() == []
+    assert (rest_um < -3.2) == (model == "path")
+    assert stage.x.position_um == pytest.approx(12.0, abs=0.1)
+
+
 def test_surface_needs_recursive_least_squares() -> None:
     """LMS learns weights of stops; the answer names the identifier to use."""
     config = shipped_config()
