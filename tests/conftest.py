@@ -5,7 +5,7 @@ import gc
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from fcntl import LOCK_EX, LOCK_SH, flock
 from math import ceil
 from pathlib import Path
@@ -107,11 +107,18 @@ def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     leave_figures_blank(monkeypatch)
 
 
-@pytest.fixture(autouse=True)
-def plain_layout(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw without a constrained layout, which takes twice the rest, but in tests of the layout."""
-    if "layout" not in request.keywords:
-        monkeypatch.setattr("piezod.records.figures.style._LAYOUT", "none")
+@pytest.fixture(autouse=True, scope="session")
+def plain_layout() -> Iterator[None]:
+    """Draw without a constrained layout, which takes twice the rest; see `layout`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("piezod.records.figures.style._LAYOUT", "none")
+        yield
+
+
+@pytest.fixture
+def layout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw figures with the layout that users see."""
+    monkeypatch.setattr("piezod.records.figures.style._LAYOUT", "constrained")
 
 
 Figure = Callable[[str], None]

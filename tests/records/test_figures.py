@@ -55,8 +55,10 @@ def test_run_has_the_panels_of_the_paper_and_two_more(recording: Recording) -> N
 
 @pytest.fixture(scope="module")
 def run_png(recording: Recording) -> bytes:
-    """Return the synthetic run as PNG."""
-    return png_bytes(mode_figure(recording))
+    """Return the synthetic run as PNG, with the layout that users see."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("piezod.records.figures.style._LAYOUT", "constrained")
+        return png_bytes(mode_figure(recording))
 
 
 def test_run_names_itself_and_its_errors(recording: Recording) -> None:
@@ -280,7 +282,7 @@ def test_invalid_samples_leave_gaps(recording: Recording) -> None:
     assert png_bytes(figure).startswith(b"\x89PNG")
 
 
-@pytest.mark.layout
+@pytest.mark.usefixtures("layout")
 def test_legends_cover_no_data(
     recording: Recording, simulated: ExperimentResult, identification: Identification
 ) -> None:
@@ -321,7 +323,7 @@ def test_model_and_data_are_shown(identification: Identification) -> None:
     )
 
 
-@pytest.mark.layout
+@pytest.mark.usefixtures("layout")
 def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording, run_png: bytes) -> None:
     """The same record gives the same bytes, in the size of the figure, without a version."""
     path = tmp_path / "run.png"
@@ -333,7 +335,7 @@ def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording, run_png
     assert b"matplotlib" not in first.lower()
 
 
-@pytest.mark.layout
+@pytest.mark.usefixtures("layout")
 def test_settings_of_the_user_do_not_matter_and_stay(recording: Recording, run_png: bytes) -> None:
     """A user's matplotlibrc changes no figure, and drawing does not change its settings."""
     with mpl.rc_context({"font.size": 30.0, "lines.linewidth": 9.0, "axes.facecolor": "red"}):

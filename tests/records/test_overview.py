@@ -100,7 +100,7 @@ def test_overview_of_true_errors_alone(simulated: ExperimentResult) -> None:
     assert panel.get_title(loc="left") == "true nonlinearity"
 
 
-@pytest.mark.layout
+@pytest.mark.usefixtures("layout")
 def test_numbers_in_the_overview_cover_no_dot(
     simulated: ExperimentResult, true_reference: Reference
 ) -> None:
@@ -113,7 +113,7 @@ def test_numbers_in_the_overview_cover_no_dot(
         assert max(drawn) < min(text.get_window_extent().x0 for text in axes.texts)
 
 
-@pytest.mark.layout
+@pytest.mark.usefixtures("layout")
 def test_labels_of_an_axis_stand_clear_of_each_other(
     simulated: ExperimentResult, true_reference: Reference
 ) -> None:

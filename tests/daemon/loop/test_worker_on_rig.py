@@ -58,7 +58,8 @@ class WorkerStage(RigStage):
 
     def __init__(self) -> None:
         self.clock = FakeClock(MS)
-        super().__init__(quick_config(), self._behind_worker)
+        config = quick_config().model_copy(update={"rate_hz": 1000.0})
+        super().__init__(config, self._behind_worker)
         self.until("SAFE")
         self.do(rq.Arm(), rq.SelectMode(mode=Mode.FEEDFORWARD), rq.Goto(position_um=12.0))
         self.run(0.5)
