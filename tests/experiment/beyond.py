@@ -48,7 +48,6 @@ LIMITS: Final = (
     Limit("preisach-exponential", "exact sensor", _EXACT),
     Limit("preisach-gaussian", "exact sensor", _EXACT),
     Limit("preisach-asymmetric", "exact sensor", _EXACT),
-    Limit("thermal-relays", "half the thermal energy", {"hysteresis": {"activation": 0.0045}}),
     Limit(
         "thermal-relays",
         "half the part of the relays",

@@ -55,6 +55,7 @@ class Compensator:
         self.weights: FloatArray = weights.copy()
         """Weights in use, shape (size,); they change in place if they follow the identifier."""
         self.surface = not form.two_sided
+        self.rest_depends_on_path = form.cycles_to_rest > 0
         """Whether they are the coefficients of a surface, and not the weights of stops."""
         self._offset, self._scale = 0.0, 0.0
         self._target = LearnedModel(weights.copy())

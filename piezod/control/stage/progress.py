@@ -115,7 +115,8 @@ def advance(
         case State.RUN:
             _run(stage, t_ns)
         case State.IDENT:
-            stage.continue_drive(t_ns)
+            if stage.continue_drive(t_ns):
+                _zero_at_known_rest(stage, t_ns)
         case State.RAMP | State.ESTOP:
             _finish_ramp(stage, t_ns, read_back_v)
         case State.BLIND:
@@ -253,6 +254,17 @@ def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         stage.go(Event.RAMP_TIMEOUT, t_ns)
 
 
+def _zero_at_known_rest(stage: Stage, t_ns: int) -> None:
+    """Zero each sensor whose rest depends on the path of the drive: only now the path is known."""
+    axes = [
+        i
+        for i, axis in enumerate(stage.axes)
+        if axis.has_sensor and axis.law.compensator.rest_depends_on_path
+    ]
+    if axes:
+        stage.zero.begin(axes, stage.period_ns, t_ns)
+
+
 def _zero(stage: Stage, t_ns: int, samples: Sequence[Sample]) -> None:
     at_rest = stage.state in {State.SAFE, State.READY}
     zeroed = stage.zero.advance(t_ns, samples, at_rest=at_rest)
@@ -263,5 +275,6 @@ def _zero(stage: Stage, t_ns: int, samples: Sequence[Sample]) -> None:
     for i in zeroed:
         axis = stage.axes[i]
         axis.law.zero()
+        stage.watches[i].sensor.zeroed()
         text = f"sensor zeroed at {stage.zero.um(i):.6g} µm"
         stage.note(StageEvent(t_ns, "info", "zero", text, axis=axis.name))

@@ -15,10 +15,8 @@ from piezod.control.stage.named import axes_named, axis_names, unknown_axis, wit
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
-from piezod.units import NS_PER_S, s_to_ns
+from piezod.units import NS_PER_S
 
-ZERO_OVER_S = 0.2
-"""A sensor is zeroed to the mean of its samples over this time."""
 AT_REST_PART = 0.01
 """A stage is at rest if its voltage is the rest voltage within this share of its range."""
 
@@ -214,8 +212,7 @@ def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
                 f"axis {stage.axes[i].name} is at {in_force_v:.3g} V; a sensor can be zeroed at "
                 f"the rest voltage, {limits.rest_v:g} V: `piezod stop` ramps there",
             )
-    cycles = max(1, s_to_ns(ZERO_OVER_S) // stage.period_ns)
-    stage.zero.begin(axes, cycles, t_ns + 2 * s_to_ns(ZERO_OVER_S))
+    stage.zero.begin(axes, stage.period_ns, t_ns)
     return Answer(True)
 
 

@@ -177,11 +177,14 @@ class Stage:
         """Drive voltages in IDENT; arguments as for `DriveSequence.start`. Real-time safe."""
         self._sequence.start(self.axes, steps, t_ns, conditions=conditions)
 
-    def continue_drive(self, t_ns: int) -> None:
-        """Continue with the voltages of IDENT, and leave IDENT at their end. Real-time safe."""
-        if self._sequence.ended(self.axes, t_ns):
-            self._memory_known |= self._sequence.makes_memory_known
-            self.go(Event.IDENTIFY_DONE, t_ns)
+    def continue_drive(self, t_ns: int) -> bool:
+        """Continue in IDENT; return whether the memory has become known now. Real-time safe."""
+        if not self._sequence.ended(self.axes, t_ns):
+            return False
+        becomes_known = self._sequence.makes_memory_known and not self._memory_known
+        self._memory_known |= becomes_known
+        self.go(Event.IDENTIFY_DONE, t_ns)
+        return becomes_known
 
     def play(self) -> StagePlay:
         """Return the play, which has the devices while it runs. Real-time safe."""
@@ -196,10 +199,7 @@ class Stage:
             self._enter_axes(self.state, t_ns)
 
     def track(self, read_back_v: Sequence[float]) -> None:
-        """Follow the read-back while nothing is written: another program may drive the outputs.
-
-        Real-time safe.
-        """
+        """Follow the read-back: others may drive the outputs meanwhile. Real-time safe."""
         for axis, drive_v in zip(self.axes, read_back_v, strict=True):
             if drive_v - drive_v == 0.0:  # finite
                 axis.track(drive_v)

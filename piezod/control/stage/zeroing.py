@@ -1,8 +1,13 @@
 """The zero of each sensor: the mean of its samples while the stage rests."""
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from piezod.devices.interface import Sample
+from piezod.units import s_to_ns
+
+ZERO_OVER_S: Final = 0.2
+"""Time over which samples are averaged, in s."""
 
 
 class SensorZero:
@@ -29,15 +34,19 @@ class SensorZero:
         self._zero_um[axis] = zero_um
         self._apply(self._zero_um)
 
-    def begin(self, axes: Sequence[int], cycles: int, until_ns: int) -> None:
-        """Start to average the samples of some axes.
+    def begin(self, axes: Sequence[int], period_ns: int, t_ns: int) -> None:
+        """Start to average the samples of some axes, over `ZERO_OVER_S`.
+
+        Zeroing is given up if valid samples are missing after twice that time.
 
         Args:
             axes: Indices of the axes.
-            cycles: Number of valid samples of each axis.
-            until_ns: Instant at which zeroing is given up, in ns.
+            period_ns: Time between two samples, in ns.
+            t_ns: Instant of the cycle, in ns.
         """
-        self._running = _RunningMean(axes, len(self._zero_um), cycles, until_ns)
+        over_ns = s_to_ns(ZERO_OVER_S)
+        cycles = max(1, over_ns // period_ns)
+        self._running = _RunningMean(axes, len(self._zero_um), cycles, t_ns + 2 * over_ns)
         self.runs = True
 
     def advance(

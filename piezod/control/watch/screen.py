@@ -226,6 +226,11 @@ class JumpWatch:
         """Note that this cycle has no usable position."""
         self._last_position, self._spikes = nan, 0
 
+    def zeroed(self) -> None:
+        """Note that the positions count from another zero: the next one is no jump, nor noise."""
+        self.missed()
+        self._noise.update(nan)
+
     def _learn(self, position: float) -> None:
         """Learn the noise from this position if the stage does not accelerate."""
         noise = self._noise

@@ -161,6 +161,11 @@ class SensorWatch:
             found = (*found, Detection(Fault.S13, self._axis, self._still.samples, STILL_SAMPLES))
         return found
 
+    def zeroed(self) -> None:
+        """Note that the samples count from another zero from now on."""
+        self._jumps.zeroed()
+        self._follow.forget()
+
     @property
     def ready(self) -> bool:
         """Whether modes that need the sensor may be used."""

@@ -13,7 +13,7 @@ from piezod.experiment.replay.comparison import replay_recording
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.records.figures.run import mode_figure
 from piezod.records.telemetry_reader import read_telemetry
-from tests.control.rig_stage import RigStage, shipped_config
+from tests.control.rig_stage import RigStage, quick_config, shipped_config
 from tests.control.surface_rig import surface_file, with_model
 from tests.recorded import new_stage, run_modes, sine, write_recording
 
@@ -74,6 +74,28 @@ def test_conditioned_stage_is_where_its_model_allows(model: str) -> None:
     assert stage.faults() == []
     assert (rest_um < -3.2) == (model == "path")
     assert stage.x.position_um == pytest.approx(12.0, abs=0.1)
+
+
+@pytest.mark.parametrize("model", ["surface", "path"])
+def test_rest_that_becomes_known_is_zeroed(model: str) -> None:
+    """A sensor that was zeroed after an unknown path would err by what this path has left."""
+    stage = RigStage(with_model(quick_config(), model), memory_known=False)
+    stage.until("SAFE")
+    stage.do(rq.Zero())
+    stage.run(0.3)
+
+    stage.do(rq.Arm(), rq.Condition())
+    stage.until("READY")
+    stage.run(0.5)
+    rest_um = stage.x.position_um
+    stage.do(rq.SelectMode(mode=Mode.FEEDFORWARD), rq.Goto(position_um=12.0))
+    stage.run(1.0)
+
+    zeroed = [event for event in stage.events if event.kind == "zero"]
+    assert stage.faults() == ["D10"]  # the large change of the zero is no jump
+    assert len(zeroed) == (2 if model == "path" else 1)
+    assert rest_um == pytest.approx(0.0, abs=0.3)
+    assert stage.x.position_um == pytest.approx(12.0, abs=0.3)
 
 
 def test_surface_needs_recursive_least_squares() -> None:

@@ -53,7 +53,7 @@ BOUNDS = {
     ),
 }
 
-NOT_LIFTED = ("half the thermal energy", "half the Bouc-Wen part", "exponent 2")
+NOT_LIFTED = ("half the Bouc-Wen part", "exponent 2")
 """What makes an error smaller or larger, and is not enough for the targets."""
 
 LONG = [
