@@ -52,7 +52,7 @@ START_ACTIVATION = 0.003
 """Activation at which its search begins, as a share of the drive's range."""
 START_DECAY = 4.0
 """Decay of the path at which its search begins, in 1/range."""
-_ROUNDS = 12
+_ROUNDS = 13
 _SETTLED = 1e-8
 """The search ends where a step makes the rms error smaller by less than this share of it: with
 20 000 samples, one standard error of a parameter makes it larger by 2.5e-5."""
