@@ -247,7 +247,7 @@ def test_growth_is_found(changed: dict[str, float], says: list[str]) -> None:
     assert all(part in text for part, text in zip(says, found, strict=True))
 
 
-@pytest.mark.layout
+@pytest.mark.usefixtures("layout")
 def test_chart_has_every_minute() -> None:
     """Each line of the chart has one point for each minute, gaps included."""
     figure = soak_figure(

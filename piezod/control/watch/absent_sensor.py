@@ -32,6 +32,9 @@ class AbsentSensor:
         self.sample = Sample(t_ns, nan, False)
         return ()
 
+    def zeroed(self) -> None:
+        """There is nothing to zero."""
+
     def allowed_um(self, _drive_v: float) -> tuple[float, float]:
         """Return NaN: without a measured position no position is excluded."""
         return nan, nan
