@@ -19,12 +19,13 @@ VARIANTS: Final = {
 }
 """Variant of the simulated rig for each model: the stops that are shipped, a plain surface, a
 surface with a lag that grows with the rate, and one with a part that relaxes along the path."""
+CLASSES: Final = ["stops", "surface"]
+"""One model of each class, as parameters of a test."""
 EACH_MODEL: Final = [
-    "stops",
-    "surface",
+    *CLASSES,
     *(pytest.param(name, marks=pytest.mark.stress) for name in ("lag", "path")),
 ]
-"""The models as parameters of a test: `make test` takes one of each class."""
+"""All models, likewise; those with a term of their own are for `make stress`."""
 
 
 def model_path(model: str) -> Path:

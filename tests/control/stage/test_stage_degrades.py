@@ -21,7 +21,7 @@ from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.fault_cases import SwingingStage
 from tests.control.rig_stage import RigStage, cycles_until, quick_config
-from tests.control.surface_rig import EACH_MODEL, with_model
+from tests.control.surface_rig import CLASSES, with_model
 
 PUNCTUAL = CycleTiming(0, 0, 10_000, 0, 0)
 LATE = PUNCTUAL._replace(late_ns=3_000_000)
@@ -136,7 +136,7 @@ def trimmed_stage(model: str) -> tuple[RigStage, LaggingSensor]:
 
 
 @pytest.mark.fault("D6")
-@pytest.mark.parametrize("model", EACH_MODEL)
+@pytest.mark.parametrize("model", CLASSES)
 def test_oscillating_stage_is_warned_of_and_then_led_to_feedforward(
     model: str, reaction: Reaction
 ) -> None:
