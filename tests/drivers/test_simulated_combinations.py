@@ -122,7 +122,8 @@ def _part(parameters: type[Any]) -> st.SearchStrategy[dict[str, float]]:
     return st.fixed_dictionaries(
         {},
         optional={
-            name: st.sampled_from([q.low, q.high]) | st.floats(q.low, q.high)
+            # A subnormal number is a rounded 0, by which a sensor of no light at all is scaled.
+            name: st.sampled_from([q.low, q.high]) | st.floats(q.low, q.high, allow_subnormal=False)
             for name, q in quantities(parameters).items()
         },
     )
