@@ -37,8 +37,9 @@ def print_delay(console: Console, delay_s: float, delay: DelayEstimate | None) -
     console.print(f"{margin}{' ' * best}▲ {low:.3g} %, the worst is {high:.3g} %\n")
     if delay_s < 0.0:
         console.print(
-            "It is negative: the position leads the recorded voltage, for example because each "
-            "sample was taken after the time that the record gives it.\n"
+            "It is negative: the position leads the recorded voltage. A voltage that the hardware "
+            "holds between two samples makes it smaller by half a sample period; or each sample "
+            "was taken after the time that the record gives it.\n"
         )
 
 

@@ -48,7 +48,7 @@ def coarse(waveforms: Mapping[str, WaveformConfig], rate_hz: float) -> Iterator[
             yield (
                 f"axis {axis}: {share * rate_hz:g} Hz is more than a tenth of the rate, "
                 f"{rate_hz:g} Hz: the loop makes {1.0 / share:.3g} steps a period, which are up to "
-                f"{100.0 * sin(pi * share):.2g} % of the swing, and its phase is off by "
+                f"{100.0 * sin(pi * share):.0f} % of the swing, and its phase is off by "
                 f"{180.0 * share:.2g}° on average between two cycles, besides the delay of "
                 "amplifier and stage. Use a lower frequency or a higher rate_hz."
             )

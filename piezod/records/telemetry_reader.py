@@ -186,8 +186,8 @@ def _opened(path: Path) -> Iterator[h5py.Group]:
             _ = [entry[name] for name in ("cycles", "gaps")]
         except KeyError as error:
             raise DataError(
-                f"{path}: this is not the recording of a stage: {error.args[0]}; allowed are "
-                "files of `piezod record`; open other files with an HDF5 viewer"
+                f"{path}: this is not the recording of a stage, which `piezod record` makes. "
+                "Open other files, as those of experiments, with an HDF5 viewer"
             ) from error
         yield entry
 

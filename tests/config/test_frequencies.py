@@ -63,6 +63,6 @@ def test_told_step_and_phase_are_those_of_the_staircase(frequency_hz: float) -> 
         2 * np.pi * frequency_hz * t_s
     )
     half_period_deg = 360.0 * frequency_hz * 0.5 / rate_hz
-    assert f"up to {50.0 * np.max(np.abs(steps)):.2g} % of the swing" in warning
+    assert f"up to {50.0 * np.max(np.abs(steps)):.0f} % of the swing" in warning
     assert f"off by {half_period_deg:.2g}° on average" in warning
     assert warning.startswith(f"axis x: {frequency_hz:g} Hz is more than a tenth of the rate")
