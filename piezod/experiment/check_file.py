@@ -15,9 +15,10 @@ from piezod.config.response_file import ResponseFile, load_response
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.assembly import check_stage
 from piezod.control.law.gains import check_gains
-from piezod.control.law.model import with_found_mode
+from piezod.control.law.learned_share import learned_share
+from piezod.control.law.model import unidentified_form, with_found_mode
 from piezod.control.law.model_files import read_model
-from piezod.control.law.pace import LARGEST_SHARE, RLS_SHARE, slowest_unknown_mode_hz
+from piezod.control.law.pace import slowest_unknown_mode_hz
 from piezod.control.law.trim_gains import margins_text
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
@@ -139,7 +140,9 @@ def _unknown_modes(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str,
         model = read_model(axis.model)[0] if axis.model else None
         if axis.sensor is None or with_found_mode(axis, model).first_mode is not None:
             continue
-        share = RLS_SHARE if axis.compensator.identifier == "rls" else LARGEST_SHARE
+        share = learned_share(
+            axis.compensator, model.form if model is not None else unidentified_form(axis)
+        )
         slow_hz = slowest_unknown_mode_hz(1.0 / rate_hz, _ASSUMED_DAMPING, share)
         warnings.append(
             f"axis {name}: neither `first_mode` nor `response` nor the model tells its first mode. "

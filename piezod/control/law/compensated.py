@@ -18,8 +18,9 @@ from piezod.control.law.dynamics import (
     known_dynamics,
 )
 from piezod.control.law.identifier import Identifier, LearningGate, ModelProof
+from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import StageModel
-from piezod.control.law.pace import FOLLOWED_SHARE, RLS_SHARE, learning_pace
+from piezod.control.law.pace import FOLLOWED_SHARE, learning_pace
 from piezod.control.law.trim import NotchedTrim, Trim
 from piezod.control.law.trim_gains import check_trim, trim_law
 from piezod.control.reference.preview import ReferenceShaper
@@ -41,7 +42,6 @@ from piezod.hysteresis import (
     SurfaceIdentifier,
     covariance,
     has_even_thresholds,
-    largest_stable_gain,
 )
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.path_relaxation import RELAXED_PATH, PathState
@@ -252,26 +252,8 @@ def _stop_adaptation(
 
 
 def _pace(config: AxisConfig, form: ModelForm, period_ns: int) -> float:
-    """Return the pace of learning, from the share of its error that the identifier removes."""
-    match form:
-        case StopForm(bank):
-            share = _stop_share(config, bank)
-        case SurfaceForm():
-            share = RLS_SHARE
-        case _:
-            raise TypeError(f"no identifier for a {type(form).__name__}")
+    share = learned_share(config.compensator, form)
     return learning_pace(period_ns / NS_PER_S, config.first_mode, share)
-
-
-def _stop_share(config: AxisConfig, bank: FloatArray) -> float:
-    settings = config.compensator
-    match settings.identifier:
-        case "rls":
-            return RLS_SHARE
-        case "nlms":
-            return settings.lms_gain
-        case "lms":  # it removes 2 γ ‖E - x‖², and its largest stable gain is 1 / ‖E - x‖²
-            return 2.0 * settings.lms_gain / largest_stable_gain(bank)
 
 
 def _proof(model: StageModel, period_ns: int) -> ModelProof:

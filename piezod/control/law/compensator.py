@@ -55,8 +55,9 @@ class Compensator:
         self.weights: FloatArray = weights.copy()
         """Weights in use, shape (size,); they change in place if they follow the identifier."""
         self.surface = not form.two_sided
-        self.rest_depends_on_path = form.cycles_to_rest > 0
         """Whether they are the coefficients of a surface, and not the weights of stops."""
+        self.rest_depends_on_path = form.cycles_to_rest > 0
+        """Whether the displacement at rest depends on the path of the drive before."""
         self._offset, self._scale = 0.0, 0.0
         self._target = LearnedModel(weights.copy())
         self._fade_cycles, self._share = fade_cycles, share

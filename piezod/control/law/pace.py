@@ -24,8 +24,6 @@ FULL_PACE_PERIOD_S: Final = 1e-3
 samples do not make the stage change faster, so that each of them counts less."""
 RLS_SHARE: Final = 0.1
 """k of recursive least squares: share of its error that it removes in a sample, while it moves."""
-LARGEST_SHARE: Final = 1.0
-"""k of LMS with its largest gain."""
 FOLLOWED_SHARE: Final = 0.3
 """σ: share of the distance to the learned model that the compensator goes in a cycle. The full
 distance, as in the paper, would pass the noise of the sensor on to the drive."""

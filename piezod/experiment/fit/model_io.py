@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 import piezod
 from piezod.config.model_file import FitConfig, ModelFile, PathConfig, SourceConfig
+from piezod.control.law.model import StageModel
 from piezod.errors import ModelError
 from piezod.experiment.fit.fit import Fit
 from piezod.hysteresis import StopForm, SurfaceForm
@@ -33,11 +34,26 @@ def to_model_file(
         ModelError: If a number exceeds the range of a model file.
         OSError: If the data file cannot be read.
     """
-    model = fit.model
-    common: dict[str, Any] = {
-        "created_at": created_at.isoformat(timespec="seconds"),
-        "created_by": f"piezod {piezod.__version__}",
-        "method": fit.settings.method.value,
+    try:
+        return ModelFile(
+            created_at=created_at.isoformat(timespec="seconds"),
+            created_by=f"piezod {piezod.__version__}",
+            method=fit.settings.method.value,
+            source=SourceConfig(file=source.name, sha256=_sha256(source)),
+            fit=FitConfig(**errors_pct),
+            **model_fields(fit.model),
+        )
+    except ValidationError as failure:
+        first = failure.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ModelError(
+            f"a model file cannot hold this model: {where}: {first['msg']}"
+        ) from failure
+
+
+def model_fields(model: StageModel) -> dict[str, Any]:
+    """Return the fields of a model file that describe a model, with exact numbers, by name."""
+    fields: dict[str, Any] = {
         "drive_low_v": model.drive_v.low,
         "drive_high_v": model.drive_v.high,
         "position_low_um": model.position_um.low,
@@ -47,48 +63,37 @@ def to_model_file(
         "creep_weights": tuple(model.creep.weights.tolist()),
     }
     if model.mode is not None:
-        common["first_mode"] = model.mode._asdict()
-    try:
-        common["source"] = SourceConfig(file=source.name, sha256=_sha256(source))
-        common["fit"] = FitConfig(**errors_pct)
-        match model.form:
-            case StopForm(bank):
-                return _stops_file(bank, model.weights, common)
-            case SurfaceForm(path=path):
-                return ModelFile(
-                    version=2,
-                    surface_coefficients=tuple(model.weights.tolist()),
-                    surface_activation=model.form.activation,
-                    surface_prompt_slope=model.form.prompt_slope,
-                    surface_path=PathConfig(**asdict(path)) if path else None,
-                    **common,
-                )
-    except ValidationError as failure:
-        first = failure.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise ModelError(
-            f"a model file cannot hold this model: {where}: {first['msg']}"
-        ) from failure
-    raise TypeError(f"no model file for a {type(model.form).__name__}")
+        fields["first_mode"] = model.mode._asdict()
+    match model.form:
+        case StopForm(bank):
+            return fields | _stop_fields(bank, model.weights)
+        case SurfaceForm(path=path):
+            return fields | {
+                "version": 2,
+                "surface_coefficients": tuple(model.weights.tolist()),
+                "surface_activation": model.form.activation,
+                "surface_prompt_slope": model.form.prompt_slope,
+                "surface_path": PathConfig(**asdict(path)) if path else None,
+            }
+        case _:
+            raise TypeError(f"no model file for a {type(model.form).__name__}")
 
 
-def _stops_file(bank: FloatArray, weights: FloatArray, common: Mapping[str, Any]) -> ModelFile:
-    """Return a file of version 1.
+def _stop_fields(bank: FloatArray, weights: FloatArray) -> dict[str, Any]:
+    """Return the fields of stops.
 
     Args:
         bank: (2, 2 M) thresholds and gains of the stops.
         weights: (2 M,) weights [a^l, a^r].
-        common: Fields that every model has, by name.
     """
     left_thresholds, right_thresholds = _sides(bank[0])
     left_weights, right_weights = _sides(weights)
-    return ModelFile(
-        **common,
-        right_stop_thresholds=right_thresholds,
-        right_stop_weights=right_weights,
-        left_stop_thresholds=left_thresholds,
-        left_stop_weights=left_weights,
-    )
+    return {
+        "right_stop_thresholds": right_thresholds,
+        "right_stop_weights": right_weights,
+        "left_stop_thresholds": left_thresholds,
+        "left_stop_weights": left_weights,
+    }
 
 
 def _sides(both: FloatArray) -> tuple[tuple[float, ...], tuple[float, ...]]:

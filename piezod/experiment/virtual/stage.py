@@ -11,6 +11,7 @@ from piezod.control.guard import Guard
 from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import limits_of
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.zeroing import ZERO_OVER_S
 from piezod.control.table_guard import TableGuard
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, Identity, KnowsTruth
@@ -24,8 +25,6 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S, s_to_ns
 
-ZERO_OVER_S = 0.2
-"""The sensor is zeroed to its mean over this last part of a rest, in s."""
 RAMP_SHARE = 0.5
 """Share of a rest in which the voltage goes to the rest voltage; then it is held."""
 
