@@ -1,7 +1,8 @@
 """The voltage at which a stage is taken over if the read-back and the last write differ. Pure.
 
-Two voltages are credible: the read-back, and the voltage that was written last. The sensor decides
-between them if its position is possible at only one of them, whatever the past of the stage.
+Two voltages are credible: the read-back, and the voltage that was written last. The read-back is
+taken if the amplifier itself reports that the last write is no longer in force. Otherwise the
+sensor decides if its position is possible at only one of them, whatever the past of the stage.
 """
 
 from collections.abc import Callable, Sequence
@@ -51,12 +52,15 @@ class Evidence(NamedTuple):
         position_um: Measured position, in µm; NaN if it proves nothing.
         fall_explained: Whether the device reports that its output fell, or was out of reach, so
             that a loss of power explains a read-back unlike the last write.
+        reports_move: Whether the amplifier has reported since the last write that its output fell,
+            or that a person sets it.
     """
 
     read_back: Claim
     written: Claim
     position_um: float = nan
     fall_explained: bool = True
+    reports_move: bool = False
 
 
 class Takeover(NamedTuple):
@@ -80,11 +84,14 @@ def take_over(known: Evidence, safe_v: float, tolerance_v: float) -> Takeover:
         safe_v: Safe voltage of the axis, in V.
         tolerance_v: Allowed difference between read-back and written voltage, in V.
     """
-    read_back, written, position_um, fall_explained = known
+    read_back, written, position_um, fall_explained, reports_move = known
     if not abs(read_back.drive_v - written.drive_v) > tolerance_v:  # also without a last write
         contradicted = read_back.excludes(position_um)
         why = "there is no other voltage to start from"
         return Takeover(read_back.drive_v, _disagreement(known, why) if contradicted else "")
+    if reports_move:
+        why = "the read-back, because the amplifier reports that its output has changed"
+        return Takeover(read_back.drive_v, _disagreement(known, why))
     if read_back.excludes(position_um) != written.excludes(position_um):
         chosen = written if read_back.excludes(position_um) else read_back
         why = f"the sensor allows {chosen.drive_v:.4g} V only"
@@ -177,7 +184,8 @@ class OutputJudge:
         """Return the voltage in force, in V; report if read-back, write and sensor disagree."""
         axis = self._axes[index]
         read_back, written = self._claim(index, read_back_v), self._claim(index, written_v)
-        known = Evidence(read_back, written, self._position_um(index), explained)
+        moved = self._watches[index].amplifier.reports_move
+        known = Evidence(read_back, written, self._position_um(index), explained, moved)
         tolerance_v = axis.law.limits.read_back_tolerance_v
         drive_v, disagreement = take_over(known, axis.config.safe_v, tolerance_v)
         if disagreement:

@@ -25,6 +25,8 @@ FLAG_FAULTS: Final = {
 """Faults that an amplifier reports by a flag."""
 _FALLS: Final = frozenset({DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
 """Flags that report a fall of the output."""
+_MOVED: Final = _FALLS | {DeviceFlag.LOCAL_MODE}
+"""Flags that report another voltage than the last write: the output fell, or a person sets it."""
 MISMATCH_CYCLES: Final = 3
 """The read-back must differ in this many cycles in a row to be A3."""
 LAG_CYCLES: Final = 3
@@ -76,6 +78,9 @@ class AmplifierWatch:
         self.unexplained_fall = False
         """Whether the read-back has collapsed since the last write, and the amplifier has neither
         reported that its output fell nor been silent. The read-back itself may be wrong."""
+        self.reports_move = False
+        """Whether the amplifier has reported since the last write that its output fell, or that it
+        is in local mode: the last write need not be in force."""
 
     def check(self, read_back_v: float, flags: Flags) -> Sequence[Detection]:
         """Return the faults of the channel. Call once per cycle, before the write.
@@ -93,6 +98,7 @@ class AmplifierWatch:
         # Most cycles end with the early return below: what follows it may cost more.
         before_v, self._read_back_v = self._read_back_v, read_back_v
         self.overloaded = DeviceFlag.OVERLOAD in flags
+        self.reports_move |= not _MOVED.isdisjoint(flags)
         wrong = bool(flags) or self._not_taken or self._not_finite
         wrong |= (
             self._range_limited_cycles >= RANGE_CYCLES or self._slew_limited_cycles >= SLEW_CYCLES
@@ -138,7 +144,7 @@ class AmplifierWatch:
             self._written_v.add(self._taken_v)
         self._written_v.add(drive_v)
         if taken:
-            self._taken_v = drive_v
+            self._taken_v, self.reports_move = drive_v, False
         else:  # without an acknowledgement either voltage may be in force
             self._written_v.add(self._taken_v)
         self._written, self.unexplained_fall = True, False

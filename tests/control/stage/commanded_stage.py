@@ -38,6 +38,8 @@ WAY_DOWN: Final[dict[State, rq.Request]] = {
     **dict.fromkeys((*ARMED, State.HOLD), rq.Stop()),
     State.FAULT: rq.Reset(engineer=True),
 }
+MOVED: Final = frozenset({DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
+"""Flags of an amplifier whose output need not be at the last write any more."""
 LOCAL_CYCLES: Final = 8
 """Cycles in local mode, within which the output settles."""
 WITHIN_S: Final = 12.0
@@ -61,6 +63,8 @@ class CommandedStage(FaultyStage):
         """Whether voltages are planned for their cycle; others must not move anything."""
         self._taken_over = False
         """Whether a new loop runs its first cycle: it does not know the last write."""
+        self._moved_ns = -1
+        """Instant at which the amplifier reported last that its output has moved."""
         now_s: Callable[[], float] = lambda: self.t_ns / NS_PER_S  # noqa: E731 - a clock
         self.lease = Lease(now_s)
         self._service = ServiceState(
@@ -100,6 +104,8 @@ class CommandedStage(FaultyStage):
         goes_on = self.stage.hold_cause() is HoldCause.LATENESS and before is State.HOLD
         t_ns = self.t_ns + self.period_ns * (1 + timing.skipped)
         (output_v,) = self.device.inner.read_back(t_ns)
+        if not MOVED.isdisjoint(self.device.status(t_ns)[-1]):
+            self._moved_ns = t_ns
         record = super().cycle(timing)
         after = State(record.state)
         if after in ARMED and after is not before:
@@ -174,7 +180,7 @@ class CommandedStage(FaultyStage):
         """
         assert isfinite(drive_v)
         before_ns, (before_v,) = self.channels.writes[first - 1] if first else (-1, (output_v,))
-        credible_v = output_v, *self._false_v(output_v, before_v)
+        credible_v = output_v, *self._false_v(output_v, before_ns, before_v)
         # An output that is found outside the range returns at the slew rate, and goes no farther.
         assert self._outside_v(drive_v) <= max(map(self._outside_v, (*credible_v, before_v)))
         follows = len(self.records) > 1 and before_ns == self.records[-2].t_ns
@@ -191,12 +197,13 @@ class CommandedStage(FaultyStage):
         low_v, high_v = self._range_v
         return max(low_v - drive_v, drive_v - high_v, 0.0)
 
-    def _false_v(self, output_v: float, before_v: float) -> tuple[float, ...]:
+    def _false_v(self, output_v: float, before_ns: int, before_v: float) -> tuple[float, ...]:
         """Return the voltages that the daemon must take for the one of the output, in V.
 
         It can know better unless the read-back of this cycle or of the one before was false. Then
         it may believe that read-back, or the last write. A lost amplifier is still at its last
-        write if the sensor excludes the read-back only.
+        write if the sensor excludes the read-back only, unless it has reported since that write
+        that its output has moved.
         """
         shown_ns = {record.t_ns for record in self.records[-2:]}
         lies_v = [
@@ -214,6 +221,7 @@ class CommandedStage(FaultyStage):
             return Claim(at_v, *sensor.allowed_um(at_v)).excludes(position_um)
 
         kept = abs(before_v - output_v) <= self._tolerance_v and not excluded(output_v)
+        kept = kept and self._moved_ns <= before_ns
         if kept and len(self.records) > 1 and self.records[-2].state is State.BLIND:
             lies_v = [each_v for each_v in lies_v if not excluded(each_v)]
         return *lies_v, before_v

@@ -1,5 +1,6 @@
 """Tests of takeovers in which the read-back, the last write and the sensor do not agree."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import isnan, nan
 
@@ -86,6 +87,50 @@ def test_ramp_after_a_loss_of_power_makes_no_step_up(
     assert max(written_v(stage)) < TOLERANCE_V
 
 
+@pytest.mark.fault("A7")
+@pytest.mark.fault("A8")
+@pytest.mark.parametrize(
+    "flags",
+    [(DeviceFlag.RESTARTED,), (DeviceFlag.RESTARTED, DeviceFlag.LOCAL_MODE)],
+    ids=", ".join,
+)
+def test_stuck_sensor_does_not_hide_a_reported_fall(flags: Sequence[DeviceFlag]) -> None:
+    """The amplifier reports that its output changed; the sensor still shows the old position."""
+    stage = standing()
+    stage.fail(InjectionKind.STUCK)
+    stage.run(0.05)
+    stage.channels.writes.clear()
+    stage.device.inner.write([0.0], stage.t_ns)
+    for flag in flags:
+        stage.fail(InjectionKind.FLAGGED, 4, flag=flag)
+        stage.run(0.02)
+    blind = stage.state
+    stage.until("RAMP")
+    stage.run(0.1)
+
+    assert blind == State.BLIND
+    assert max(written_v(stage)) < TOLERANCE_V
+    assert "the amplifier reports that its output has changed" in disagreements(stage)[0]
+
+
+def test_voltage_that_a_person_set_during_a_loss_is_taken_over() -> None:
+    """In local mode the last write is not in force, although the stuck sensor shows it."""
+    stage = standing()
+    stage.fail(InjectionKind.STUCK)
+    stage.run(0.05)
+    stage.fail(InjectionKind.READ_BACK_OFFSET, 30, value=nan)
+    stage.run(0.05)
+    blind = stage.state
+    stage.fail(InjectionKind.FLAGGED, 20, flag=DeviceFlag.LOCAL_MODE)
+    stage.cycle()
+    stage.device.inner.write([10.0], stage.t_ns)
+    stage.channels.writes.clear()
+    stage.until("SAFE")
+
+    assert blind == State.BLIND
+    assert written_v(stage)[0] == pytest.approx(10.0, abs=SLEW_STEP_V)
+
+
 @given(position_um=st.floats(6.0, 24.0), share=st.floats(0.0, 1.0), truly=st.booleans())
 @settings(max_examples=5)
 def test_no_read_back_makes_a_step(position_um: float, share: float, truly: bool) -> None:
@@ -146,22 +191,34 @@ def claims(draw: st.DrawFn, *, none: bool = False) -> Claim:
     written=claims(none=True),
     position_um=positions,
     explained=st.booleans(),
+    moved=st.booleans(),
     safe_v=st.sampled_from([0.0, 75.0]),
 )
 @settings(max_examples=300)
 def test_takeover_is_at_a_credible_voltage(
-    read_back: Claim, written: Claim, position_um: float, explained: bool, safe_v: float
+    read_back: Claim,
+    written: Claim,
+    position_um: float,
+    explained: bool,
+    moved: bool,
+    safe_v: float,
 ) -> None:
-    """It is one of the two, never the one that the sensor alone excludes, and doubt is reported."""
-    known = Evidence(read_back, written, position_um, explained)
+    """It is one of the two, and doubt is reported.
+
+    It is the read-back if the amplifier reports that its output changed, and otherwise never the
+    voltage that the sensor alone excludes.
+    """
+    known = Evidence(read_back, written, position_um, explained, moved)
     start_v, disagreement = take_over(known, safe_v, TOLERANCE_V)
     claimed = [claim for claim in (read_back, written) if claim.drive_v == start_v]
     other = [claim for claim in (read_back, written) if abs(claim.drive_v - start_v) > TOLERANCE_V]
 
     assert claimed
-    if other and not other[0].excludes(position_um):
+    if moved:
+        assert start_v == read_back.drive_v
+    elif other and not other[0].excludes(position_um):
         assert not all(claim.excludes(position_um) for claim in claimed)
-    if other and not explained and isnan(position_um):
+    if other and not (explained or moved) and isnan(position_um):
         assert abs(start_v - safe_v) >= abs(other[0].drive_v - safe_v)
     assert bool(disagreement) == bool(other or claimed[0].excludes(position_um))
 
