@@ -228,17 +228,19 @@ def text_of(frame: bytes) -> str:
     return "".join(chr(code) for code in frame[5:-1] if 32 <= code < 127).strip()
 
 
+_REQUEST_SIZES: Final = {
+    _READ: _REQUEST.size,
+    _WRITE: _WORD.size,
+    _WRITE_NEXT: _NEXT.size,
+    _READ_ARRAY: _ARRAY_REQUEST.size,
+}
+
+
 def request_length(got: bytes) -> int:
     """Return the length of the first frame to a controller, as a `LengthOf`."""
     if not got:
         return 0
-    sizes = {
-        _READ: _REQUEST.size,
-        _WRITE: _WORD.size,
-        _WRITE_NEXT: _NEXT.size,
-        _READ_ARRAY: _ARRAY_REQUEST.size,
-    }
-    length = sizes.get(got[0])
+    length = _REQUEST_SIZES.get(got[0])
     if length is None:
         return -1
     if len(got) < length:
