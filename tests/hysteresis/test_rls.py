@@ -206,14 +206,13 @@ def test_scale_is_bounded(gain: float, scale: float) -> None:
     assert smallest_slope_of(BANK, rls.weights) >= LEAST_SLOPE - 1e-12
 
 
-@pytest.mark.parametrize("held_s", [60, pytest.param(600, marks=pytest.mark.stress)])
-def test_offset_and_scale_do_not_run_away_if_they_are_indistinguishable(held_s: int) -> None:
-    """Minutes around one drifted displacement leave offset and scale small.
+def test_offset_and_scale_do_not_run_away_if_they_are_indistinguishable() -> None:
+    """Ten minutes around one drifted displacement leave offset and scale small.
 
     The first full swing afterwards, without the drift, shows no error above 3 %.
     """
     swing = command(4.0)
-    held = 0.7 + np.random.default_rng(1).normal(0.0, 1e-3, 1000 * held_s)
+    held = 0.7 + np.random.default_rng(1).normal(0.0, 1e-3, 600_000)
     drives = drives_for(np.concatenate((held, swing)))
     rls = RLSIdentifier(BANK, KNOWN)
 
