@@ -259,7 +259,7 @@ def test_no_variance_exceeds_its_bound() -> None:
 
 @pytest.mark.parametrize("rest_s", [300, pytest.param(3600, marks=pytest.mark.stress)])
 @pytest.mark.parametrize("noise", [0.0, 2e-4])
-def test_an_hour_at_rest_teaches_nothing(noise: float, rest_s: int) -> None:
+def test_long_rest_teaches_nothing(noise: float, rest_s: int) -> None:
     """Model and covariance stay to the bit, with noise inside the dead-band too."""
     rls = RLSIdentifier(BANK, KNOWN, deadband=1e-2)
     rls.run(np.linspace(0.0, 0.3, 100), np.linspace(0.0, 0.4, 100))
