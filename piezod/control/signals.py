@@ -58,8 +58,7 @@ class RecentRange:
         self._cycles = cycles
         self.low, self.high = inf, -inf
         """Lowest and highest value; inf and -inf before the first value."""
-        self._low_now, self._high_now = inf, -inf
-        self._low_before, self._high_before = inf, -inf
+        self._low_now, self._high_now = inf, -inf  # of the present block
         self._filled = 0
 
     @property
@@ -69,19 +68,19 @@ class RecentRange:
 
     def add(self, value: float) -> None:
         """Take the value of this cycle; it must be finite."""
-        if self._filled == self._cycles:
-            self._low_before, self._high_before = self._low_now, self._high_now
-            self._low_now = self._high_now = value
+        if self._filled == self._cycles:  # only the block that ends here still counts
+            self.low, self.high = self._low_now, self._high_now
+            self._low_now, self._high_now = inf, -inf
             self._filled = 0
         self._filled += 1
-        self._low_now, self._high_now = min(self._low_now, value), max(self._high_now, value)
-        self.low = min(self._low_before, self._low_now)
-        self.high = max(self._high_before, self._high_now)
+        if not self._low_now <= value <= self._high_now:
+            self._low_now, self._high_now = min(self._low_now, value), max(self._high_now, value)
+            self.low, self.high = min(self.low, value), max(self.high, value)
 
     def forget(self) -> None:
         """Forget all values."""
-        self.low = self._low_before = self._low_now = inf
-        self.high = self._high_before = self._high_now = -inf
+        self.low = self._low_now = inf
+        self.high = self._high_now = -inf
         self._filled = 0
 
 
@@ -101,6 +100,7 @@ class SlidingRange:
         self._part_cycles = max(cycles // _PARTS, 1)
         parts = max(cycles // self._part_cycles, 1)
         self._lows, self._highs = [inf] * parts, [-inf] * parts
+        self._low, self._high = inf, -inf  # of all parts
         self._part, self._filled = 0, 0
 
     def add(self, value: float) -> float:
@@ -112,11 +112,16 @@ class SlidingRange:
         if self._filled == self._part_cycles:
             self._part = (self._part + 1) % len(self._lows)
             self._lows[self._part], self._highs[self._part] = inf, -inf
+            self._low, self._high = min(self._lows), max(self._highs)
             self._filled = 0
         self._filled += 1
-        self._lows[self._part] = min(self._lows[self._part], value)
-        self._highs[self._part] = max(self._highs[self._part], value)
-        return max(self._highs) - min(self._lows)
+        if value < self._lows[self._part]:
+            self._lows[self._part] = value
+            self._low = min(self._low, value)
+        if value > self._highs[self._part]:
+            self._highs[self._part] = value
+            self._high = max(self._high, value)
+        return self._high - self._low
 
 
 STUCK_SAMPLES: Final = 20
@@ -148,8 +153,9 @@ class StuckSensor:
     def update(self, position: float, drive: float) -> bool:
         """Take a sample and the drive in force; return whether the sensor is stuck."""
         if position != self._position:
-            self._position, self._samples = position, 0
+            self._position, self._samples = position, 1
             self._low = self._high = drive
+            return False
         self._samples += 1
         self._low, self._high = min(self._low, drive), max(self._high, drive)
         return self._samples >= STUCK_SAMPLES and self._high - self._low > self._swing
@@ -247,7 +253,8 @@ class NoiseLevel:
         variance = self.variance
         clipped = min(square, _CLIP * variance) / _CLIP_MEAN
         self.variance = max(variance + (clipped - variance) / AVERAGED_CYCLES, LEAST_VARIANCE)
-        self._cycles = min(self._cycles + 1, USUAL_CYCLES)  # at first the plain mean
+        if self._cycles < USUAL_CYCLES:  # at first the plain mean
+            self._cycles += 1
         # A rise counts up to a factor of two, so that the usual level follows slowly.
         self._usual += (min(self.variance, 2.0 * self._usual) - self._usual) / self._cycles
         return square > SPIKE_SIGMAS**2 * variance

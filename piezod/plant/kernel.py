@@ -185,24 +185,26 @@ def step_output(goal_v: float, state: Record, constants: Record) -> None:
 
 
 @compiled
-def advance_sensor(before_um: float, noise_v: float, state: Record, constants: Record) -> None:
+def advance_sensor(noise_v: float, state: Record, constants: Record) -> None:
     """Advance detector and filter over the sub-step of the last `advance_stage`.
 
     Args:
-        before_um: Displacement at the start of the sub-step, in µm.
         noise_v: Noise of the light during the sub-step, in V.
         state: State of the plant.
         constants: Constants of the plant.
     """
     s, c = state[0], constants[0]
+    light_before_v, slope_before = s.light_v, s.light_slope
+    s.light_v = fibre_v(s.displacement_um, constants)
+    s.light_slope = fibre_slope(s.displacement_um, constants)
     known = (
         s.detector_v,
         s.filter_v,
         s.filter_slope_v,
-        fibre_v(before_um, constants),
-        fibre_slope(before_um, constants) * s.start_slope_um,
-        fibre_v(s.displacement_um, constants),
-        fibre_slope(s.displacement_um, constants) * s.slope_um,
+        light_before_v,
+        slope_before * s.start_slope_um,
+        s.light_v,
+        s.light_slope * s.slope_um,
         noise_v,
     )
     s.detector_v = row_product(c.receiver, 0, known)
@@ -256,13 +258,12 @@ def advance(
         noise_before_v = s.noise_v
         # First-order autoregression: white noise in the bandwidth of the amplifier.
         s.noise_v = c.noise_decay * noise_before_v + c.noise_kick_v * s.noise[s.noise_used, 0]
-        before_um = s.displacement_um
         advance_stage(
             middle_v + (noise_before_v + s.noise_v) / 2.0,
             s.output_v + s.noise_v,
             state,
             constants,
         )
-        advance_sensor(before_um, c.light_noise_v * s.noise[s.noise_used, 1], state, constants)
+        advance_sensor(c.light_noise_v * s.noise[s.noise_used, 1], state, constants)
         s.noise_used += 1
     return reading_v(ago, state, constants)

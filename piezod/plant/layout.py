@@ -12,7 +12,7 @@ import numpy as np
 from piezod.plant.density import NODES, everett_table
 from piezod.plant.discretise import creep, mode, receiver
 from piezod.plant.fibre import BEST_GAP, peak_gap_um
-from piezod.plant.kernel import fibre_v
+from piezod.plant.kernel import fibre_slope, fibre_v
 from piezod.plant.laws import BoucWen, Dahl, HysteresisLaw, PowerLaw, ThermalRelays
 from piezod.plant.parameters import AmplifierParameters, PlantParameters, SensorParameters
 from piezod.plant.path import bouc_wen_constants, dahl_constants
@@ -109,6 +109,8 @@ STATE: Final = np.dtype(
         ("displacement_um", "f8"),
         ("slope_um", "f8"),  # per sub-step, like all slopes here
         ("start_slope_um", "f8"),  # at the start of the last sub-step
+        ("light_v", "f8"),  # at the present displacement
+        ("light_slope", "f8"),  # likewise, in V/µm
         ("detector_v", "f8"),
         ("filter_v", "f8"),
         ("filter_slope_v", "f8"),
@@ -239,7 +241,8 @@ def at_rest(record: Any) -> Any:
         _at_rest_turns(state, record)
     # Creep, drift, mode and noise are 0 at rest; only the light is not.
     light_v = fibre_v(0.0, record)
-    for name in ("detector_v", "filter_v", "past_v"):
+    state["light_slope"] = fibre_slope(0.0, record)
+    for name in ("light_v", "detector_v", "filter_v", "past_v"):
         state[name] = light_v
     return state
 

@@ -128,18 +128,17 @@ class FaultyDevice:
 
     def status(self, now_ns: int) -> Sequence[Flags]:
         """Return the flags of the device, plus those of the faults."""
-        able = self.capabilities()
-        n_inputs = len(able.inputs)
         if self._flags is not None:
             flags = list(self._flags.status(now_ns))
         else:
-            flags = [NO_FLAGS] * (n_inputs + len(able.outputs))
+            able = self.capabilities()
+            flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
         for one in self._now(now_ns):
             if one.kind in _FLAGGED:
                 flags[one.axis] |= {one.flag}
             # A lost or flagged device reports it for its outputs too.
             if one.kind in _FLAGGED - {InjectionKind.SENSOR_FLAGGED}:
-                flags[n_inputs + one.axis] |= {one.flag}
+                flags[len(self.capabilities().inputs) + one.axis] |= {one.flag}
         return flags
 
     def _now(self, now_ns: int) -> list[Injection]:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from piezod.config.combined_waveforms import Sequence
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.devices import registry
 from piezod.plant.variants import VARIANTS
@@ -92,6 +93,32 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
             "seed": seed,
             "axes": {"x": axis},
             "devices": {"rig": device.model_copy(update={"options": options})},
+        }
+    )
+
+
+def brief(config: ExperimentConfig) -> ExperimentConfig:
+    """Return an experiment with half the rate and identification, and part of the first case."""
+    identification = config.identification
+    assert identification is not None
+    assert isinstance(identification.drive_v, Sequence)
+    parts = tuple(
+        part.model_copy(update={"duration_s": duration_s})
+        for part, duration_s in zip(
+            identification.drive_v.parts, (4.0, 10.0, 14.0, 2.0), strict=True
+        )
+    )
+    shorter = {
+        "run_in_s": 4.0,
+        "duration_s": 30.0,
+        "drive_v": identification.drive_v.model_copy(update={"parts": parts}),
+    }
+    return config.model_copy(
+        update={
+            "identification": identification.model_copy(update=shorter),
+            "rate_hz": config.rate_hz / 2.0,
+            "settle_s": 2.0,
+            "cases": (config.cases[0].model_copy(update={"duration_s": 7.0}),),
         }
     )
 

@@ -68,10 +68,10 @@ def shared_by_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) 
     return own if worker_id == "master" else own.parent
 
 
-@pytest.fixture(scope="session")
-def beyond_stage(shared_by_workers: Path) -> Identified:
-    """Return the stage of `beyond.yaml` with a model of stops, graded."""
-    return identified(shared_by_workers, "graded")
+@pytest.fixture
+def beyond_stage(shared_by_workers: Path, request: pytest.FixtureRequest) -> Identified:
+    """Return the stage of `beyond.yaml` with a model of stops; `make test` has half the rate."""
+    return identified(shared_by_workers, "graded", whole="stress" in request.keywords)
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
-from tests.experiment.beyond import experiment_of, with_stops
+from tests.experiment.beyond import brief, experiment_of, with_stops
 
 LOW_UM, HIGH_UM = 1.0, 25.0
 """Full swing. Below it, creep and drift would need negative voltages, which the amplifier
@@ -68,16 +68,18 @@ def _with_axis(config: ExperimentConfig, **update: object) -> ExperimentConfig:
     return config.model_copy(update={"axes": {"x": axis}})
 
 
-def identified(folder: Path, thresholds: str) -> Identified:
+def identified(folder: Path, thresholds: str, *, whole: bool = True) -> Identified:
     """Identify the stage of `beyond.yaml` by stops, once for all processes that share a folder.
 
     Args:
         folder: Where to keep the model.
         thresholds: Where the thresholds are, as in a configuration.
+        whole: Whether the rate and the record are those of the file, and not half of them.
     """
     config = with_stops(experiment_of("stack"), thresholds)
-    kept = folder / f"{thresholds}.pickle"
-    with (folder / f"{thresholds}.lock").open("w") as lock:
+    config = config if whole else brief(config)
+    kept = folder / f"{thresholds}-{config.rate_hz:g}.pickle"
+    with kept.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not kept.exists():
             with opened(config, lambda _cycles: None) as stage:

@@ -257,15 +257,16 @@ def test_no_variance_exceeds_its_bound() -> None:
     assert 0.9 * SCALE_BOUND < variances[-1] <= SCALE_BOUND
 
 
+@pytest.mark.parametrize("rest_s", [300, pytest.param(3600, marks=pytest.mark.stress)])
 @pytest.mark.parametrize("noise", [0.0, 2e-4])
-def test_an_hour_at_rest_teaches_nothing(noise: float) -> None:
+def test_long_rest_teaches_nothing(noise: float, rest_s: int) -> None:
     """Model and covariance stay to the bit, with noise inside the dead-band too."""
     rls = RLSIdentifier(BANK, KNOWN, deadband=1e-2)
     rls.run(np.linspace(0.0, 0.3, 100), np.linspace(0.0, 0.4, 100))
     rls.run([0.302, 0.298], [0.4, 0.4])
     learned = everything(rls)
 
-    rest = 0.3 + noise * np.random.default_rng(1).uniform(-1, 1, 3_600_000)
+    rest = 0.3 + noise * np.random.default_rng(1).uniform(-1, 1, 1000 * rest_s)
     rls.run(rest, np.full(rest.size, 0.4))
 
     assert everything(rls) == learned

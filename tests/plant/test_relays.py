@@ -38,8 +38,10 @@ def test_loop_widens_with_the_rate(
 ) -> None:
     """From 0.1 to 1 to 10 Hz the loop widens by 1 to 2 % of the swing each, and is 15 % at 1 Hz."""
     slow, middle, fast = (
-        width_pct(make_plant("thermal-relays", only=STATIC), run, frequency_hz)
-        for frequency_hz in (0.1, 1.0, 10.0)
+        width_pct(
+            make_plant("thermal-relays", only=STATIC, sub_step_ns=sub_step_ns), run, frequency_hz
+        )
+        for frequency_hz, sub_step_ns in ((0.1, 200_000), (1.0, 50_000), (10.0, 50_000))
     )
 
     assert middle == pytest.approx(15.0, abs=1.0)

@@ -206,15 +206,20 @@ class _Share:
             bad: Bad events of this cycle.
             periods: Periods since the cycle before.
         """
-        # After a gap the parts that it covers are empty.
-        for _ in range(min(self._filled // self._part_periods, _PARTS)):
-            self._part = (self._part + 1) % _PARTS
-            self._bad_sum -= self._bad[self._part]
-            self._cycles_sum -= self._cycles[self._part]
-            self._bad[self._part] = self._cycles[self._part] = 0
-        self._filled = self._filled % self._part_periods + periods
+        if self._filled >= self._part_periods:
+            self._begin_part()
+        self._filled += periods
         self._bad[self._part] += bad
         self._cycles[self._part] += 1
         self._bad_sum += bad
         self._cycles_sum += 1
         return self._bad_sum / self._cycles_sum
+
+    def _begin_part(self) -> None:
+        """Replace the oldest part by a new one; after a gap the parts that it covers are empty."""
+        ended, self._filled = divmod(self._filled, self._part_periods)
+        for _ in range(min(ended, _PARTS)):
+            self._part = (self._part + 1) % _PARTS
+            self._bad_sum -= self._bad[self._part]
+            self._cycles_sum -= self._cycles[self._part]
+            self._bad[self._part] = self._cycles[self._part] = 0

@@ -20,9 +20,9 @@ from tests.control.made_up import BANK, FORM, WEIGHTS, Array, MadeUpStage, wande
 RANGE = AffineRange(0.0, 1.0)
 FADE = 100
 AUTHORITY = 0.05
-SWITCH = 2000
+SWITCH = 1000
 """Cycle of the change of mode."""
-SPIKE_AT = 1500
+SPIKE_AT = 700
 """Cycle of the spike of the sensor."""
 
 
@@ -77,7 +77,7 @@ def run(
 @pytest.mark.parametrize("adapts", [False, True])
 def test_trim_removes_the_error_of_the_model(adapts: bool) -> None:
     """Creep of 4 %, which the model lacks, is removed soon after the change of mode."""
-    commands = np.full(3000, 0.8)
+    commands = np.full(2000, 0.8)
 
     _, positions = run(Mode.FEEDFORWARD, Mode.TRIMMED, commands, adapts=adapts)
 
@@ -91,7 +91,7 @@ def test_trim_removes_the_error_of_the_model(adapts: bool) -> None:
 @pytest.mark.parametrize("into", [False, True])
 def test_switch_is_bumpless(adapts: bool, moving: bool, other: Mode, into: bool) -> None:
     """No step of the drive is larger than command and trim explain."""
-    commands = wander(3.0) if moving else np.minimum(np.arange(3000) / 500, 0.8)
+    commands = wander(2.0) if moving else np.minimum(np.arange(2000) / 500, 0.8)
     start, end = (other, Mode.TRIMMED) if into else (Mode.TRIMMED, other)
 
     drives, _ = run(start, end, commands, adapts=adapts)
@@ -106,7 +106,7 @@ def test_switch_is_bumpless(adapts: bool, moving: bool, other: Mode, into: bool)
 
 def test_trim_fades_when_the_mode_is_left() -> None:
     """After the fade the drive is that of the other mode, and stays."""
-    commands = np.full(3000, 0.8)
+    commands = np.full(2000, 0.8)
 
     for other, drive in ((Mode.UNCOMPENSATED, 0.8), (Mode.FEEDFORWARD, None)):
         drives, _ = run(Mode.TRIMMED, other, commands)
@@ -119,12 +119,12 @@ def test_trim_fades_when_the_mode_is_left() -> None:
 
 def test_trim_does_not_wind_up_at_the_end_of_the_range() -> None:
     """While creep keeps the stage above rest, the trim does not grow."""
-    there_and_back = np.concatenate((np.full(1000, 0.9), np.zeros(1000)))
+    there_and_back = np.repeat([0.9, 0.0], SWITCH // 2)
     commands = np.concatenate((there_and_back, np.full(1000, 0.5)))
 
     _, positions = run(Mode.TRIMMED, Mode.TRIMMED, commands)
 
-    assert positions[SWITCH - 500 : SWITCH - 1].min() > 0.003
+    assert positions[SWITCH - 300 : SWITCH - 1].min() > 0.003
     assert np.abs(positions[SWITCH + 2 : SWITCH + 10] - 0.5).max() < 0.035  # 0.05 more with wind-up
     assert positions[SWITCH + 200 :] == pytest.approx(0.5, abs=5e-4)
 
@@ -132,7 +132,7 @@ def test_trim_does_not_wind_up_at_the_end_of_the_range() -> None:
 @pytest.mark.parametrize("spike", [0.1, -0.1])
 def test_spike_does_not_move_the_trim(spike: float) -> None:
     """A sample that is 10 % off moves the drive by less than a thousandth of that."""
-    commands = wander(3.0)
+    commands = wander(2.0)
 
     clean, _ = run(Mode.TRIMMED, Mode.TRIMMED, commands)
     spiked, _ = run(Mode.TRIMMED, Mode.TRIMMED, commands, spike=spike)

@@ -178,8 +178,8 @@ def test_repeated_sample_closes_the_gate() -> None:
 def test_gate_stays_closed_at_a_constant_command(noise: float) -> None:
     """Neither the duration nor the noise of the sensor matters."""
     gate, draws = LearningGate(MS), np.random.default_rng(6)
-    drives = draws.normal(0.4, 1e-3, 50_000).tolist()
-    positions = draws.normal(0.5, noise, 50_000).tolist()
+    drives = draws.normal(0.4, 1e-3, 20_000).tolist()
+    positions = draws.normal(0.5, noise, 20_000).tolist()
 
     decisions = reasons(gate, map(Cycle, drives, positions), untouched)
 

@@ -5,14 +5,13 @@ from typing import NamedTuple
 
 import pytest
 
-from piezod.config.combined_waveforms import Sequence as SequenceConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.experiment.virtual.run import run_experiment
 from piezod.plant.variants import VARIANTS
 from tests.conftest import Figure
-from tests.experiment.beyond import LIMITS, Limit, experiment_of
+from tests.experiment.beyond import LIMITS, Limit, brief, experiment_of
 
 TARGETS_PCT = {Mode.FEEDFORWARD: 0.5, Mode.ADAPTIVE: 0.25, Mode.TRIMMED: 0.15}
 MODES = tuple(TARGETS_PCT)
@@ -93,32 +92,6 @@ def misses(worst: dict[Mode, dict[str, float]], bounds: Sequence[float]) -> dict
         for metric in TRUE
         if not worst[mode][metric] <= bound
     }
-
-
-def brief(config: ExperimentConfig) -> ExperimentConfig:
-    """Return an experiment with half the rate and identification, and part of the first case."""
-    identification = config.identification
-    assert identification is not None
-    assert isinstance(identification.drive_v, SequenceConfig)
-    parts = tuple(
-        part.model_copy(update={"duration_s": duration_s})
-        for part, duration_s in zip(
-            identification.drive_v.parts, (4.0, 10.0, 14.0, 2.0), strict=True
-        )
-    )
-    shorter = {
-        "run_in_s": 4.0,
-        "duration_s": 30.0,
-        "drive_v": identification.drive_v.model_copy(update={"parts": parts}),
-    }
-    return config.model_copy(
-        update={
-            "identification": identification.model_copy(update=shorter),
-            "rate_hz": config.rate_hz / 2.0,
-            "settle_s": 2.0,
-            "cases": (config.cases[0].model_copy(update={"duration_s": 7.0}),),
-        }
-    )
 
 
 @pytest.mark.parametrize(

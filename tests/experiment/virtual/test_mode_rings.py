@@ -164,12 +164,10 @@ def pace_margin(stage: Identified, patch: pytest.MonkeyPatch, *, whole: bool) ->
     Args:
         stage: The stage.
         patch: Changes the pace.
-        whole: Whether factors above the least margin are tried, too.
+        whole: Whether all factors are tried, and not the least margin alone.
     """
     steady = 0.0
-    for factor in FACTORS:
-        if factor > LEAST_MARGIN and not whole:
-            break
+    for factor in FACTORS if whole else (LEAST_MARGIN,):
         change_pace(patch, factor)
         found = ringing(stage)
         if not found.learned or found.amplitude_pct > LARGEST_RINGING_PCT:

@@ -110,6 +110,7 @@ def through(
     course.rig.run(begin_s)
     course.learned += [course.rig.learned] * 2
     course.rig.channels.tamper = fault
+    duration_s = max(duration_s, 1.0 / stage.config.rate_hz)  # one cycle at least
     course.worst.append(worst_pct(course.rig.run(duration_s, course.watch)))
     course.watch(0)
     course.rig.channels.tamper = None
