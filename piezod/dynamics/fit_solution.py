@@ -1,12 +1,15 @@
 """A solution of the problem of a response, and its parameters by their meaning."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+
+PER_RESONANCE: Final = 3
+"""Parameters of a resonance; the share of the last one follows from the others."""
 
 
 class Parts(NamedTuple):
@@ -24,6 +27,20 @@ class Parts(NamedTuple):
     dampings: FloatArray
     shares: FloatArray
 
+    @classmethod
+    def of(cls, parameters: FloatArray, fixed: int) -> Self:
+        """Return the parts of parameters, in the order of `fit_lines`.
+
+        Args:
+            parameters: The parameters.
+            fixed: Number of gains, phase, creep and delay.
+        """
+        count = (parameters.size - fixed + 1) // PER_RESONANCE
+        own_end = fixed + 2 * count
+        free, own = parameters[own_end:], np.exp(parameters[fixed:own_end])
+        shares = np.append(free, 1.0 - free.sum()) if count else np.empty(0)
+        return cls(parameters[:fixed], own[::2], own[1::2], shares)
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
@@ -31,12 +48,17 @@ class Solution:
 
     Attributes:
         parameters: The parameters.
+        parts: The same by their meaning.
         cost: Half of the sum of squares.
         jacobian: (residuals, parameters) derivatives.
-        count: Number of resonances.
     """
 
     parameters: FloatArray
+    parts: Parts
     cost: float
     jacobian: FloatArray
-    count: int
+
+    @property
+    def count(self) -> int:
+        """Number of resonances."""
+        return self.parts.shares.size

@@ -154,7 +154,7 @@ def _result(
     solution: Solution,
     criterion: dict[int, float],
 ) -> ResponseFit:
-    parts, uncertain = problem.parts(solution), problem.uncertainties(solution)
+    parts, uncertain = solution.parts, problem.uncertainties(solution)
     values = np.stack(parts[1:], axis=1)
     order = np.argsort(parts.frequencies_hz)
     gains = problem.signs * np.exp(parts.fixed[: problem.gains])

@@ -11,7 +11,7 @@ with delay = n T + rest and the notches N. The paper has no trim. Source of the 
 z-transform: K. J. Åström and B. Wittenmark, "Computer-Controlled Systems", chapter 2.
 """
 
-from collections.abc import Sequence
+from functools import lru_cache
 from math import ceil, floor
 from typing import NamedTuple
 
@@ -73,11 +73,11 @@ def sampled_stage(period_s: float, stage: ResponseModel) -> Sampled:
     periods = stage.delay_s / period_s
     if not stage.resonances:
         whole = ceil(periods - 1e-9)  # a change between two samples shows at the second
-        z = np.exp(1j * _angles(whole))
+        z = _points(whole)
         return Sampled(z, np.asarray(z**-whole))
     whole = floor(periods + 1e-9)
     rest_s = max(stage.delay_s - whole * period_s, 0.0)
-    z = np.exp(1j * _angles(whole, [_pole(mode, period_s) for mode in stage.resonances]))
+    z = _points(whole, tuple(_pole(mode, period_s) for mode in stage.resonances))
     held = np.zeros_like(z)
     for mode in stage.resonances:
         held += mode.share * _held_mode(z, rest_s, period_s, mode)
@@ -90,8 +90,9 @@ def _pole(mode: Resonance, period_s: float) -> complex:
     return angle * complex(-mode.damping, (1.0 - mode.damping**2) ** 0.5)
 
 
-def _angles(whole: int, poles: Sequence[complex] = ()) -> FloatArray:
-    """Return frequencies as angles of z, dense where the response turns fast.
+@lru_cache(maxsize=4)  # stages that differ in a part of a period have the same points
+def _points(whole: int, poles: tuple[complex, ...] = ()) -> ComplexArray:
+    """Return points z on the unit circle, dense where the response turns fast.
 
     The delay turns the response `whole` times. A mode turns it close to its frequency, within its
     damping; sampling folds that frequency into 0 to π.
@@ -102,7 +103,9 @@ def _angles(whole: int, poles: Sequence[complex] = ()) -> FloatArray:
         aside = np.geomspace(-0.01 * pole.real, 4.0, 1000)
         parts += [folded - aside, np.array([folded]), folded + aside]
     angles = np.unique(np.concatenate(parts))
-    return angles[(angles > 0.0) & (angles <= np.pi)]
+    z = np.exp(1j * angles[(angles > 0.0) & (angles <= np.pi)])
+    z.flags.writeable = False
+    return np.asarray(z)
 
 
 def _held_mode(z: ComplexArray, rest_s: float, period_s: float, mode: Resonance) -> ComplexArray:
@@ -113,11 +116,12 @@ def _held_mode(z: ComplexArray, rest_s: float, period_s: float, mode: Resonance)
     # (old).
     new = settled - late @ settled
     old = late @ settled - whole @ settled
-    entry = new + old / z[:, np.newaxis]
-    # The first row of (z I - A)^-1, for a matrix of two rows.
-    determinant = (z - whole[0, 0]) * (z - whole[1, 1]) - whole[0, 1] * whole[1, 0]
-    first = np.stack([z - whole[1, 1], np.full_like(z, whole[0, 1])], axis=1)
-    return np.asarray(np.sum(first * entry, axis=1) / determinant)
+    # The first row of (z I - A)^-1 is (z - A_11, A_01) over the determinant.
+    (a_00, a_01), (a_10, a_11) = whole.tolist()
+    once, same = new[0], old[0] - a_11 * new[0] + a_01 * new[1]
+    before = a_01 * old[1] - a_11 * old[0]
+    numerator = once * z + same + before * z.conj()  # on the unit circle it is 1/z
+    return np.asarray(numerator / ((z - a_00) * (z - a_11) - a_01 * a_10))
 
 
 def free_motion(mode: Resonance, t_s: float) -> FloatArray:

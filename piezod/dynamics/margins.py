@@ -230,16 +230,17 @@ def _rounded_down(gain: float) -> float:
 
 def _largest_stable(response: ComplexArray) -> float:
     """Return the smallest gain that puts the curve through -1, in 1/s."""
-    angle = np.angle(-response)  # 0 on the negative real axis
+    places = np.flatnonzero(response.imag[:-1] * response.imag[1:] <= 0.0)
+    ends = np.stack((response[places], response[places + 1]))
+    before, after = np.angle(-ends)  # 0 on the negative real axis
     # A sign change of the angle is a crossing; a jump from π to -π, on the positive axis, is none.
-    before, after = angle[:-1], angle[1:]
     crosses = (before * after <= 0.0) & (np.abs(before - after) < np.pi / 2)
     part = before[crosses] / (before[crosses] - after[crosses])
     # The size at the crossing, interpolated on a logarithmic scale.
-    size = np.log(np.abs(response))
-    crossings = size[:-1][crosses] + part * (size[1:] - size[:-1])[crosses]
-    at_end = [size[-1]] if response[-1].real < 0.0 else []  # half the sample rate: real
-    return float(np.exp(-np.max(np.append(crossings, at_end))))
+    size, following = np.log(np.abs(ends[:, crosses]))
+    last = response[-1]  # half the sample rate: real
+    at_end = [np.log(np.abs(last))] if last.real < 0.0 else []
+    return float(np.exp(-np.max(np.append(size + part * (following - size), at_end))))
 
 
 def _largest_with_phase_margin(response: ComplexArray) -> float:

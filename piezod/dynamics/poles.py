@@ -1,7 +1,7 @@
 """First values of the resonances of a response, from the poles of a rational approximation."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import combinations
 from typing import Final
 
@@ -22,23 +22,19 @@ _BEYOND: Final = 3.0
 """Poles outside the lines by more than this factor are left out."""
 
 
-def combinations_of_modes(
-    frequency_hz: FloatArray, response: ComplexArray, count: int, rate_hz: float | None
-) -> Iterator[FloatArray]:
-    """Yield frequencies in Hz and damping ratios of possible resonances, each of shape (count, 2).
+def possible_modes(frequency_hz: FloatArray, response: ComplexArray) -> list[FloatArray]:
+    """Return frequencies in Hz and damping ratios of possible resonances, each of shape (k, 2).
 
-    The approximation is the AAA algorithm (Nakatsukasa, Sète, Trefethen, SIAM J. Sci. Comput. 40,
-    2018) on the lines and their mirror images.
+    Each array is of one approximation by the AAA algorithm (Nakatsukasa, Sète, Trefethen, SIAM J.
+    Sci. Comput. 40, 2018), on the lines and their mirror images.
 
     Args:
         frequency_hz: (n,) frequencies, in Hz.
         response: (n,) response, without most of its delay.
-        count: Number of resonances.
-        rate_hz: Rate at which the drive was held; a weakly damped pole may then be the image of one
-            above half of the rate. None if the drive was continuous.
     """
     line = 2j * np.pi * frequency_hz
     both, values = np.concatenate((line, -line)), np.concatenate((response, response.conj()))
+    found = []
     for tolerance in _TOLERANCES:
         with warnings.catch_warnings():
             # Noise never converges: the terms limit the approximation.
@@ -49,8 +45,23 @@ def combinations_of_modes(
         low, high = frequency_hz[0] / _BEYOND, _BEYOND * frequency_hz[-1]
         inside = (modes[:, 0] > low) & (modes[:, 0] < high)
         stable = (modes[:, 1] > _LEAST_DAMPING) & (modes[:, 1] < _MOST_DAMPING)
-        possible = modes[inside & stable][:_MOST_POLES]
-        for chosen in combinations(possible, count):
+        found.append(modes[inside & stable][:_MOST_POLES])
+    return found
+
+
+def combinations_of_modes(
+    possible: Iterable[FloatArray], count: int, rate_hz: float | None
+) -> Iterator[FloatArray]:
+    """Yield frequencies in Hz and damping ratios of resonances, each of shape (count, 2).
+
+    Args:
+        possible: What `possible_modes` returns.
+        count: Number of resonances.
+        rate_hz: Rate at which the drive was held; a weakly damped pole may then be the image of one
+            above half of the rate. None if the drive was continuous.
+    """
+    for modes in possible:
+        for chosen in combinations(modes, count):
             yield np.array(chosen)
             if rate_hz is not None:
                 yield from _unfolded(np.array(chosen), rate_hz)

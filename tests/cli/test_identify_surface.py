@@ -115,8 +115,10 @@ def test_text_of_a_surface(piezod: Command, data: Path) -> None:
     assert "Residual of the position as recorded, without its mean: 0.05" in text
 
 
-def test_given_delay_may_be_negative(piezod: Command, data: Path, folder: Path) -> None:
+def test_given_delay_may_be_negative(piezod: Command, folder: Path) -> None:
     """A surface takes the delay of samples that were reported early, and stores it."""
+    data = folder / "data.csv"
+    write_record(data, surface_record(delay_s=-0.004, noise=0.0005, duration_s=8.0))
     options = ("--delay-s", -0.004, "--out", "model.yaml")
 
     code, out, err = piezod("identify", data, *SURFACE, *options)

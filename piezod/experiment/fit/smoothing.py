@@ -11,6 +11,7 @@ stage tracked worse (worst true error 0.30 instead of 0.24 %).
 """
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -36,14 +37,21 @@ def smoothed(values: FloatArray, window: int) -> FloatArray:
     """
     if window <= 3:
         return values
-    half = window // 2
-    places = np.arange(-half, half + 1) / half
-    # The weights of a least-squares parabola are the same for every window.
-    powers = np.vander(places, 3, increasing=True)
-    fit = np.linalg.pinv(powers)
+    half, (powers, fit) = window // 2, _parabola(window)
     first, last = fit @ values[:window], fit @ values[-window:]
     inside = np.convolve(values, fit[0], mode="valid")
     return np.concatenate((powers[:half] @ first, inside, powers[-half:] @ last))
+
+
+@lru_cache(maxsize=len(WINDOWS))
+def _parabola(window: int) -> tuple[FloatArray, FloatArray]:
+    """Return the powers of the places in a window, (window, 3), and what fits a parabola to values.
+
+    The weights of a least-squares parabola, (3, window), are the same everywhere.
+    """
+    half = window // 2
+    powers = np.vander(np.arange(-half, half + 1) / half, 3, increasing=True)
+    return powers, np.asarray(np.linalg.pinv(powers), np.float64)
 
 
 def longest_window(drive_v: FloatArray) -> int:

@@ -128,10 +128,10 @@ def _constraints(free: Rows, skew: float) -> tuple[FloatArray, FloatArray]:
         skew: Skew of the path.
     """
     slopes, units = np.pad(slope_rows(), ((0, 0), (0, COUNT - SIZE))), np.eye(COUNT)
-    rows = [*slopes]
+    blocks = [slopes]
     if free[PATH]:  # where the path adds its least slope, the sum is large enough, too
-        rows += [*(slopes + steepest_relaxation(skew) * units[PATH])]
-    bounds = [LEAST_SLOPE] * len(rows)
+        blocks.append(slopes + steepest_relaxation(skew) * units[PATH])
+    rows, bounds = [], [LEAST_SLOPE] * sum(map(len, blocks))
     for place, (low, high) in _SCALAR_BOUNDS.items():
         if free[place]:
             rows.append(units[place])
@@ -139,4 +139,4 @@ def _constraints(free: Rows, skew: float) -> tuple[FloatArray, FloatArray]:
             if high is not None:
                 rows.append(-units[place])
                 bounds.append(-high)
-    return np.array(rows), np.array(bounds)
+    return np.vstack((*blocks, *rows)), np.array(bounds)

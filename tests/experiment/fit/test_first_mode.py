@@ -49,7 +49,7 @@ def test_mode_is_found_within_its_uncertainty(seed: int, mode: FirstMode, delay_
 
     Without the lag in the fit, the damping of the second mode would be 0.032 in place of 0.03.
     """
-    record = ringing_record(mode=mode, delay_s=delay_s, seed=seed)
+    record = ringing_record(mode=mode, delay_s=delay_s, seed=seed, duration_s=2.0)
 
     fit = fit_model(record, SURFACE)
 
@@ -84,7 +84,7 @@ def test_another_drive_is_predicted(fit: Fit) -> None:
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 def test_slow_record_shows_no_mode(noise: float) -> None:
     """A drive without jumps does not make the stage ring: the model has no mode, and says none."""
-    fit = fit_model(ringing_record(held_s=0.0, noise=noise), SURFACE)
+    fit = fit_model(ringing_record(held_s=0.0, noise=noise, duration_s=2.0), SURFACE)
 
     assert fit.model.mode is None
     assert fit.shows_mode is None

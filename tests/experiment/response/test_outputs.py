@@ -2,7 +2,6 @@
 
 from datetime import UTC, datetime
 from hashlib import sha256
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from piezod.dynamics.fitting import fit_response
 from piezod.dynamics.model import ResponseModel
 from piezod.dynamics.steps import StepAnswer, predicted_step
 from piezod.experiment.response.judgement import judged
-from piezod.experiment.response.outputs import write_response
+from piezod.experiment.response.outputs import Written, write_response
 from piezod.records.csv_file import read_csv
 from piezod.records.figures.response import response_figure
 from piezod.records.figures.style import png_bytes
@@ -48,16 +47,21 @@ def record() -> ResponseRecord:
     return judged("x", "made up", "multisine", RATE_HZ, both, "a remedy")
 
 
+@pytest.fixture(scope="module")
+def written(record: ResponseRecord, tmp_path_factory: pytest.TempPathFactory) -> Written:
+    """Return the files of these measurements."""
+    path = tmp_path_factory.mktemp("response") / "r.yaml"
+    return write_response(path, record, datetime(2024, 5, 1, tzinfo=UTC))
+
+
 def panel(axes: list[Axes], letter: str) -> Axes:
     """Return the panel with a letter."""
     (found,) = [each for each in axes if each.get_title(loc="left").startswith(f"({letter})")]
     return found
 
 
-def test_files_agree_with_the_fit(record: ResponseRecord, tmp_path: Path) -> None:
+def test_files_agree_with_the_fit(record: ResponseRecord, written: Written) -> None:
     """The response file has the model to the last bit, and the digest of the table."""
-    written = write_response(tmp_path / "r.yaml", record, datetime(2024, 5, 1, tzinfo=UTC))
-
     file = load_response(written.response)
     assert response_model(file) == record.fit.model
     assert file.source is not None
@@ -72,9 +76,8 @@ def test_files_agree_with_the_fit(record: ResponseRecord, tmp_path: Path) -> Non
     assert written.figure.read_bytes().startswith(b"\x89PNG")
 
 
-def test_table_has_all_lines_and_the_fit(record: ResponseRecord, tmp_path: Path) -> None:
+def test_table_has_all_lines_and_the_fit(written: Written) -> None:
     """Each line of each voltage has a row; where it was used, model and measurement agree."""
-    written = write_response(tmp_path / "r.yaml", record, datetime(2024, 5, 1, tzinfo=UTC))
     names = ("offset_v", "frequency_hz", "gain_um_per_v", "model_gain_um_per_v", "used")
 
     table = read_csv(written.table, names)
@@ -107,7 +110,6 @@ def test_figure_shows_measurements_and_model(record: ResponseRecord) -> None:
     step = panel(figure.axes, "e")
     assert [line.get_label() for line in step.lines] == [*["mean of 8 steps"] * 2, "model"]
     assert figure.get_suptitle().count("\n") == 2
-    assert png_bytes(figure).startswith(b"\x89PNG")
 
 
 def test_response_without_a_resonance_is_drawn() -> None:
@@ -122,7 +124,7 @@ def test_response_without_a_resonance_is_drawn() -> None:
 
 def test_many_modes_are_a_warning() -> None:
     """A response that three resonances do not describe is told by its error."""
-    f = np.geomspace(5.0, 1500.0, 150)
+    f = np.geomspace(5.0, 1500.0, 90)
     modes = [(200.0, 0.01, 0.2), (330.0, 0.01, 0.2), (500.0, 0.01, 0.2), (800.0, 0.01, 0.2)]
     model = model_of(1e-4, *modes, (1200.0, 0.01, 0.2))
     measured = about(0.0, 0.1, 4)
