@@ -107,18 +107,31 @@ def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     leave_figures_blank(monkeypatch)
 
 
+def draw(patch: pytest.MonkeyPatch, layout: str, dots_per_inch: int) -> None:
+    """Draw figures with this layout and as many pixels."""
+    from piezod.records.figures import style  # noqa: PLC0415 - what starts the workers draws none
+
+    patch.setattr(style, "_LAYOUT", layout)
+    patch.setitem(style._SETTINGS, "savefig.dpi", dots_per_inch)
+
+
+def draw_as_users_see(patch: pytest.MonkeyPatch) -> None:
+    """Draw figures with the layout and the pixels that users see."""
+    draw(patch, "constrained", 125)
+
+
 @pytest.fixture(autouse=True, scope="session")
-def plain_layout() -> Iterator[None]:
-    """Draw without a constrained layout, which takes twice the rest; see `layout`."""
+def plain_figures() -> Iterator[None]:
+    """Draw few pixels without a constrained layout: a third of the time; see `layout`."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("piezod.records.figures.style._LAYOUT", "none")
+        draw(patch, "none", 20)
         yield
 
 
 @pytest.fixture
 def layout(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw figures with the layout that users see."""
-    monkeypatch.setattr("piezod.records.figures.style._LAYOUT", "constrained")
+    """Draw figures as users see them."""
+    draw_as_users_see(monkeypatch)
 
 
 Figure = Callable[[str], None]

@@ -23,6 +23,7 @@ from piezod.records.figures import (
 from piezod.records.figures.style import house_style
 from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.reference import Reference
+from tests.conftest import draw_as_users_see
 
 
 def _panel(figure: Figure, title: str) -> Axes:
@@ -57,7 +58,7 @@ def test_run_has_the_panels_of_the_paper_and_two_more(recording: Recording) -> N
 def run_png(recording: Recording) -> bytes:
     """Return the synthetic run as PNG, with the layout that users see."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("piezod.records.figures.style._LAYOUT", "constrained")
+        draw_as_users_see(patch)
         return png_bytes(mode_figure(recording))
 
 
