@@ -1,8 +1,8 @@
 """`piezod` in a process of its own that starts at once: everything has been imported before.
 
 To import is most of what a short-lived process does. A server does it once for all processes of a
-test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop in
-turn.
+test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop and
+`piezod safe` in turn.
 """
 
 import multiprocessing
@@ -27,6 +27,8 @@ from piezod.cli import main
 from piezod.daemon.supervisor import loop_run
 
 PIEZOD: Final = "piezod.cli.main"
+STARTS_SAFE: Final = "STARTS_SAFE"
+"""A daemon with this environment variable starts `piezod safe` itself, whose time is promised."""
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["tests.preloaded"])
 
@@ -179,15 +181,12 @@ def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
 def _popen(
     command: Sequence[str], env: Mapping[str, str], **options: Any
 ) -> "subprocess.Popen[bytes]":
-    """Start `python -m MODULE` like `subprocess.Popen`; a loop is a fork of this process.
-
-    `piezod safe` is not: how long its start takes is part of a promise.
-    """
-    if command[2] == PIEZOD:
+    """Start `python -m MODULE` like `subprocess.Popen`, as a fork of this process."""
+    if command[2] == PIEZOD and STARTS_SAFE in env:
         return subprocess.Popen(command, env=env, **options)
-    be_the_loop = partial(_be, command[2:], env)
-    # The loop needs no lock that a thread of this process may hold.
-    return subprocess.Popen(command, preexec_fn=be_the_loop, **options)  # noqa: PLW1509 - see above
+    be_it = partial(_be, command[2:], env)
+    # Neither a loop nor `piezod safe` needs a lock that a thread of this process may hold.
+    return subprocess.Popen(command, preexec_fn=be_it, **options)  # noqa: PLW1509 - see above
 
 
 def _be(command: Sequence[str], environ: Mapping[str, str]) -> None:
