@@ -107,31 +107,25 @@ def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     leave_figures_blank(monkeypatch)
 
 
-def draw(patch: pytest.MonkeyPatch, layout: str, dots_per_inch: int) -> None:
-    """Draw figures with this layout and as many pixels."""
-    from piezod.records.figures import style  # noqa: PLC0415 - what starts the workers draws none
-
-    patch.setattr(style, "_LAYOUT", layout)
-    patch.setitem(vars(style)["_SETTINGS"], "savefig.dpi", dots_per_inch)
-
-
-def draw_as_users_see(patch: pytest.MonkeyPatch) -> None:
-    """Draw figures with the layout and the pixels that users see."""
-    draw(patch, "constrained", 125)
-
-
 @pytest.fixture(autouse=True, scope="session")
 def plain_figures() -> Iterator[None]:
     """Draw few pixels without a constrained layout: a third of the time; see `layout`."""
+    from piezod.records.figures import style  # noqa: PLC0415 - what starts the workers draws none
+
     with pytest.MonkeyPatch.context() as patch:
-        draw(patch, "none", 20)
+        patch.setattr(style, "_LAYOUT", "none")
+        patch.setitem(vars(style)["_SETTINGS"], "savefig.dpi", 20)
         yield
 
 
 @pytest.fixture
 def layout(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw figures as users see them."""
-    draw_as_users_see(monkeypatch)
+    from piezod.records.figures import style  # noqa: PLC0415 - as above
+
+    monkeypatch.setattr(style, "_LAYOUT", "constrained")
+    settings = vars(style)["_SETTINGS"]
+    monkeypatch.setitem(settings, "savefig.dpi", settings["figure.dpi"])
 
 
 Figure = Callable[[str], None]
