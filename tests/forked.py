@@ -27,6 +27,8 @@ from piezod.cli import main
 from piezod.daemon.supervisor import loop_run
 
 PIEZOD: Final = "piezod.cli.main"
+SCRIPT: Final = "-c"
+"""In place of a module: the first argument is the text of a script."""
 STARTS_SAFE: Final = "STARTS_SAFE"
 """A daemon with this environment variable starts `piezod safe` itself, whose time is promised."""
 _SERVER = multiprocessing.get_context("forkserver")
@@ -163,7 +165,7 @@ def _run(
 
 
 def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
-    """Run a module as `python -m` does."""
+    """Run a module as `python -m` does, or a script as `python -c`."""
     sys.stdin, sys.stdout, sys.stderr = (
         TextIOWrapper(os.fdopen(number, mode, closefd=False), encoding="utf-8")
         for number, mode in enumerate(("rb", "wb", "wb"))
@@ -173,6 +175,8 @@ def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
     module, *_ = sys.argv = list(command)
     if module == PIEZOD:
         main.run()  # its parser is made already
+    elif module == SCRIPT:
+        exec(sys.argv.pop(1), {"__name__": "__main__"})  # noqa: S102 - it is written in a test
     else:
         sys.modules.pop(module, None)  # it may be imported, but runs anew
         runpy.run_module(module, run_name="__main__", alter_sys=True)

@@ -56,7 +56,7 @@ class Server:
 
     def client(self, *arguments: str, **environ: str) -> int:
         """Run a verb of `piezod`, and look at all processes until it ends; return its exit code."""
-        with self._popen(*arguments, **environ) as process:
+        with self._popen(*arguments, environ=environ) as process:
             eventually(lambda: self._ended(process), 60.0)
             assert process.stdout is not None
             self.printed += process.stdout.read()
@@ -71,13 +71,15 @@ class Server:
         self.seen |= set(arguments_of_all())
         return process.poll() is not None
 
-    def _popen(self, *arguments: str, umask: int = -1, **environ: str) -> "subprocess.Popen[str]":
+    def _popen(
+        self, *arguments: str, environ: Mapping[str, str] | None = None, umask: int = -1
+    ) -> "subprocess.Popen[str]":
         return subprocess.Popen(
             [sys.executable, "-m", "piezod", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**self.client_environ, **environ},
+            env={**self.client_environ, **(environ or {})},
             umask=umask,
         )
 
