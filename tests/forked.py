@@ -1,8 +1,8 @@
 """`piezod` in a process of its own that starts at once: everything has been imported before.
 
 To import is most of what a short-lived process does. A server does it once for all processes of a
-test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop in
-turn.
+test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop and
+`piezod safe` in turn.
 """
 
 import multiprocessing
@@ -27,6 +27,10 @@ from piezod.cli import main
 from piezod.daemon.supervisor import loop_run
 
 PIEZOD: Final = "piezod.cli.main"
+SCRIPT: Final = "-c"
+"""In place of a module: the first argument is the text of a script."""
+STARTS_SAFE: Final = "STARTS_SAFE"
+"""A daemon with this environment variable starts `piezod safe` itself, whose time is promised."""
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["tests.preloaded"])
 
@@ -161,7 +165,7 @@ def _run(
 
 
 def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
-    """Run a module as `python -m` does."""
+    """Run a module as `python -m` does, or a script as `python -c`."""
     sys.stdin, sys.stdout, sys.stderr = (
         TextIOWrapper(os.fdopen(number, mode, closefd=False), encoding="utf-8")
         for number, mode in enumerate(("rb", "wb", "wb"))
@@ -171,6 +175,8 @@ def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
     module, *_ = sys.argv = list(command)
     if module == PIEZOD:
         main.run()  # its parser is made already
+    elif module == SCRIPT:
+        exec(sys.argv.pop(1), {"__name__": "__main__"})  # noqa: S102 - it is written in a test
     else:
         sys.modules.pop(module, None)  # it may be imported, but runs anew
         runpy.run_module(module, run_name="__main__", alter_sys=True)
@@ -179,15 +185,12 @@ def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
 def _popen(
     command: Sequence[str], env: Mapping[str, str], **options: Any
 ) -> "subprocess.Popen[bytes]":
-    """Start `python -m MODULE` like `subprocess.Popen`; a loop is a fork of this process.
-
-    `piezod safe` is not: how long its start takes is part of a promise.
-    """
-    if command[2] == PIEZOD:
+    """Start `python -m MODULE` like `subprocess.Popen`, as a fork of this process."""
+    if command[2] == PIEZOD and STARTS_SAFE in env:
         return subprocess.Popen(command, env=env, **options)
-    be_the_loop = partial(_be, command[2:], env)
-    # The loop needs no lock that a thread of this process may hold.
-    return subprocess.Popen(command, preexec_fn=be_the_loop, **options)  # noqa: PLW1509 - see above
+    be_it = partial(_be, command[2:], env)
+    # Neither a loop nor `piezod safe` needs a lock that a thread of this process may hold.
+    return subprocess.Popen(command, preexec_fn=be_it, **options)  # noqa: PLW1509 - see above
 
 
 def _be(command: Sequence[str], environ: Mapping[str, str]) -> None:

@@ -3,6 +3,7 @@
 import ast
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,13 +28,13 @@ HAVE_A_CLOCK = {
 MAX_LINES = 400  # of a test; `tests.house` has the limit of the product
 
 
-def imported_by(file: Path) -> Iterator[str]:
-    """Yield the top-level package of every import in a file."""
-    for node in ast.walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield (node.module or "").partition(".")[0]
+@cache
+def imported_by(file: Path) -> frozenset[str]:
+    """Return the top-level packages of all imports in a file."""
+    nodes = list(ast.walk(ast.parse(file.read_text())))
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+    return frozenset(name.partition(".")[0] for name in names)
 
 
 def imported(folder: Path) -> Iterator[str]:

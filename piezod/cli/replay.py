@@ -65,16 +65,15 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
     recorded sample it adds what a model fitted to the recording says about the difference of the
     voltages.
     """
-    from piezod.cli.replay_view import as_document, print_comparison
-    from piezod.records.figures.style import FORMATS
-
-    figure = checked_out(out, out, FORMATS) if out else None
+    figure = _figure_file(out) if out else None
     with local_file(recording, stage, socket) as file:
         telemetry = read_part(file, begin_s, end_s)
         name = telemetry.chosen_axis(axis)
         compared = _compared(file, telemetry, name, model, mode)
     if figure:
         _draw(figure, recording, name, compared)
+    from piezod.cli.replay_view import as_document, print_comparison
+
     if json:
         from piezod.cli.output import print_json
 
@@ -85,13 +84,20 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
         print_comparison(new_console(), model, mode, compared, figure)
 
 
+def _figure_file(out: Path) -> Path:
+    from piezod.records.figures.style import FORMATS  # with matplotlib, which takes its time
+
+    return checked_out(out, out, FORMATS)
+
+
 def _compared(
     file: Path, telemetry: "RecordedTelemetry", axis: str, model: Path | None, mode: Mode | None
 ) -> "Comparison":
+    config, recorded_model = _recorded_axis(file, telemetry, axis, needed=model is None)
+
     from piezod.control.law.model_files import read_model
     from piezod.experiment.replay.comparison import replay_recording
 
-    config, recorded_model = _recorded_axis(file, telemetry, axis, needed=model is None)
     used = read_model(model)[0] if model else recorded_model
     assert used is not None  # noqa: S101 - `needed` refuses a recording without a model
     return replay_recording(file, telemetry, axis, config, used, mode=mode, learned=model is None)
@@ -105,13 +111,15 @@ def _recorded_axis(
     Raises:
         DataError: If the file has no configuration, or a needed model is not in it.
     """
-    from piezod.control.law.model_files import read_model
-    from piezod.daemon import accepted_config
     from piezod.errors import DataError
 
     notes = telemetry.header.notes
     if "configuration" not in notes:
         raise DataError(f"{recording}: the file has no configuration of the stage")
+
+    from piezod.control.law.model_files import read_model
+    from piezod.daemon import accepted_config
+
     document = json.loads(notes["configuration"])
     with TemporaryDirectory(prefix="piezod-") as folder:
         for name, each in document["axes"].items():

@@ -13,10 +13,10 @@ from tests.cli.conftest import Command
 from tests.control.surface_rig import surface_file
 
 
-def test_good_experiment(process: Command, experiment_file: Path) -> None:
+def test_good_experiment(piezod: Command, experiment_file: Path) -> None:
     """A valid file is ok, and the text describes its contents."""
     expected = "short.yaml: ok, an experiment: 1 case in 3 modes on 1 axis\n"
-    assert process("check", experiment_file) == (0, expected, "")
+    assert piezod("check", experiment_file) == (0, expected, "")
 
 
 def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) -> None:

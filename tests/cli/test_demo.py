@@ -12,11 +12,12 @@ from piezod.records.recording import ExperimentResult
 from tests.cli.conftest import Command
 
 PAPER = Path(__file__).parents[2] / "config" / "experiments" / "qiu.yaml"
+RESULTS: dict[str, ExperimentResult] = {}
 
 
 @pytest.fixture
 def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Return the configurations that ran; only a short part of each does."""
+    """Return the configurations that ran; only a short part of each does, and only once."""
     texts: list[str] = []
 
     def run_in_short(
@@ -29,8 +30,11 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             each.model_copy(update={"period_s": 0.1, "duration_s": 0.5}) for each in config.cases
         )
         changed = {"identification": brief, "cases": cases, "settle_s": 0.0}
-        result = run_experiment(config.model_copy(update=changed), text, title, progress)
-        return replace(result, warnings=())
+        key = repr((config, text, title))
+        if key not in RESULTS:
+            result = run_experiment(config.model_copy(update=changed), text, title, progress)
+            RESULTS[key] = replace(result, warnings=())
+        return RESULTS[key]
 
     monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", run_in_short)
     return texts

@@ -13,9 +13,9 @@ from tests.cli.conftest import Command
 from tests.evidence import WORDS
 
 
-def test_list_for_people(process: Command) -> None:
+def test_list_for_people(piezod: Command) -> None:
     """The simulated rig is installed and not confirmed on hardware."""
-    code, out, err = process("drivers")
+    code, out, err = piezod("drivers")
 
     assert (code, err) == (0, "")
     (line,) = [line for line in out.splitlines() if line.split()[:1] == ["simulated"]]

@@ -7,6 +7,7 @@ import pytest
 from piezod.daemon.lock import Lock
 from piezod.daemon.paths import stage_paths
 from tests.cli.conftest import Command
+from tests.forked import run
 
 
 @pytest.fixture
@@ -19,13 +20,13 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_bad_configuration(piezod: Command, config: Path) -> None:
+def test_bad_configuration(config: Path) -> None:
     """An invalid configuration exits with 78, and every problem has its place."""
-    code, out, err = piezod("run", config)
+    ended = run(("run", str(config)))
 
-    assert (code, out) == (78, "")
-    assert f"{config}:1:10: rate_hz: out of range" in err
-    assert "devices" in err
+    assert (ended.returncode, ended.stdout) == (78, "")
+    assert f"{config}:1:10: rate_hz: out of range" in ended.stderr
+    assert "devices" in ended.stderr
 
 
 def test_stage_that_runs_already(piezod: Command, config: Path) -> None:
@@ -82,10 +83,11 @@ def test_folder_open_to_other_users(piezod: Command, config: Path) -> None:
     assert f"{paths.runtime}: must be a folder of this user" in err
 
 
-def test_experiment_is_no_stage(piezod: Command, experiment_file: Path) -> None:
+def test_experiment_is_no_stage(experiment_file: Path) -> None:
     """`run` of an experiment names the command for it, and lists no keys."""
-    code, _, err = piezod("run", experiment_file)
+    ended = run(("run", str(experiment_file)))
 
-    assert code == 78
-    assert "this is an experiment, not a stage: run it with `piezod experiment`" in err
-    assert "unknown key" not in err
+    assert ended.returncode == 78
+    wanted = "this is an experiment, not a stage: run it with `piezod experiment`"
+    assert wanted in ended.stderr
+    assert "unknown key" not in ended.stderr

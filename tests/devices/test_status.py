@@ -14,9 +14,10 @@ def reported() -> set[str]:
     """Return the names of the flags that drivers, lines or wrappers of devices have."""
     names = set()
     for path in [*(ROOT / "piezod").rglob("*.py"), *(ROOT / "drivers").rglob("*.py")]:
-        if path.relative_to(ROOT).as_posix().startswith(READERS):
+        text = path.read_text("utf-8")
+        if path.relative_to(ROOT).as_posix().startswith(READERS) or "DeviceFlag." not in text:
             continue
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
                 names |= {node.attr} if node.value.id == "DeviceFlag" else set()
     return names

@@ -1,8 +1,6 @@
 """The page about drivers: its code is a driver that passes the tests of the page."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +8,7 @@ import pytest
 
 from piezod.devices.interface import Device, Wiring
 from piezod.testing.driver_contract import checks_for
+from tests.forked import run
 
 PAGE = (Path(__file__).parents[2] / "docs" / "writing-a-driver.md").read_text(encoding="utf-8")
 
@@ -22,16 +21,11 @@ def test_page_can_be_copied(tmp_path: Path) -> None:
     """The code of the page, copied into two files, is a driver and its passing tests."""
     (tmp_path / "acme_e1.py").write_text(_blocks("python"), encoding="utf-8")
     (tmp_path / "test_acme_e1.py").write_text(_blocks("python test"), encoding="utf-8")
-    run = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", tmp_path],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    arguments = ("-q", "-W", "error", "-p", "no:cacheprovider", "--assert=plain", str(tmp_path))
+    done = run(arguments, folder=tmp_path, module="pytest")
 
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert "3 passed" in run.stdout
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "3 passed" in done.stdout
 
 
 def test_device_without_a_bus_keeps_the_contract(subtests: pytest.Subtests) -> None:

@@ -38,12 +38,22 @@ def _xy(line: Line2D) -> tuple[list[float], list[float]]:
     return np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist()
 
 
-def test_run_has_the_panels_of_the_paper_and_two_more(recording: Recording) -> None:
-    """Panels (a) to (e) have titles, and units on every labelled axis."""
-    figure = mode_figure(recording)
+@pytest.fixture(scope="module")
+def run(recording: Recording) -> Figure:
+    """Return the figure of the synthetic run, which tests only read."""
+    return mode_figure(recording)
 
+
+@pytest.fixture(scope="module")
+def true_run(simulated: ExperimentResult) -> Figure:
+    """Return the figure of a run whose true displacement is known, which tests only read."""
+    return mode_figure(simulated.recordings[2])
+
+
+def test_run_has_the_panels_of_the_paper_and_two_more(run: Figure) -> None:
+    """Panels (a) to (e) have titles, and units on every labelled axis."""
     assert {
-        axes.get_title(loc="left"): (axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes
+        axes.get_title(loc="left"): (axes.get_xlabel(), axes.get_ylabel()) for axes in run.axes
     } == {
         "(a) Voltage": ("", "voltage (V)"),
         "(b) Displacement": ("", "displacement (µm)"),
@@ -53,48 +63,39 @@ def test_run_has_the_panels_of_the_paper_and_two_more(recording: Recording) -> N
     }
 
 
-@pytest.fixture(scope="module")
-def run_png(recording: Recording) -> bytes:
-    """Return the synthetic run as PNG, with the layout that users see."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("piezod.records.figures.style._LAYOUT", "constrained")
-        return png_bytes(mode_figure(recording))
-
-
-def test_run_names_itself_and_its_errors(recording: Recording) -> None:
+def test_run_names_itself_and_its_errors(run: Figure) -> None:
     """The headline contains case, mode, axis, waveform, and the metrics with their unit."""
-    assert mode_figure(recording).get_suptitle() == (
+    assert run.get_suptitle() == (
         "case 1 · adaptive · axis x: case 1, made up\n"
         "worst tracking error 0.28 %, rms tracking error 0.17 %, nonlinearity 0.25 %"
     )
 
 
-def test_run_shows_the_recorded_columns(recording: Recording) -> None:
+def test_run_shows_the_recorded_columns(recording: Recording, run: Figure) -> None:
     """Each line of a run holds the column that its label names."""
-    figure = mode_figure(recording)
     t_s = recording.t_s.tolist()
-    voltage, position = _lines(_panel(figure, "(a)")), _lines(_panel(figure, "(b)"))
+    voltage, position = _lines(_panel(run, "(a)")), _lines(_panel(run, "(b)"))
 
     assert _xy(voltage["applied to the stage"]) == (t_s, recording.drive_v.tolist())
     assert _xy(voltage["uncompensated"]) == (t_s, recording.uncompensated_v.tolist())
     assert _xy(position["measured"]) == (t_s, recording.position_um.tolist())
     assert _xy(position["command"]) == (t_s, recording.command_um.tolist())
-    assert _xy(_panel(figure, "(d)").lines[0]) == (t_s, recording.error_um.tolist())
+    assert _xy(_panel(run, "(d)").lines[0]) == (t_s, recording.error_um.tolist())
 
 
 def test_true_error_is_drawn_on_top_of_the_measured_one(
-    simulated: ExperimentResult, recording: Recording
+    simulated: ExperimentResult, run: Figure, true_run: Figure
 ) -> None:
     """If it is not known, there is neither a line nor a legend entry for it."""
     known = simulated.recordings[2]
-    panel = _panel(mode_figure(known), "(d)")
+    panel = _panel(true_run, "(d)")
     lines = _lines(panel)
 
     assert panel.get_title(loc="left") == "(d) Error"
     assert _xy(lines["measured"]) == (known.t_s.tolist(), known.error_um.tolist())
     assert _xy(lines["true"]) == (known.t_s.tolist(), known.true_error_um.tolist())
     assert lines["true"].get_color() != lines["measured"].get_color()
-    assert "true" not in _lines(_panel(mode_figure(recording), "(d)"))
+    assert "true" not in _lines(_panel(run, "(d)"))
 
 
 def test_true_error_is_explained_where_every_sample_counts(simulated: ExperimentResult) -> None:
@@ -106,18 +107,17 @@ def test_true_error_is_explained_where_every_sample_counts(simulated: Experiment
     assert [text.get_text() for text in legend.get_texts()] == ["measured", "true"]
 
 
-def test_true_errors_have_a_line_of_their_own_in_the_headline(simulated: ExperimentResult) -> None:
+def test_true_errors_have_a_line_of_their_own_in_the_headline(true_run: Figure) -> None:
     """All six errors in one line would not fit."""
-    figure = mode_figure(simulated.recordings[2])
-    headline = figure.get_suptitle()
+    headline = true_run.get_suptitle()
 
     assert headline.splitlines()[1:] == [
         "worst tracking error 0.28 %, rms tracking error 0.17 %, nonlinearity 0.25 %",
         "worst true tracking error 0.21 %, true nonlinearity 0.19 %, rms sensor noise 0.06 %",
     ]
-    figure.draw_without_rendering()
-    (text,) = [each for each in figure.findobj(Text) if each.get_text() == headline]
-    assert text.get_window_extent().x1 < figure.bbox.x1
+    true_run.draw_without_rendering()
+    (text,) = [each for each in true_run.findobj(Text) if each.get_text() == headline]
+    assert text.get_window_extent().x1 < true_run.bbox.x1
 
 
 def test_headline_has_the_true_error_even_if_it_is_no_metric(recording: Recording) -> None:
@@ -129,19 +129,21 @@ def test_headline_has_the_true_error_even_if_it_is_no_metric(recording: Recordin
     assert headline.splitlines()[-1] == f"worst true tracking error {10.0 / range_um:.2f} %"
 
 
-def test_what_a_published_figure_lacks_is_a_figure_of_its_own(recording: Recording) -> None:
+def test_what_a_published_figure_lacks_is_a_figure_of_its_own(
+    recording: Recording, run: Figure
+) -> None:
     """It has the panels (d) and (e) of the run, with the same headline."""
     figure = remaining_figure(recording)
 
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles == ["(d) Error: measured minus command", "(e) Parameters"]
     assert _xy(_panel(figure, "(d)").lines[0])[1] == recording.error_um.tolist()
-    assert figure.get_suptitle() == mode_figure(recording).get_suptitle()
+    assert figure.get_suptitle() == run.get_suptitle()
 
 
-def test_largest_parameters_are_labelled(recording: Recording) -> None:
+def test_largest_parameters_are_labelled(recording: Recording, run: Figure) -> None:
     """The lines of the largest weights have the numbers of their operators, at their height."""
-    panel = _panel(mode_figure(recording), "(e) Parameters")
+    panel = _panel(run, "(e) Parameters")
     labels = {text.get_text(): float(text.xy[1]) for text in panel.texts}  # type: ignore[attr-defined]
 
     right, left = np.split(recording.weights[-1], 2)
@@ -180,9 +182,11 @@ def test_a_case_has_all_modes_on_the_same_scales(result: ExperimentResult) -> No
     assert _xy(drawn["feedforward"])[1] == recordings[1].error_um.tolist()
 
 
-def test_loop_is_measured_displacement_over_uncompensated_voltage(recording: Recording) -> None:
+def test_loop_is_measured_displacement_over_uncompensated_voltage(
+    recording: Recording, run: Figure
+) -> None:
     """The loop is split at the first sample of the metrics, and the command is a straight line."""
-    loop = _lines(_panel(mode_figure(recording), "(c)"))
+    loop = _lines(_panel(run, "(c)"))
     drive_v, position_um = recording.uncompensated_v.tolist(), recording.position_um.tolist()
 
     assert list(loop) == ["excluded", "measured", "command"]
@@ -199,9 +203,9 @@ def test_a_run_that_counts_from_its_first_sample_excludes_nothing(recording: Rec
     assert _panel(figure, "(d)").get_legend() is None
 
 
-def test_each_parameter_is_a_line_to_the_end(recording: Recording) -> None:
+def test_each_parameter_is_a_line_to_the_end(recording: Recording, run: Figure) -> None:
     """The last value of each weight holds until the end of the record."""
-    lines = _panel(mode_figure(recording), "(e)").lines
+    lines = _panel(run, "(e)").lines
 
     assert len(lines) == 38
     assert _xy(lines[5]) == (
@@ -231,11 +235,10 @@ def test_without_compensator_there_are_no_parameters(
     assert sorted(titles) == ["(a)", "(b)", "(c)", "(d)"]
 
 
-def test_error_is_shown_in_percent_of_range_too(recording: Recording) -> None:
+def test_error_is_shown_in_percent_of_range_too(recording: Recording, run: Figure) -> None:
     """The right-hand scale is the share of the displacement range of the metrics."""
-    figure = mode_figure(recording)
-    figure.draw_without_rendering()
-    panel = _panel(figure, "(d)")
+    run.draw_without_rendering()
+    panel = _panel(run, "(d)")
     (percent,) = panel.child_axes
 
     low_um, high_um = panel.get_ylim()
@@ -324,23 +327,23 @@ def test_model_and_data_are_shown(identification: Identification) -> None:
 
 
 @pytest.mark.usefixtures("layout")
-def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording, run_png: bytes) -> None:
+def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording) -> None:
     """The same record gives the same bytes, in the size of the figure, without a version."""
     path = tmp_path / "run.png"
-    save_png(path, mode_figure(recording))
+    save_png(path, remaining_figure(recording))
     first = path.read_bytes()
 
-    assert run_png == first
-    assert struct.unpack(">II", first[16:24]) == (1625, 1000)
+    assert png_bytes(remaining_figure(recording)) == first
+    assert struct.unpack(">II", first[16:24]) == (1625, 525)
     assert b"matplotlib" not in first.lower()
 
 
-@pytest.mark.usefixtures("layout")
-def test_settings_of_the_user_do_not_matter_and_stay(recording: Recording, run_png: bytes) -> None:
+def test_settings_of_the_user_do_not_matter_and_stay(recording: Recording) -> None:
     """A user's matplotlibrc changes no figure, and drawing does not change its settings."""
+    png = png_bytes(remaining_figure(recording))
     with mpl.rc_context({"font.size": 30.0, "lines.linewidth": 9.0, "axes.facecolor": "red"}):
         before = dict(mpl.rcParams)
-        assert png_bytes(mode_figure(recording)) == run_png
+        assert png_bytes(remaining_figure(recording)) == png
         assert dict(mpl.rcParams) == before
 
 

@@ -16,6 +16,7 @@ from piezod.errors import DataError
 from piezod.records.recording import ExperimentResult
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import read_telemetry
+from tests.forked import SCRIPT, run
 from tests.records.telemetry import START_NS, header, record_dtype, records
 
 
@@ -252,22 +253,10 @@ writer.close()
 """
 
 
-def run(script: str, path: Path) -> subprocess.CompletedProcess[str]:
-    """Run a script in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-c", script, str(path)],
-        cwd=Path(__file__).parents[2],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
-
-
 @pytest.mark.fault("P8")
 def test_recording_survives_a_kill(file: Path) -> None:
     """After kill -9 the file lacks about the last second only."""
-    done = run(KILLED, file)
+    done = run((KILLED, str(file)), module=SCRIPT)
 
     assert done.returncode == -signal.SIGKILL, done.stderr
     np.testing.assert_array_equal(read_telemetry(file).cycles["seq"], np.arange(5000))
@@ -276,7 +265,14 @@ def test_recording_survives_a_kill(file: Path) -> None:
 @pytest.mark.fault("P6")
 def test_recording_survives_a_full_disk(file: Path) -> None:
     """The writer raises an error, the process ends normally, and the written part is readable."""
-    done = run(FULL, file)
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(file)],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
     seqs = read_telemetry(file).cycles["seq"]
 
     assert (done.returncode, done.stderr) == (0, "")

@@ -42,45 +42,37 @@ def wanted(daemon: Served, what: str, **more: Any) -> dict[str, Any]:
 
 
 def test_the_page_reads_a_recording(web: Web, recording: Path) -> None:
-    """Contents, a column with its spike, marks and the loop arrive over the WebSocket."""
+    """Contents, a column with its spike, marks and the loop arrive over the WebSocket.
+
+    An unknown column is refused, and the process that reads answers the next request.
+    """
     assert recording.is_file()
     of = {"stage": "bench", "recording": NAME}
     with web.tab() as tab:
         contents = tab.ask(do="contents", **of)["result"]
         column = tab.ask(do="view", column="axis_x/position_um", points=50, **of)["result"]
+        refused = tab.ask(do="view", column="axis_x/none", **of)
         marks = tab.ask(do="marks", axis="x", **of)["result"]
         loop = tab.ask(do="loop", axis="x", begin_s=1, end_s=1.1, **of)["result"]
 
     assert (contents["rows"], contents["axes"]) == (2000, ["x"])
     assert max(column["maximum"]) == SPIKE_UM
     assert len(column["begin_s"]) <= 50
+    assert (refused["ok"], refused["error"]["code"]) == (False, "recording")
+    assert "no column 'axis_x/none'" in refused["error"]["what"]
     assert marks == []
     assert loop["drive_v"] == [row / 20 for row in range(1000, 1100)]
 
 
+@pytest.mark.usefixtures("recording")
 @pytest.mark.parametrize("name", ["20240501T120000Z-none", "../../etc/passwd", ""])
-def test_an_unknown_recording_is_refused(web: Web, recording: Path, name: str) -> None:
+def test_an_unknown_recording_is_refused(daemon: Served, tmp_path: Path, name: str) -> None:
     """Only names in the list of the daemon are read, so none leads out of its folder."""
-    assert recording.is_file()
-    with web.tab() as tab:
-        answer = tab.ask(do="contents", stage="bench", recording=name)
+    worker = RecordingWorker(RecordingCache(tmp_path / "cache"))
+    refused = worker.answer(wanted(daemon, "contents", recording=name))["error"]
 
-    assert (answer["ok"], answer["error"]["code"]) == (False, "recording")
-    assert "no recording" in answer["error"]["what"]
-
-
-def test_an_unknown_column_is_refused_and_the_next_request_answered(
-    web: Web, recording: Path
-) -> None:
-    """The process that reads survives what it cannot read."""
-    assert recording.is_file()
-    of = {"stage": "bench", "recording": NAME}
-    with web.tab() as tab:
-        refused = tab.ask(do="view", column="axis_x/none", **of)
-        answered = tab.ask(do="view", column="axis_x/drive_v", **of)
-
-    assert "no column 'axis_x/none'" in refused["error"]["what"]
-    assert answered["ok"]
+    assert refused["code"] == "recording"
+    assert "no recording" in refused["what"]
 
 
 def test_a_recording_in_a_closed_folder_is_copied_when_it_is_opened(
@@ -134,12 +126,12 @@ def test_an_export_ends_when_the_browser_leaves(
     endless.write_text("#!/bin/sh\nexec sleep 1000\n")
     endless.chmod(0o755)
     path, cookie = f"/recordings/bench/{NAME}/csv", web.cookie()
-    with monkeypatch.context() as during:
-        during.setattr("sys.executable", str(endless))
-        with pytest.raises(httpx.ReadTimeout):
-            httpx.get(f"http://{web.host}{path}", headers={"Cookie": cookie}, timeout=0.5)
+    monkeypatch.setattr("sys.executable", str(endless))
+    with pytest.raises(httpx.ReadTimeout):
+        httpx.get(f"http://{web.host}{path}", headers={"Cookie": cookie}, timeout=0.5)
+    endless.write_text("#!/bin/sh\nexit 1\n")
 
-    assert web.request("GET", path, Cookie=cookie).status_code == 200
+    assert web.request("GET", path, Cookie=cookie).status_code == 503
 
 
 @pytest.mark.usefixtures("recording")

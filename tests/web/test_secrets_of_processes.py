@@ -1,6 +1,5 @@
 """Tokens and keys of real processes: daemon, server and clients of it over TLS."""
 
-import os
 import re
 import signal
 import subprocess
@@ -20,7 +19,7 @@ WRONG = "t" * 43
 
 
 class Server:
-    """`piezod web` with TLS and lasting tokens.
+    """`piezod web` with TLS and lasting tokens, of a user whose mask hides nothing.
 
     Args:
         folder: Folder for its files; only this user can read it.
@@ -47,7 +46,7 @@ class Server:
         """Serve while the block runs; give the address of the server."""
         options = ("--host", "0.0.0.0", "--port", "0", "--tokens", str(self.tokens))  # noqa: S104 - with TLS
         files = ("--certificate", str(self.made.file), "--key", str(self.made.key))
-        with self._popen("web", *options, *files) as process:
+        with self._popen("web", *options, *files, umask=0) as process:
             assert process.stdout is not None
             self.printed = process.stdout.readline()
             yield f"https://127.0.0.1:{urlsplit(self.printed.split()[0]).port}"
@@ -57,7 +56,7 @@ class Server:
 
     def client(self, *arguments: str, **environ: str) -> int:
         """Run a verb of `piezod`, and look at all processes until it ends; return its exit code."""
-        with self._popen(*arguments, **environ) as process:
+        with self._popen(*arguments, environ=environ) as process:
             eventually(lambda: self._ended(process), 60.0)
             assert process.stdout is not None
             self.printed += process.stdout.read()
@@ -72,13 +71,16 @@ class Server:
         self.seen |= set(arguments_of_all())
         return process.poll() is not None
 
-    def _popen(self, *arguments: str, **environ: str) -> "subprocess.Popen[str]":
+    def _popen(
+        self, *arguments: str, environ: Mapping[str, str] | None = None, umask: int = -1
+    ) -> "subprocess.Popen[str]":
         return subprocess.Popen(
             [sys.executable, "-m", "piezod", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**self.client_environ, **environ},
+            env={**self.client_environ, **(environ or {})},
+            umask=umask,
         )
 
 
@@ -103,7 +105,10 @@ def daemon(tmp_path: Path) -> Iterator[Daemon]:
 
 
 def test_no_secret_leaves_the_processes(daemon: Daemon, tmp_path: Path) -> None:
-    """Tokens and key are in no argument, no output, no file of the daemon, none for others."""
+    """Tokens and key are in no argument, no output, no file of the daemon, none for others.
+
+    The server makes their files for its user alone, whatever mask the shell has set.
+    """
     server = Server(tmp_path, daemon.environ)
     with server.running() as url:
         allowed = server.client("status", "--stage", url)
@@ -125,18 +130,6 @@ def test_no_secret_leaves_the_processes(daemon: Daemon, tmp_path: Path) -> None:
     assert f"piezod web --host 0.0.0.0 --port 0 --tokens {server.tokens}" in seen
     assert daemon.text.splitlines()[-1] in re.sub("\x1b\\[[0-9;]*m", "", of_daemon)
     assert [each for each in server.secrets() if each in seen] == []
-
-
-def test_tokens_are_for_their_user_only(tmp_path: Path) -> None:
-    """The server makes their files for its user alone, whatever mask the shell has set."""
-    server = Server(tmp_path, {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)})
-    before = os.umask(0)
-    try:
-        with server.running():
-            pass
-    finally:
-        os.umask(before)
-
     assert server.tokens.stat().st_mode & 0o777 == 0o700
     modes = {file.name: file.stat().st_mode & 0o777 for file in server.tokens.iterdir()}
     assert modes == {"user": 0o600, "viewer": 0o600}

@@ -1,6 +1,7 @@
 """The flight recorder: writes the seconds before and after a fault, by itself."""
 
 import json
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -50,7 +51,7 @@ class FlightRecorder:
         self.folder = RecordingsFolder(folder)
         self._last, self._now = last, now
         self._lock = Lock()
-        self._events: list[StageEvent] = []
+        self._events = deque[StageEvent]()
         self._fault: StageEvent | None = None
         self._not_before_ns: int | None = None
 
@@ -61,9 +62,10 @@ class FlightRecorder:
                 if len(self._events) < MAX_EVENTS:
                     self._events.append(event)
                 return
-            oldest_ns = event.t_ns - BEFORE_NS
-            recent = [each for each in self._events if each.t_ns >= oldest_ns]
-            self._events = [*recent[-MAX_EVENTS // 2 :], event]
+            before, oldest_ns = self._events, event.t_ns - BEFORE_NS
+            while len(before) > MAX_EVENTS // 2 or (before and before[0].t_ns < oldest_ns):
+                before.popleft()
+            before.append(event)
             if (
                 event.kind == "fault"
                 and event.severity == "error"
@@ -90,8 +92,9 @@ class FlightRecorder:
             OSError: If it cannot be written; there is no second attempt.
         """
         with self._lock:
-            fault, events = self._fault, self._events
-            self._fault, self._events = None, []  # before the write: a failure is not repeated
+            fault, events = self._fault, list(self._events)
+            self._fault = None  # before the write: a failure is not repeated
+            self._events.clear()
             if fault is None:
                 return None
             self._not_before_ns = now_ns + PAUSE_NS

@@ -319,7 +319,7 @@ def test_loop_without_supervisor_shuts_down(
         rig.run(1)
         further += 1
     reaction("H1", cycles=further)
-    rig.run(4000)
+    rig.run(limit_ns // PERIOD_NS + 100)
 
     assert before == shortly_before == []
     assert rig.controller.requests == [Shutdown()]

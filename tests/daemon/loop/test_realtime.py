@@ -4,14 +4,29 @@ import json
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
 
+from piezod.daemon.loop import process
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 
+PARTS = """
+import ctypes, mmap
+import llvmlite.binding
+
+private = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
+# No other part is executable, and the kernel joins only equal ones.
+apart = mmap.PROT_READ | mmap.PROT_WRITE | mmap.PROT_EXEC
+made = {
+    "reserved": mmap.mmap(-1, 32 << 20, private, apart),
+    "small": mmap.mmap(-1, 8 << 20, private),
+}
+"""
 SET_UP = """
 import gc, json, os, resource, sys
 from pathlib import Path
@@ -37,68 +52,6 @@ print(json.dumps({
     "policy afterwards": (realtime.leave(), os.sched_getscheduler(0))[1],
 }))
 """
-
-
-@pytest.fixture
-def map_file(tmp_path: Path) -> Path:
-    """Return the file of a shared memory."""
-    path = tmp_path / "loop.map"
-    create(path, Layout(("x",), 64, 1_000_000))
-    return path
-
-
-def set_up(map_file: Path, power: str) -> dict[str, Any]:
-    """Set up real time in a process; return its own report."""
-    command = [sys.executable, "-c", SET_UP, str(map_file), power]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
-
-
-@pytest.mark.parametrize("power", ["as it is", "powerless"])
-def test_report_agrees_with_the_kernel(map_file: Path, power: str) -> None:
-    """A step is reported as obtained if and only if the kernel agrees."""
-    found = set_up(map_file, power)
-
-    steps = found["steps"]
-    assert steps["memory"]["ok"] == (found["locked_kb"] > 0)
-    assert steps["scheduling"]["ok"] == (found["policy"] & os.SCHED_FIFO != 0)
-    assert steps["processor"]["ok"] == (found["cpus"] == 1)
-    assert steps["garbage collection"]["ok"]
-    assert not found["collecting"]
-    assert found["frozen"] > 0
-    assert found["policy afterwards"] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
-
-
-@pytest.mark.fault("L9")
-def test_process_without_rights_reports_the_remedy(map_file: Path) -> None:
-    """A process without rights runs on, and the report says why and what helps."""
-    steps = set_up(map_file, "powerless")["steps"]
-
-    assert not steps["scheduling"]["ok"]
-    assert "run as the service does, or as root" in steps["scheduling"]["obtained"]
-
-
-def test_priority_is_raised_last_and_memory_locked_after_the_heap(map_file: Path) -> None:
-    """The order is the one in which no step undoes another."""
-    names = list(set_up(map_file, "as it is")["steps"])
-
-    assert names[-1] == "scheduling"
-    assert names.index("heap") < names.index("memory") < names.index("garbage collection")
-
-
-PARTS = """
-import ctypes, mmap
-import llvmlite.binding
-
-private = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
-# No other part is executable, and the kernel joins only equal ones.
-apart = mmap.PROT_READ | mmap.PROT_WRITE | mmap.PROT_EXEC
-made = {
-    "reserved": mmap.mmap(-1, 32 << 20, private, apart),
-    "small": mmap.mmap(-1, 8 << 20, private),
-}
-"""
 RESIDENT = """
 from piezod.daemon.loop.memory import mappings
 
@@ -118,12 +71,52 @@ print(json.dumps(found))
 """
 
 
-def test_memory_that_no_cycle_uses_is_left_out(map_file: Path) -> None:
-    """The compiler and large untouched memory are not in RAM; all other memory is, used or not."""
-    command = [sys.executable, "-c", PARTS + SET_UP + RESIDENT, str(map_file), "as it is"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+@cache
+def set_up(power: str) -> list[dict[str, Any]]:
+    """Set up real time in a process; return its own report, and what is in RAM."""
+    with TemporaryDirectory() as folder:
+        map_file = Path(folder) / "loop.map"
+        create(map_file, Layout(("x",), 64, 1_000_000))
+        command = [sys.executable, "-c", PARTS + SET_UP + RESIDENT, str(map_file), power]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    return [json.loads(line) for line in done.stdout.splitlines()]
 
-    report, found = (json.loads(line) for line in done.stdout.splitlines())
+
+@pytest.mark.parametrize("power", ["as it is", "powerless"])
+def test_report_agrees_with_the_kernel(power: str) -> None:
+    """A step is reported as obtained if and only if the kernel agrees."""
+    found, _ = set_up(power)
+
+    steps = found["steps"]
+    assert steps["memory"]["ok"] == (found["locked_kb"] > 0)
+    assert steps["scheduling"]["ok"] == (found["policy"] & os.SCHED_FIFO != 0)
+    assert steps["processor"]["ok"] == (found["cpus"] == 1)
+    assert steps["garbage collection"]["ok"]
+    assert not found["collecting"]
+    assert found["frozen"] > 0
+    assert found["policy afterwards"] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
+
+
+@pytest.mark.fault("L9")
+def test_process_without_rights_reports_the_remedy() -> None:
+    """A process without rights runs on, and the report says why and what helps."""
+    steps = set_up("powerless")[0]["steps"]
+
+    assert not steps["scheduling"]["ok"]
+    assert "run as the service does, or as root" in steps["scheduling"]["obtained"]
+
+
+def test_priority_is_raised_last_and_memory_locked_after_the_heap() -> None:
+    """The order is the one in which no step undoes another."""
+    names = list(set_up("as it is")[0]["steps"])
+
+    assert names[-1] == "scheduling"
+    assert names.index("heap") < names.index("memory") < names.index("garbage collection")
+
+
+def test_memory_that_no_cycle_uses_is_left_out() -> None:
+    """The compiler and large untouched memory are not in RAM; all other memory is, used or not."""
+    report, found = set_up("as it is")
 
     if not report["steps"]["memory"]["ok"]:
         pytest.skip("this user may not lock memory")
@@ -132,18 +125,12 @@ def test_memory_that_no_cycle_uses_is_left_out(map_file: Path) -> None:
     assert found["compiler data"] > 0
 
 
-STACK = """
-import sys, threading
-from pathlib import Path
-from piezod.daemon.loop import process
-
-process.main(*map(Path, ["absent"] * 4), strict_rt=False, warm=False)
-print(threading.stack_size(), file=sys.stderr)
-"""
-
-
-def test_stacks_of_threads_are_small() -> None:
+def test_stacks_of_threads_are_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every thread of the loop process has a stack of 1 MB, because all of it is locked in RAM."""
-    done = subprocess.run([sys.executable, "-c", STACK], capture_output=True, check=True)
+    sizes: list[int] = []
+    monkeypatch.setattr("threading.stack_size", sizes.append)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
 
-    assert done.stderr == b"1048576\n"
+    process.main(*map(Path, ["absent"] * 4), strict_rt=False, warm=False)
+
+    assert sizes == [1 << 20]

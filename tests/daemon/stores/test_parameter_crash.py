@@ -3,12 +3,10 @@
 import os
 import random
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from subprocess import PIPE, Popen
 from typing import IO
 
 import pytest
@@ -17,30 +15,28 @@ from piezod.daemon import durable
 from piezod.daemon.stores.parameter_store import ParameterStore
 from tests.daemon.disk_model import Folder, LoggingOs, Op, crash_states
 from tests.daemon.stored import WHEN, parameters
+from tests.forked import Piped
 
 
 @contextmanager
-def saver(folder: Path) -> Iterator[Popen[str]]:
+def saver(folder: Path) -> Iterator[Piped]:
     """Run `tests.daemon.saver`, and wait for its end."""
-    command = [sys.executable, "-W", "ignore", "-m", "tests.daemon.saver", str(folder)]
-    root = Path(__file__).parents[3]
-    with Popen(command, stdin=PIPE, stdout=PIPE, text=True, bufsize=1, cwd=root) as process:
-        yield process
-        assert process.stdin is not None
-        process.stdin.close()
+    process = Piped((str(folder),), "tests.daemon.saver")
+    with process.stdout:
+        with process.stdin:
+            yield process
         assert process.wait() == 0
 
 
-def kill_while_saving(process: Popen[str], saves: int, further_s: float) -> int:
+def kill_while_saving(process: Piped, saves: int, further_s: float) -> int:
     """Save parameters in a process, and kill it after some saves and a moment.
 
     Returns:
         Number of the last acknowledged save; 0 if there was none.
     """
-    lines, orders = process.stdout, process.stdin
-    assert lines is not None
-    assert orders is not None
-    orders.write("save\n")
+    lines = process.stdout
+    process.stdin.write("save\n")
+    process.stdin.flush()
     child = int(lines.readline())
     last = 0
     for _ in range(saves):

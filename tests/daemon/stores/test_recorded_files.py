@@ -3,8 +3,6 @@
 import errno
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from math import inf
 from pathlib import Path
@@ -17,6 +15,7 @@ from piezod.daemon.stores.recording_limits import RecordingLimits
 from piezod.records.telemetry_joined import joined
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from piezod.telemetry.record import StageEvent
+from tests import forked
 from tests.daemon.fake_ring import FakeRing
 from tests.daemon.waiting import eventually
 from tests.records.telemetry import START_NS, header
@@ -255,15 +254,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 @pytest.mark.fault("P8")
 def test_files_survive_a_kill(tmp_path: Path) -> None:
     """After kill -9 all files can be read up to the last second, with events and models."""
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, str(tmp_path)],
-        cwd=Path(__file__).parents[3],
-        env={**os.environ, "PYTHONFAULTHANDLER": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=100,
-    )
+    done = forked.run((KILLED, str(tmp_path)), module=forked.SCRIPT)
     found = [
         read_telemetry(path) for path in sorted(tmp_path.iterdir(), key=lambda path: path.stem)
     ]

@@ -1,8 +1,6 @@
 """The recorder: every cycle is recorded or counted as lost, and the loop is never disturbed."""
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +18,7 @@ from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from tests.daemon.fake_ring import FakeRing
 from tests.daemon.waiting import eventually
+from tests.forked import SCRIPT, run
 from tests.records.telemetry import START_NS, header
 
 
@@ -298,14 +297,7 @@ print(ended.why, ended.disk_full)
 @pytest.mark.fault("P6")
 def test_file_that_cannot_grow(tmp_path: Path) -> None:
     """The recording ends with the reason, the process runs on, and the file can be read."""
-    done = subprocess.run(
-        [sys.executable, "-c", FULL, str(tmp_path)],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=100,
-    )
+    done = run((FULL, str(tmp_path)), module=SCRIPT)
     (path,) = tmp_path.iterdir()
     seqs = read_telemetry(path).cycles["seq"]
 

@@ -24,9 +24,9 @@ KILLS = [
 
 @pytest.fixture
 def stage(tmp_path: Path, start: StartDaemon) -> Iterator[HostedStage]:
-    """Return a stage that is at rest."""
+    """Return a stage that is at rest; after the end of its loop it starts `piezod safe`."""
     with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
-        yield HostedStage(tmp_path, start)
+        yield HostedStage(tmp_path, start, STARTS_SAFE="")
 
 
 @pytest.mark.fault("P2")

@@ -12,9 +12,9 @@ from piezod.errors import DataError
 from piezod.experiment.live.run_plays import run_plays_live
 from tests.cli.conftest import Command, folder, piezod
 from tests.experiment.live.playing_stage import PlayingStage
-from tests.experiment.play.test_run import SHORT, file
+from tests.experiment.play.test_run import SHORT, file, fitted_once, undrawn
 
-__all__ = ["file", "folder", "piezod"]
+__all__ = ["file", "fitted_once", "folder", "piezod", "undrawn"]
 
 
 @pytest.fixture
@@ -50,12 +50,9 @@ def test_document_and_files(piezod: Command, stage: PlayingStage, file: Path, fo
     assert (stage.state, stage.asked[-1]) == ("SAFE", "end of the session")
 
 
-@pytest.mark.usefixtures("stage")
-def test_text_has_no_true_errors_and_a_stored_table_is_used(
-    piezod: Command, file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("stage", "undrawn")
+def test_text_has_no_true_errors_and_a_stored_table_is_used(piezod: Command, file: Path) -> None:
     """No running stage knows its true displacement; `--tables` is as in virtual time."""
-    monkeypatch.setattr("piezod.experiment.play.outputs.save_png", lambda *_: None)
     file.write_text(SHORT.replace("passes: 3", "passes: 0"), encoding="utf-8")
     code, out, err = piezod("experiment", file, "--live", "--out", "out")
 

@@ -1,6 +1,7 @@
 """An experiment with `play`: from its file to errors, figures and tables."""
 
 import json
+import pickle
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 
 from piezod.config.experiment import load_experiment
 from piezod.devices import registry
+from piezod.dynamics.fitting import ResponseFit, fit_response
+from piezod.dynamics.measured import MeasuredResponse
 from piezod.errors import ConfigError
 from piezod_drivers.simulated.driver import SimulatedRig
 from tests.cli.conftest import Command, folder, piezod
@@ -45,6 +48,26 @@ play:
       reference: others
       reference_pct: {{max: 1.5, mean: 0.52}}
 """
+
+
+FITS: dict[bytes, ResponseFit] = {}
+
+
+@pytest.fixture(autouse=True)
+def fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit a measured response once: all tests measure the same one, and the fit takes half."""
+
+    def known(responses: Sequence[MeasuredResponse]) -> ResponseFit:
+        key = pickle.dumps(responses)
+        return FITS.get(key) or FITS.setdefault(key, fit_response(responses))
+
+    monkeypatch.setattr("piezod.experiment.play.response.fit_response", known)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no figures."""
+    monkeypatch.setattr("piezod.experiment.play.outputs.save_png", lambda *_: None)
 
 
 @pytest.fixture
@@ -92,6 +115,7 @@ def test_failed_waveform_leaves_the_ones_before(piezod: Command, file: Path, fol
     ]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_text_and_a_second_run_that_begins_with_the_stored_table(
     piezod: Command, file: Path
 ) -> None:
@@ -122,6 +146,7 @@ def test_text_and_a_second_run_that_begins_with_the_stored_table(
     assert "inverse model" not in out
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_noise_of_the_read_back_at_rest_refuses_no_table(
     piezod: Command, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
