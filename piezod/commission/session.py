@@ -14,7 +14,7 @@ from piezod.control.signals import RecentRange
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.pacer import Pacer
 from piezod.devices.channels import Channels
-from piezod.devices.status import DeviceFlag
+from piezod.devices.status import MOVED, DeviceFlag
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S, s_to_ns
 
@@ -39,10 +39,6 @@ ENDING: Final = frozenset(
     }
 )
 """Flags of a device that end a step."""
-ELSEWHERE: Final = frozenset(
-    {DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED}
-)
-"""Flags after which something else has changed the voltage: the session leaves it as it is."""
 LONGEST_PERIODS: Final = 2
 """Largest time step of a cycle, in periods: after a pause the voltage makes no jump."""
 
@@ -224,7 +220,7 @@ class Session:
 
     def _check_devices(self, read_back_v: float, now_ns: int) -> None:
         flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))
-        if elsewhere := flags & ELSEWHERE:
+        if elsewhere := flags & MOVED:  # the session leaves the voltage as it is
             self._not_ours = ", ".join(sorted(elsewhere))
         self._watch.check_read_back(read_back_v, self.drive_v, flags)
 

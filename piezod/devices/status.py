@@ -80,6 +80,9 @@ PASSING: Final = frozenset(
 )
 """Flags of a single exchange; every other flag lasts until the device reports its end."""
 
+MOVED: Final = frozenset({DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
+"""Flags of an output that something else than a write has changed, or may change."""
+
 Flags: TypeAlias = frozenset[DeviceFlag]
 """All problems of a channel at an instant."""
 

@@ -199,7 +199,7 @@ def _run(stage: Stage, t_ns: int) -> None:
 def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Take over a lost amplifier from its read-back, after a pause that grows with each loss.
 
-    If the read-back is unlike the last write, the sensor decides between them, if it can.
+    If the read-back is unlike the last write, see `takeover`.
     An amplifier without read-back is taken over from its last acknowledged write, if there was one,
     if it holds its output by itself, and if it reports restarts and has not reported one. Otherwise
     the start of a ramp is unknown.
@@ -227,11 +227,12 @@ def _still_at_last_write(stage: Stage) -> bool:
     """Return whether a lost amplifier still outputs the last acknowledged voltage.
 
     An amplifier that does not report a restart may have been without power meanwhile, and be at 0
-    V.
+    V. In local mode a person may have set any voltage.
     """
-    output_fell = stage.register.latched & _OUTPUT_FELL
+    moved = stage.register.latched & _OUTPUT_FELL
+    moved |= any(watch.amplifier.reports_move for watch in stage.watches)
     reports = stage.boundary.holds and stage.boundary.reports_restart
-    return stage.output.known_when_lost and reports and not output_fell
+    return stage.output.known_when_lost and reports and not moved
 
 
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:

@@ -50,10 +50,10 @@ class Evidence(NamedTuple):
         read_back: The read-back.
         written: The voltage that was written last.
         position_um: Measured position, in µm; NaN if it proves nothing.
-        fall_explained: Whether the device reports that its output fell, or was out of reach, so
-            that a loss of power explains a read-back unlike the last write.
-        reports_move: Whether the amplifier has reported since the last write that its output fell,
-            or that a person sets it.
+        fall_explained: Whether the device was out of reach, or the loop stood still, so that a
+            loss of power explains a read-back unlike the last write.
+        reports_move: Whether the amplifier has reported since the last acknowledged write that its
+            output fell, or that a person sets it.
     """
 
     read_back: Claim
@@ -135,8 +135,11 @@ class OutputJudge:
             t_ns: Instant of the cycle, in ns.
         """
         for i, axis in enumerate(self._axes):
-            explained = not self._watches[i].amplifier.unexplained_fall
-            axis.track(self._resolve(i, read_back_v[i], written_v[i], explained, t_ns))
+            amplifier = self._watches[i].amplifier
+            known = self._evidence(i, read_back_v[i], written_v[i])._replace(
+                fall_explained=not amplifier.unexplained_fall, reports_move=amplifier.reports_move
+            )
+            axis.track(self._resolve(i, known, t_ns))
 
     def starts_at_read_back(self, index: int, t_ns: int) -> bool:
         """Track an output that has just fallen, if the sensor shows it too; return whether it does.
@@ -148,7 +151,8 @@ class OutputJudge:
         safe_v, in_force_v = axis.config.safe_v, axis.law.in_force_v
         if not abs(read_back_v - safe_v) < abs(in_force_v - safe_v):  # also without a read-back
             return False
-        start_v = self._resolve(index, read_back_v, in_force_v, False, t_ns)
+        known = self._evidence(index, read_back_v, in_force_v)._replace(fall_explained=False)
+        start_v = self._resolve(index, known, t_ns)
         if start_v == in_force_v:
             return False
         axis.track(start_v)
@@ -178,14 +182,13 @@ class OutputJudge:
         doubtful = any(self._register.axes_of(fault) >> index & 1 for fault in _WRONG_POSITION)
         return sample.position_um if sample.valid and not doubtful else nan
 
-    def _resolve(
-        self, index: int, read_back_v: float, written_v: float, explained: bool, t_ns: int
-    ) -> float:
+    def _evidence(self, index: int, read_back_v: float, written_v: float) -> Evidence:
+        read_back, written = self._claim(index, read_back_v), self._claim(index, written_v)
+        return Evidence(read_back, written, self._position_um(index))
+
+    def _resolve(self, index: int, known: Evidence, t_ns: int) -> float:
         """Return the voltage in force, in V; report if read-back, write and sensor disagree."""
         axis = self._axes[index]
-        read_back, written = self._claim(index, read_back_v), self._claim(index, written_v)
-        moved = self._watches[index].amplifier.reports_move
-        known = Evidence(read_back, written, self._position_um(index), explained, moved)
         tolerance_v = axis.law.limits.read_back_tolerance_v
         drive_v, disagreement = take_over(known, axis.config.safe_v, tolerance_v)
         if disagreement:

@@ -12,7 +12,7 @@ from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
 from piezod.control.guard import Limits
 from piezod.control.signals import LeakyBucket, RecentRange
-from piezod.devices.status import DeviceFlag, Flags
+from piezod.devices.status import MOVED, DeviceFlag, Flags
 
 FLAG_FAULTS: Final = {
     DeviceFlag.SHORT_OR_OPEN: Fault.A11,
@@ -23,10 +23,6 @@ FLAG_FAULTS: Final = {
     DeviceFlag.LOCAL_MODE: Fault.A8,
 }
 """Faults that an amplifier reports by a flag."""
-_FALLS: Final = frozenset({DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
-"""Flags that report a fall of the output."""
-_MOVED: Final = _FALLS | {DeviceFlag.LOCAL_MODE}
-"""Flags that report another voltage than the last write: the output fell, or a person sets it."""
 MISMATCH_CYCLES: Final = 3
 """The read-back must differ in this many cycles in a row to be A3."""
 LAG_CYCLES: Final = 3
@@ -76,11 +72,12 @@ class AmplifierWatch:
         """Read-back of this cycle if it matches no recent write, in V. NaN if it matches, or if it
         is wrong for so long that it is A3."""
         self.unexplained_fall = False
-        """Whether the read-back has collapsed since the last write, and the amplifier has neither
-        reported that its output fell nor been silent. The read-back itself may be wrong."""
+        """Whether the read-back has collapsed since the last write, and neither the amplifier was
+        silent nor the loop stood still. The read-back itself may be wrong."""
         self.reports_move = False
-        """Whether the amplifier has reported since the last write that its output fell, or that it
-        is in local mode: the last write need not be in force."""
+        """Whether the amplifier has reported since the last acknowledged write that its output
+        fell, or that it is in local mode: that write need not be in force."""
+        self._is_local = False
 
     def check(self, read_back_v: float, flags: Flags) -> Sequence[Detection]:
         """Return the faults of the channel. Call once per cycle, before the write.
@@ -98,7 +95,8 @@ class AmplifierWatch:
         # Most cycles end with the early return below: what follows it may cost more.
         before_v, self._read_back_v = self._read_back_v, read_back_v
         self.overloaded = DeviceFlag.OVERLOAD in flags
-        self.reports_move |= not _MOVED.isdisjoint(flags)
+        self._is_local = DeviceFlag.LOCAL_MODE in flags
+        self.reports_move |= not MOVED.isdisjoint(flags)
         wrong = bool(flags) or self._not_taken or self._not_finite
         wrong |= (
             self._range_limited_cycles >= RANGE_CYCLES or self._slew_limited_cycles >= SLEW_CYCLES
@@ -108,7 +106,7 @@ class AmplifierWatch:
             deviation_v = self._deviation_v(read_back_v)
             wrong |= self._has_over_voltage(read_back_v) or deviation_v > 0.0
         self.unexpected_v = nan
-        if self.unexplained_fall and (flags & _FALLS or isnan(read_back_v)):
+        if self.unexplained_fall and isnan(read_back_v):
             self.unexplained_fall = False
         found = self._found(flags, read_back_v, before_v, deviation_v) if wrong else _NOTHING
         if not wrong:
@@ -144,7 +142,8 @@ class AmplifierWatch:
             self._written_v.add(self._taken_v)
         self._written_v.add(drive_v)
         if taken:
-            self._taken_v, self.reports_move = drive_v, False
+            # In local mode an amplifier may acknowledge a write that it does not follow.
+            self._taken_v, self.reports_move = drive_v, self._is_local
         else:  # without an acknowledgement either voltage may be in force
             self._written_v.add(self._taken_v)
         self._written, self.unexplained_fall = True, False
@@ -156,7 +155,7 @@ class AmplifierWatch:
     def forget(self) -> None:
         """Forget all writes: the amplifier is taken over from its read-back.
 
-        A cycle without a write does the same.
+        A cycle without a write does the same. `reports_move` stays: it tells how to take over.
         """
         self._written_v.forget()
         self._taken_v = self.unexpected_v = nan
@@ -185,7 +184,7 @@ class AmplifierWatch:
     ) -> list[Detection]:
         """Return all faults of this cycle."""
         found = self._flag_faults(flags) + self._write_faults()
-        return found + self._read_back_faults(flags, read_back_v, before_v, deviation_v)
+        return found + self._read_back_faults(read_back_v, before_v, deviation_v)
 
     def _flag_faults(self, flags: Flags) -> list[Detection]:
         """Return the faults that the amplifier reports by a flag."""
@@ -207,7 +206,7 @@ class AmplifierWatch:
         return found
 
     def _read_back_faults(
-        self, flags: Flags, read_back_v: float, before_v: float, deviation_v: float
+        self, read_back_v: float, before_v: float, deviation_v: float
     ) -> list[Detection]:
         """Return the faults of the read-back."""
         found = []
@@ -219,7 +218,7 @@ class AmplifierWatch:
         least_v = 0.0 if self._after_gap else COLLAPSE_V
         if deviation_v > least_v and abs(before_v) - abs(read_back_v) > least_v:
             found.append(Detection(Fault.A7, self._axis, deviation_v, least_v or self._tolerance_v))
-            self.unexplained_fall = not (self._after_gap or flags & _FALLS)
+            self.unexplained_fall = not self._after_gap
         self._mismatch_cycles = self._mismatch_cycles + 1 if deviation_v > 0.0 else 0
         if 0 < self._mismatch_cycles < MISMATCH_CYCLES:
             self.unexpected_v = read_back_v

@@ -221,7 +221,7 @@ class CommandedStage(FaultyStage):
             return Claim(at_v, *sensor.allowed_um(at_v)).excludes(position_um)
 
         kept = abs(before_v - output_v) <= self._tolerance_v and not excluded(output_v)
-        kept = kept and self._moved_ns <= before_ns
+        kept = kept and self._moved_ns < before_ns
         if kept and len(self.records) > 1 and self.records[-2].state is State.BLIND:
             lies_v = [each_v for each_v in lies_v if not excluded(each_v)]
         return *lies_v, before_v

@@ -240,12 +240,13 @@ def test_held_output_without_read_back_is_ramped_from_the_last_write() -> None:
         (True, False, None, "B1"),
         (True, True, DeviceFlag.RESTARTED, "A7"),
         (True, True, DeviceFlag.WATCHDOG_TRIPPED, "A9"),
+        (True, True, DeviceFlag.LOCAL_MODE, "A8"),
     ],
 )
 def test_unknown_output_is_not_ramped(
     holds: bool, tells_restart: bool, reported_flag: DeviceFlag | None, fault: str
 ) -> None:
-    """It is not held, reports no restart, or reported one: FAULT, a remedy, and no write."""
+    """It is not held, reports no restart, or reported a move: FAULT, a remedy, and no write."""
     stage = SwingingStage(
         Mode.FEEDFORWARD, holds=holds, reads_back=False, tells_restart=tells_restart
     )
@@ -260,7 +261,7 @@ def test_unknown_output_is_not_ramped(
     stage.do(rq.Reset())
     refused, confirmed = stage.ask(rq.Arm()), stage.ask(rq.Arm(confirm_output=True))
 
-    assert {fault, "B1"} == set(stage.faults()) & {"A7", "A9", "B1"}
+    assert {fault, "B1"} == set(stage.faults()) & {"A7", "A8", "A9", "B1"}
     assert len(texts) == 1
     assert "--confirm-output" in texts[0]
     assert stage.channels.writes[0][1] == (0.0,)

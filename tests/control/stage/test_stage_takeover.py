@@ -131,6 +131,44 @@ def test_voltage_that_a_person_set_during_a_loss_is_taken_over() -> None:
     assert written_v(stage)[0] == pytest.approx(10.0, abs=SLEW_STEP_V)
 
 
+def test_acknowledged_write_in_local_mode_is_not_taken_for_the_output() -> None:
+    """A ramp goes on in local mode, acknowledged; a person has set another voltage."""
+    stage = standing()
+    stage.fail(InjectionKind.STUCK)
+    stage.run(0.05)
+    stage.do(rq.Stop())
+    stage.fail(InjectionKind.FLAGGED, 2, flag=DeviceFlag.LOCAL_MODE)
+    stage.cycle()
+    stage.cycle()
+    stage.device.inner.write([3.0], stage.t_ns)
+    stage.fail(InjectionKind.LOST, 30, flag=DeviceFlag.DISCONNECTED)
+    stage.until("BLIND")
+    stage.channels.writes.clear()
+    stage.until("RAMP")
+    stage.cycle()
+
+    assert max(written_v(stage)) <= 3.0 + TOLERANCE_V
+
+
+def test_local_mode_before_the_last_write_is_no_evidence() -> None:
+    """After acknowledged writes, a wrong read-back is judged by the sensor as before."""
+    stage = standing()
+    stage.fail(InjectionKind.FLAGGED, 4, flag=DeviceFlag.LOCAL_MODE)
+    stage.run(1.5)
+    stage.do(rq.Resume())
+    stage.run(0.1)
+    before_v = stage.x.drive_v
+    stage.channels.writes.clear()
+    stage.fail(InjectionKind.READ_BACK_OFFSET, value=-before_v)
+    stage.cycle()
+    blind = stage.state
+    stage.until("RAMP")
+    stage.cycle()
+
+    assert blind == State.BLIND
+    assert written_v(stage)[0] == pytest.approx(before_v, abs=SLEW_STEP_V)
+
+
 @given(position_um=st.floats(6.0, 24.0), share=st.floats(0.0, 1.0), truly=st.booleans())
 @settings(max_examples=5)
 def test_no_read_back_makes_a_step(position_um: float, share: float, truly: bool) -> None:

@@ -11,7 +11,7 @@ from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
 from piezod.control.guard import Limits
 from piezod.control.watch.amplifier import FLAG_FAULTS, AmplifierWatch
-from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.status import MOVED, NO_FLAGS, DeviceFlag
 from tests.conftest import Reaction
 from tests.control.fakes import MS
 
@@ -226,6 +226,26 @@ def test_flags_of_the_amplifier_are_faults(flag: DeviceFlag, fault: Fault) -> No
 
     assert subject.check(0.0, frozenset({flag})) == [Detection(fault, 0)]
     assert subject.check(0.0, NO_FLAGS) == ()
+
+
+@pytest.mark.parametrize("flag", sorted(MOVED))
+def test_reported_move_is_kept_until_a_write_is_acknowledged(flag: DeviceFlag) -> None:
+    """Neither a refused write nor a loss ends it, nor a write that local mode does not follow."""
+    subject = watch()
+    subject.check(30.0, frozenset({flag}))
+    subject.forget()
+    subject.check(30.0, NO_FLAGS)
+    subject.wrote(30.0, taken=False)
+    kept = subject.reports_move
+    subject.check(30.0, frozenset({flag}))
+    subject.wrote(30.0, taken=True)
+    in_the_same_cycle = subject.reports_move
+    subject.check(30.0, NO_FLAGS)
+    subject.wrote(30.0, taken=True)
+
+    assert kept
+    assert in_the_same_cycle == (flag is DeviceFlag.LOCAL_MODE)
+    assert not subject.reports_move
 
 
 @given(st.lists(st.floats(), max_size=30), st.floats(0, 150))
