@@ -44,6 +44,7 @@ def test_drive_is_within_range_and_slew_rate(
 
 
 @pytest.mark.stress
+@settings(max_examples=100)
 @given(st.floats(200.0, 10_000.0), OFFSETS_V, SLEWS_V_PER_S, st.integers(4, 10))
 def test_long_and_fast_drive_is_within_range_and_slew_rate(
     rate_hz: float, offset_v: float, slew_v_per_s: float, periods: int
