@@ -108,24 +108,30 @@ def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def plain_figures() -> Iterator[None]:
-    """Draw few pixels without a constrained layout: a third of the time; see `layout`."""
-    from piezod.records.figures import style  # noqa: PLC0415 - what starts the workers draws none
+def plain_figures() -> Iterator[tuple[str, int]]:
+    """Draw few pixels without a constrained layout: a third of the time.
 
+    Yield the layout and the dots per inch that users get; see `layout`.
+    """
+    # The process that starts the workers draws no figure.
+    from piezod.records.figures import style  # noqa: PLC0415 - see above
+
+    settings = vars(style)["_SETTINGS"]
+    of_users = vars(style)["_LAYOUT"], settings["savefig.dpi"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(style, "_LAYOUT", "none")
-        patch.setitem(vars(style)["_SETTINGS"], "savefig.dpi", 20)
-        yield
+        patch.setitem(settings, "savefig.dpi", 20)
+        yield of_users
 
 
 @pytest.fixture
-def layout(monkeypatch: pytest.MonkeyPatch) -> None:
+def layout(monkeypatch: pytest.MonkeyPatch, plain_figures: tuple[str, int]) -> None:
     """Draw figures as users see them."""
     from piezod.records.figures import style  # noqa: PLC0415 - as above
 
-    monkeypatch.setattr(style, "_LAYOUT", "constrained")
-    settings = vars(style)["_SETTINGS"]
-    monkeypatch.setitem(settings, "savefig.dpi", settings["figure.dpi"])
+    arrangement, dots_per_inch = plain_figures
+    monkeypatch.setattr(style, "_LAYOUT", arrangement)
+    monkeypatch.setitem(vars(style)["_SETTINGS"], "savefig.dpi", dots_per_inch)
 
 
 Figure = Callable[[str], None]

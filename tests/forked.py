@@ -30,7 +30,7 @@ PIEZOD: Final = "piezod.cli.main"
 SCRIPT: Final = "-c"
 """In place of a module: the first argument is the text of a script."""
 STARTS_SAFE: Final = "STARTS_SAFE"
-"""A daemon with this environment variable starts `piezod safe` itself, whose time is promised."""
+"""A daemon with this environment variable starts `piezod safe` as a program, not as a fork."""
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["tests.preloaded"])
 

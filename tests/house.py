@@ -144,7 +144,11 @@ def _tree(file: Path) -> ast.Module:
 
 
 def _may_have_long_functions(file: Path) -> bool:
-    """Return whether no function or class begins beside or around one for 60 lines after it."""
+    """Return whether a function may be longer than 60 lines.
+
+    It may if the next block that is not inside it begins later. Text at column 0 in a string can
+    look like such a block, and hide a long function.
+    """
     lines = file.read_text(encoding="utf-8").splitlines()
     blocks = [(at, found) for at, line in enumerate(lines) if (found := BLOCK.match(line))]
     ended = [*((len(found[1]), at) for at, found in blocks), (0, len(lines))]

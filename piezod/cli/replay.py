@@ -85,7 +85,7 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
 
 
 def _figure_file(out: Path) -> Path:
-    from piezod.records.figures.style import FORMATS  # with matplotlib, which takes its time
+    from piezod.records.figures.style import FORMATS  # imports matplotlib, which is slow
 
     return checked_out(out, out, FORMATS)
 

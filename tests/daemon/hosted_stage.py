@@ -31,7 +31,7 @@ class HostedStage:
     """
 
     def __init__(
-        self, folder: Path, start: StartDaemon, ramp_v_per_s: float = 200.0, **environ: str
+        self, folder: Path, start: StartDaemon, ramp_v_per_s: float = 200.0, /, **environ: str
     ) -> None:
         socket = folder / "rig.sock"
         self._trace = folder / "trace.csv"

@@ -16,7 +16,7 @@ MODES = [np.log(300.0), np.log(0.6), np.log(800.0), np.log(0.03)]
     "own", [[], MODES[2:], [*MODES, 1.3]], ids=["no resonance", "a mode", "a filter and a mode"]
 )
 def test_derivatives_are_those_of_the_residuals(own: list[float], rate_hz: float | None) -> None:
-    """The Jacobian is the limit of differences, in each parameter and at each point anew."""
+    """The Jacobian is the limit of differences, and no value of an earlier point is kept."""
     used = [noisy(model_of(2e-4), 0.01, seed, np.geomspace(5.0, 1500.0, 30)) for seed in (1, 2)]
     lines, parameters = FitLines(used, rate_hz), np.array([*HEAD, *own])
 

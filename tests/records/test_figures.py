@@ -71,6 +71,11 @@ def test_run_names_itself_and_its_errors(run: Figure) -> None:
     )
 
 
+def test_run_fills_most_of_a_screen(run: Figure) -> None:
+    """Its size in pixels is that of 13 by 8 inches."""
+    assert tuple(run.bbox.size) == (1625, 1000)
+
+
 def test_run_shows_the_recorded_columns(recording: Recording, run: Figure) -> None:
     """Each line of a run holds the column that its label names."""
     t_s = recording.t_s.tolist()

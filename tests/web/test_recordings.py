@@ -44,7 +44,8 @@ def wanted(daemon: Served, what: str, **more: Any) -> dict[str, Any]:
 def test_the_page_reads_a_recording(web: Web, recording: Path) -> None:
     """Contents, a column with its spike, marks and the loop arrive over the WebSocket.
 
-    An unknown column is refused, and the process that reads answers the next request.
+    An unknown column is refused, as is a path in place of a name, and the process that reads
+    answers the next request.
     """
     assert recording.is_file()
     of = {"stage": "bench", "recording": NAME}
@@ -52,6 +53,7 @@ def test_the_page_reads_a_recording(web: Web, recording: Path) -> None:
         contents = tab.ask(do="contents", **of)["result"]
         column = tab.ask(do="view", column="axis_x/position_um", points=50, **of)["result"]
         refused = tab.ask(do="view", column="axis_x/none", **of)
+        outside = tab.ask(do="contents", stage="bench", recording="../../etc/passwd")
         marks = tab.ask(do="marks", axis="x", **of)["result"]
         loop = tab.ask(do="loop", axis="x", begin_s=1, end_s=1.1, **of)["result"]
 
@@ -60,6 +62,8 @@ def test_the_page_reads_a_recording(web: Web, recording: Path) -> None:
     assert len(column["begin_s"]) <= 50
     assert (refused["ok"], refused["error"]["code"]) == (False, "recording")
     assert "no column 'axis_x/none'" in refused["error"]["what"]
+    assert (outside["ok"], outside["error"]["code"]) == (False, "recording")
+    assert "no recording" in outside["error"]["what"]
     assert marks == []
     assert loop["drive_v"] == [row / 20 for row in range(1000, 1100)]
 
@@ -129,9 +133,11 @@ def test_an_export_ends_when_the_browser_leaves(
     monkeypatch.setattr("sys.executable", str(endless))
     with pytest.raises(httpx.ReadTimeout):
         httpx.get(f"http://{web.host}{path}", headers={"Cookie": cookie}, timeout=0.5)
-    endless.write_text("#!/bin/sh\nexit 1\n")
+    endless.write_text("#!/bin/sh\necho made >&2\nexit 1\n")
+    failed = web.request("GET", path, Cookie=cookie)
 
-    assert web.request("GET", path, Cookie=cookie).status_code == 503
+    assert failed.status_code == 503
+    assert failed.json()["error"]["what"] == "made"
 
 
 @pytest.mark.usefixtures("recording")

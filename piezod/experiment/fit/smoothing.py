@@ -51,7 +51,9 @@ def _parabola(window: int) -> tuple[FloatArray, FloatArray]:
     """
     half = window // 2
     powers = np.vander(np.arange(-half, half + 1) / half, 3, increasing=True)
-    return powers, np.asarray(np.linalg.pinv(powers), np.float64)
+    fit = np.asarray(np.linalg.pinv(powers), np.float64)
+    powers.flags.writeable = fit.flags.writeable = False
+    return powers, fit
 
 
 def longest_window(drive_v: FloatArray) -> int:

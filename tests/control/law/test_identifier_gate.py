@@ -174,12 +174,13 @@ def test_repeated_sample_closes_the_gate() -> None:
 
 
 @pytest.mark.fault("D4")
+@pytest.mark.parametrize("cycles", [20_000, pytest.param(50_000, marks=pytest.mark.stress)])
 @pytest.mark.parametrize("noise", [0.0, SIGMA, 10 * SIGMA])
-def test_gate_stays_closed_at_a_constant_command(noise: float) -> None:
+def test_gate_stays_closed_at_a_constant_command(noise: float, cycles: int) -> None:
     """Neither the duration nor the noise of the sensor matters."""
     gate, draws = LearningGate(MS), np.random.default_rng(6)
-    drives = draws.normal(0.4, 1e-3, 20_000).tolist()
-    positions = draws.normal(0.5, noise, 20_000).tolist()
+    drives = draws.normal(0.4, 1e-3, cycles).tolist()
+    positions = draws.normal(0.5, noise, cycles).tolist()
 
     decisions = reasons(gate, map(Cycle, drives, positions), untouched)
 

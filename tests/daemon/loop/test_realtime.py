@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from piezod.daemon.loop import process
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
+from tests.forked import SCRIPT, run
 
 PARTS = """
 import ctypes, mmap
@@ -68,6 +68,14 @@ compiler = [each for each in parts if "llvmlite" in each.file]
 found["compiler"] = sum(each.resident_kb for each in compiler if not each.changed_kb)
 found["compiler data"] = sum(each.resident_kb for each in compiler if each.changed_kb)
 print(json.dumps(found))
+"""
+STACK = """
+import sys, threading
+from pathlib import Path
+from piezod.daemon.loop import process
+
+process.main(*map(Path, ["absent"] * 4), strict_rt=False, warm=False)
+print(threading.stack_size(), file=sys.stderr)
 """
 
 
@@ -125,12 +133,9 @@ def test_memory_that_no_cycle_uses_is_left_out() -> None:
     assert found["compiler data"] > 0
 
 
-def test_stacks_of_threads_are_small(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stacks_of_threads_are_small() -> None:
     """Every thread of the loop process has a stack of 1 MB, because all of it is locked in RAM."""
-    sizes: list[int] = []
-    monkeypatch.setattr("threading.stack_size", sizes.append)
-    monkeypatch.setattr("signal.signal", lambda *_: None)
+    done = run((STACK,), module=SCRIPT)
 
-    process.main(*map(Path, ["absent"] * 4), strict_rt=False, warm=False)
-
-    assert sizes == [1 << 20]
+    assert done.returncode == 0
+    assert done.stderr == "1048576\n"

@@ -12,6 +12,7 @@ from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import latched
 from tests.daemon.hosted_stage import SAFE_V, HostedStage, assert_gentle
 from tests.daemon.waiting import eventually
+from tests.forked import STARTS_SAFE
 from tests.hosted_rig import hosted
 
 VICTIMS = ("loop", "supervisor", "supervisor, then safe", "both, then safe")
@@ -24,9 +25,9 @@ KILLS = [
 
 @pytest.fixture
 def stage(tmp_path: Path, start: StartDaemon) -> Iterator[HostedStage]:
-    """Return a stage that is at rest; after the end of its loop it starts `piezod safe`."""
+    """Return a stage that is at rest; it starts `piezod safe` as a program."""
     with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
-        yield HostedStage(tmp_path, start, STARTS_SAFE="")
+        yield HostedStage(tmp_path, start, **{STARTS_SAFE: ""})
 
 
 @pytest.mark.fault("P2")

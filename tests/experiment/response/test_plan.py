@@ -12,6 +12,7 @@ from piezod.errors import DataError
 from piezod.experiment.response.plan import ResponsePlan, Wanted, plan_response
 
 LIMITS = LimitsConfig(drive_min_v=0.0, drive_max_v=150.0, slew_v_per_s=20_000.0, rest_v=0.0)
+OFFSETS_V, SLEWS_V_PER_S = st.floats(30.0, 120.0), st.floats(50.0, 1e5)
 
 
 def plan_of(wanted: Wanted, rate_hz: float = 1000.0, limits: LimitsConfig = LIMITS) -> ResponsePlan:
@@ -20,12 +21,8 @@ def plan_of(wanted: Wanted, rate_hz: float = 1000.0, limits: LimitsConfig = LIMI
     return plan
 
 
-@settings(max_examples=4)
-@given(st.floats(200.0, 3000.0), st.floats(30.0, 120.0), st.floats(50.0, 1e5), st.integers(2, 4))
-def test_drive_is_within_range_and_slew_rate(
-    rate_hz: float, offset_v: float, slew_v_per_s: float, periods: int
-) -> None:
-    """With default amplitudes the guard changes nothing of the drive."""
+def assert_within(rate_hz: float, offset_v: float, slew_v_per_s: float, periods: int) -> None:
+    """Assert that a drive with default amplitudes is within range and slew rate."""
     limits = LIMITS.model_copy(update={"slew_v_per_s": slew_v_per_s})
     plan = plan_of(Wanted((offset_v,), periods=periods), rate_hz, limits)
 
@@ -35,6 +32,25 @@ def test_drive_is_within_range_and_slew_rate(
     assert np.max(np.abs(np.diff(drive_v))) * rate_hz <= slew_v_per_s * (1.0 + 1e-9)
     low_v, high_v = plan.drive_v.bounds()
     assert 0.0 <= low_v < high_v <= 150.0
+
+
+@settings(max_examples=4)
+@given(st.floats(200.0, 3000.0), OFFSETS_V, SLEWS_V_PER_S, st.integers(2, 4))
+def test_drive_is_within_range_and_slew_rate(
+    rate_hz: float, offset_v: float, slew_v_per_s: float, periods: int
+) -> None:
+    """With default amplitudes the guard changes nothing of the drive."""
+    assert_within(rate_hz, offset_v, slew_v_per_s, periods)
+
+
+@pytest.mark.stress
+@settings(max_examples=100)
+@given(st.floats(200.0, 10_000.0), OFFSETS_V, SLEWS_V_PER_S, st.integers(4, 10))
+def test_long_and_fast_drive_is_within_range_and_slew_rate(
+    rate_hz: float, offset_v: float, slew_v_per_s: float, periods: int
+) -> None:
+    """The guard changes nothing at rates up to 10 kHz, either."""
+    assert_within(rate_hz, offset_v, slew_v_per_s, periods)
 
 
 def test_averaged_part_repeats_and_has_only_the_lines() -> None:

@@ -38,14 +38,15 @@ def told(figure: Figure, name: str, found: tuple[float, float], true: StageParam
     )
 
 
-def test_mode_and_delay_are_found_at_5_khz(load: Load, figure: Figure) -> None:
+@pytest.mark.parametrize("rate_hz", [5000.0, pytest.param(10_000.0, marks=pytest.mark.stress)])
+def test_mode_and_delay_are_found(load: Load, figure: Figure, rate_hz: float) -> None:
     """The mode is found within 0.5 %, behind the filter; the phase has the true delay."""
     true = true_parameters()
 
-    record = measure(load, 5000.0, QUICK)
+    record = measure(load, rate_hz, QUICK)
 
     frequency_hz, damping = mode_of(record)
-    told(figure, "stack", (frequency_hz, damping), true.stage)
+    told(figure, f"stack at {rate_hz:g} Hz", (frequency_hz, damping), true.stage)
     assert frequency_hz == pytest.approx(true.stage.mode_hz, rel=0.005)
     assert damping == pytest.approx(true.stage.mode_damping, rel=0.1)
     # At low frequencies only the sum of all delays counts: that of each part is known.

@@ -159,12 +159,12 @@ def change_pace(patch: pytest.MonkeyPatch, factor: float) -> None:
 
 
 def pace_margin(stage: Identified, patch: pytest.MonkeyPatch, *, whole: bool) -> float:
-    """Return the largest factor of the pace with which nothing rings, 0 if even one does.
+    """Return the largest factor of those tried with which nothing rings, 0 if the first one rings.
 
     Args:
         stage: The stage.
         patch: Changes the pace.
-        whole: Whether all factors are tried, and not the least margin alone.
+        whole: Whether all factors are tried, or only the least margin.
     """
     steady = 0.0
     for factor in FACTORS if whole else (LEAST_MARGIN,):

@@ -120,16 +120,16 @@ def through(
     return course
 
 
-UNDISTURBED: dict[tuple[float, float, tuple[float, ...]], Course] = {}
+UNDISTURBED: dict[tuple[float, float, float, tuple[float, ...]], Course] = {}
 
 
 def without_fault(
     stage: Identified, begin_s: float, duration_s: float, after_s: tuple[float, ...]
 ) -> Course:
-    """Return the result of `through` without a fault, once for each combination of times."""
-    key = begin_s, duration_s, after_s
+    """Return the result of `through` without a fault, once for each rate and times."""
+    key = stage.config.rate_hz, begin_s, duration_s, after_s
     if key not in UNDISTURBED:
-        UNDISTURBED[key] = through(stage, None, *key)
+        UNDISTURBED[key] = through(stage, None, begin_s, duration_s, after_s)
     return UNDISTURBED[key]
 
 
