@@ -1,9 +1,15 @@
 """Reports to systemd: ready, alive, reloading, stopping (see sd_notify(3))."""
 
+import asyncio
 import os
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+from typing import Final
+
+_FEED_S: Final = 0.1
+"""Period of `fed`, in s."""
 
 
 class Notifier:
@@ -59,6 +65,25 @@ class Notifier:
                 sender.sendto(message, self._address)
             except OSError:
                 return
+
+
+@asynccontextmanager
+async def fed(notifier: Notifier) -> AsyncIterator[None]:
+    """Feed the watchdog while the block waits: it also counts while a service ends.
+
+    A file may take longer to write than the watchdog allows. The stop time-out still applies.
+    """
+
+    async def feed() -> None:
+        while True:
+            notifier.alive()
+            await asyncio.sleep(_FEED_S)
+
+    feeding = asyncio.create_task(feed())
+    try:
+        yield
+    finally:
+        feeding.cancel()
 
 
 def _watchdog_s(environ: Mapping[str, str]) -> float:

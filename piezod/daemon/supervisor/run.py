@@ -12,7 +12,7 @@ from piezod.daemon.logging import logger, set_up_logging
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.supervisor.loop_run import LoopRun, RampDown
 from piezod.daemon.supervisor.marker import Marker
-from piezod.daemon.supervisor.notify import Notifier
+from piezod.daemon.supervisor.notify import Notifier, fed
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.supervisor import Supervisor
 from piezod.daemon.supervisor.terms import Ending, RunOptions
@@ -70,9 +70,10 @@ def _run_stage(
             return safe  # the mark stays: no operator has looked at the stage yet
         lock.take()
     try:
-        supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
+        notifier = Notifier()
+        supervisor = Supervisor(source, paths, run, options, notifier, signals)
         last_end = HUNG if marker.hung else int(marker.unclean)
-        ending, safe = asyncio.run(_run(supervisor, lock, last_end))
+        ending, safe = asyncio.run(_run(supervisor, lock, notifier, last_end))
     except OSError:  # a file of the stage cannot be made
         if not run.started:  # it may have no shared memory to ask for its cycles
             run.discard()
@@ -99,7 +100,9 @@ def _remove(marker: Marker, run: LoopRun) -> None:
         marker.remove()
 
 
-async def _run(supervisor: Supervisor, lock: Lock, last_end: int) -> tuple[Ending, bool]:
+async def _run(
+    supervisor: Supervisor, lock: Lock, notifier: Notifier, last_end: int
+) -> tuple[Ending, bool]:
     """Run the supervisor; if the loop does not leave the stage safe, ramp down before all else.
 
     Returns:
@@ -110,11 +113,16 @@ async def _run(supervisor: Supervisor, lock: Lock, last_end: int) -> tuple[Endin
     except BaseException:
         await supervisor.close()  # without a beat the loop ramps down by itself
         raise
-    if ending in (Ending.IN_ORDER, Ending.ABSENT):
-        await supervisor.close()
-        return ending, ending is Ending.IN_ORDER
-    # The ramp before `close`, which writes files and may take a while.
-    lock.release()
-    ramp_down = RampDown(supervisor.loop_run.config_file, supervisor.loop_run.loop.config)
-    await supervisor.close()
-    return ending, ramp_down.wait()
+    async with fed(notifier):
+        safe = ending is Ending.IN_ORDER
+        if ending in (Ending.IN_ORDER, Ending.ABSENT):
+            await supervisor.close()
+        else:
+            # The ramp before `close`, which writes files and may take a while.
+            lock.release()
+            ramp_down = RampDown(supervisor.loop_run.config_file, supervisor.loop_run.loop.config)
+            await supervisor.close()
+            safe = await asyncio.to_thread(ramp_down.wait)
+        # A file whose writing had begun when the run ended.
+        await asyncio.get_running_loop().shutdown_default_executor()
+    return ending, safe

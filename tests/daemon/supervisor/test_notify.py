@@ -1,5 +1,6 @@
 """Reports to systemd."""
 
+import asyncio
 import os
 import socket
 from collections.abc import Iterator
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.supervisor.notify import Notifier, without_manager
+from piezod.daemon.supervisor.notify import Notifier, fed, without_manager
 
 
 @pytest.fixture
@@ -35,6 +36,22 @@ def test_messages_arrive(manager: socket.socket) -> None:
         b"EXTEND_TIMEOUT_USEC=90500000\nSTATUS=ramping",
         b"STOPPING=1\nSTATUS=ramping",
     ]
+
+
+def test_watchdog_is_fed_while_the_daemon_waits(manager: socket.socket) -> None:
+    """A thread that takes as long as it likes ends no daemon; nothing is fed after the wait."""
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "1000000"})
+
+    async def wait() -> list[bytes]:
+        async with fed(notifier):
+            return await asyncio.to_thread(lambda: [manager.recv(200) for _ in range(3)])
+
+    got = asyncio.run(wait())
+    manager.setblocking(False)
+
+    assert got == [b"WATCHDOG=1"] * 3
+    with pytest.raises(BlockingIOError):
+        manager.recv(200)
 
 
 def test_reload_reports_its_instant(manager: socket.socket) -> None:

@@ -46,9 +46,11 @@ def test_loop_that_hangs_is_killed_and_feeds_no_watchdog(
         assert daemon.exit_code() == 1
         assert "loop killed" in daemon.text
         manager.setblocking(False)
-        # Only messages from before it hung; none after it was killed.
+        # Only messages from before it hung, until it was killed and the ramp-down began.
         waiting = b"".join(iter(lambda: _received(manager), b""))
-        assert waiting.count(b"WATCHDOG=1") < 10
+        until_killed, stopping, _ = waiting.partition(b"STOPPING=1")
+        assert stopping
+        assert until_killed.count(b"WATCHDOG=1") < 10
 
 
 def _received(manager: socket.socket) -> bytes:
