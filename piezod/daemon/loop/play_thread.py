@@ -169,12 +169,13 @@ class _PlayThread(threading.Thread):
         """
         end_ns = self._now_ns() + taken.duration_ns + GRACE_NS
         while not self.aborted.wait(POLL_S):
-            progress = self._axis.player.progress(self._now_ns())
+            asked_ns = self._now_ns()
+            progress = self._axis.player.progress(asked_ns)
             if progress.state is PlayState.ENDED:
                 return
             if progress.state is not PlayState.PLAYING:
                 raise PlayError(progress.reason or f"the device is {progress.state.value}")
-            if self._now_ns() > end_ns:
+            if asked_ns > end_ns:  # not the present time: this thread may have been delayed
                 raise PlayError("the device plays on after the end of the table")
 
     def _end_v(self, taken: AxisTable) -> float:

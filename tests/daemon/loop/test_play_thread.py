@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from threading import Event
 from typing import Any, cast
 
 import numpy as np
@@ -246,6 +247,25 @@ def test_play_without_an_end_is_aborted(tmp_path: Path) -> None:
 
     assert "plays on" in played.outcome().failed
     assert player.state is PlayState.IDLE
+
+
+def test_delay_of_the_thread_is_no_fault_of_the_device(tmp_path: Path) -> None:
+    """A busy machine may take the processor from the thread after the device has answered."""
+
+    class DelayedPlayer(FakePlayer):
+        def progress(self, now_ns: int) -> Progress:
+            answer = super().progress(now_ns)
+            if answer.state is PlayState.PLAYING:
+                assert begun.wait(10.0)
+                played.clock.spend_ns(TABLE.duration_ns + 2 * play_thread.GRACE_NS)
+                self.state = PlayState.ENDED
+            return answer
+
+    begun = Event()
+    played = Played(tmp_path, DelayedPlayer())
+    begun.set()
+
+    assert not played.outcome().failed
 
 
 def test_axis_without_player_says_why(tmp_path: Path) -> None:
