@@ -2,11 +2,8 @@
 
 import os
 import signal
-import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from pathlib import Path
 from subprocess import Popen
 
 import httpx
@@ -17,7 +14,6 @@ from piezod.config.states import State
 from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.loop import accept
-from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.supervisor import loop_run as loop_supervision
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals
@@ -60,41 +56,6 @@ def test_stage_ends_in_order(rig: Rig) -> None:
 def test_signal_ends_it_in_order(rig: Rig) -> None:
     """SIGTERM has the same effect as a shutdown request."""
     assert rig.run(lambda: os.kill(os.getpid(), signal.SIGTERM))
-
-
-@pytest.mark.fault("P1")
-def test_slow_disk_at_the_end_does_not_starve_the_watchdog(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """A flight record that is still being written when the loop has ended delays the end only."""
-    writes: list[object] = []
-    fed: list[bytes] = []
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(tmp_path / "notify"))
-        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "3000000")
-
-        def write_slowly(*_: object) -> None:
-            writes.append(None)
-            if len(writes) > 1:
-                return
-            eventually(lambda: not rig.paths.api_socket.exists())
-            manager.setblocking(False)
-            with suppress(BlockingIOError):
-                while manager.recv(1000):
-                    pass
-            manager.settimeout(10)
-            fed.extend(manager.recv(1000) for _ in range(3))
-
-        def until_it_writes() -> None:
-            eventually(lambda: writes)
-
-        monkeypatch.setattr(FlightRecorder, "is_due", lambda *_: not writes)
-        monkeypatch.setattr(FlightRecorder, "write_now", write_slowly)
-        in_order = rig.run(until_it_writes)
-
-    assert in_order
-    assert fed == [b"WATCHDOG=1"] * 3
 
 
 @pytest.mark.fault("P1")
