@@ -28,16 +28,11 @@ LAG_CYCLES, LAG_S = 3, 0.1
 """Allowed delay of the read-back behind the write: a number of cycles plus a time in s."""
 SETTLE_CYCLES, SETTLE_S = 4, 0.05
 """Extra duration of a ramp, in cycles or in s, so that its last write is its end voltage."""
-ENDING: Final = frozenset(
-    {
-        DeviceFlag.OVERLOAD,
-        DeviceFlag.OVER_TEMPERATURE,
-        DeviceFlag.SHORT_OR_OPEN,
-        DeviceFlag.LOCAL_MODE,
-        DeviceFlag.RESTARTED,
-        DeviceFlag.WATCHDOG_TRIPPED,
-    }
-)
+ENDING: Final = MOVED | {
+    DeviceFlag.OVERLOAD,
+    DeviceFlag.OVER_TEMPERATURE,
+    DeviceFlag.SHORT_OR_OPEN,
+}
 """Flags of a device that end a step."""
 LONGEST_PERIODS: Final = 2
 """Largest time step of a cycle, in periods: after a pause the voltage makes no jump."""

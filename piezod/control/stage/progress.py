@@ -201,8 +201,8 @@ def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
 
     If the read-back is unlike the last write, see `takeover`.
     An amplifier without read-back is taken over from its last acknowledged write, if there was one,
-    if it holds its output by itself, and if it reports restarts and has not reported one. Otherwise
-    the start of a ramp is unknown.
+    if it holds its output by itself, and if it reports restarts and has reported neither one nor
+    local mode. Otherwise the start of a ramp is unknown.
     """
     if stage.register.unreachable or not stage.output.try_due(stage.time_in_state_ns(t_ns)):
         return
@@ -229,10 +229,12 @@ def _still_at_last_write(stage: Stage) -> bool:
     An amplifier that does not report a restart may have been without power meanwhile, and be at 0
     V. In local mode a person may have set any voltage.
     """
-    moved = stage.register.latched & _OUTPUT_FELL
-    moved |= any(watch.amplifier.reports_move for watch in stage.watches)
+    if stage.register.latched & _OUTPUT_FELL:
+        return False
+    if any(watch.amplifier.reports_move for watch in stage.watches):
+        return False
     reports = stage.boundary.holds and stage.boundary.reports_restart
-    return stage.output.known_when_lost and reports and not moved
+    return stage.output.known_when_lost and reports
 
 
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
