@@ -265,6 +265,7 @@ def test_recording_survives_a_kill(file: Path) -> None:
 @pytest.mark.fault("P6")
 def test_recording_survives_a_full_disk(file: Path) -> None:
     """The writer raises an error, the process ends normally, and the written part is readable."""
+    # Not a fork: the ordinary end of the interpreter, with a file that HDF5 cannot close, counts.
     done = subprocess.run(
         [sys.executable, "-c", FULL, str(file)],
         cwd=Path(__file__).parents[2],

@@ -33,6 +33,14 @@ def standing(position_um: float = 18.0, mode: Mode = Mode.FEEDFORWARD) -> Faulty
     return stage
 
 
+def standing_with_stuck_sensor() -> FaultyStage:
+    """Return a stage that stands, and whose sensor shows its position for ever."""
+    stage = standing()
+    stage.fail(InjectionKind.STUCK)
+    stage.run(0.05)
+    return stage
+
+
 def written_v(stage: FaultyStage) -> list[float]:
     """Return the voltages written since the list was cleared."""
     return [drive_v for _, (drive_v,) in stage.channels.writes]
@@ -96,9 +104,7 @@ def test_ramp_after_a_loss_of_power_makes_no_step_up(
 )
 def test_stuck_sensor_does_not_hide_a_reported_fall(flags: Sequence[DeviceFlag]) -> None:
     """The amplifier reports that its output changed; the sensor still shows the old position."""
-    stage = standing()
-    stage.fail(InjectionKind.STUCK)
-    stage.run(0.05)
+    stage = standing_with_stuck_sensor()
     stage.channels.writes.clear()
     stage.device.inner.write([0.0], stage.t_ns)
     for flag in flags:
@@ -115,9 +121,7 @@ def test_stuck_sensor_does_not_hide_a_reported_fall(flags: Sequence[DeviceFlag])
 
 def test_voltage_that_a_person_set_during_a_loss_is_taken_over() -> None:
     """In local mode the last write is not in force, although the stuck sensor shows it."""
-    stage = standing()
-    stage.fail(InjectionKind.STUCK)
-    stage.run(0.05)
+    stage = standing_with_stuck_sensor()
     stage.fail(InjectionKind.READ_BACK_OFFSET, 30, value=nan)
     stage.run(0.05)
     blind = stage.state
@@ -133,9 +137,7 @@ def test_voltage_that_a_person_set_during_a_loss_is_taken_over() -> None:
 
 def test_acknowledged_write_in_local_mode_is_not_taken_for_the_output() -> None:
     """A ramp goes on in local mode, acknowledged; a person has set another voltage."""
-    stage = standing()
-    stage.fail(InjectionKind.STUCK)
-    stage.run(0.05)
+    stage = standing_with_stuck_sensor()
     stage.do(rq.Stop())
     stage.fail(InjectionKind.FLAGGED, 2, flag=DeviceFlag.LOCAL_MODE)
     stage.cycle()

@@ -1,5 +1,6 @@
 """A stage in the process of the test, with a loop without devices."""
 
+import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,15 @@ from piezod.daemon.paths import StagePaths
 from piezod.daemon.supervisor import loop_run as loop_supervision
 from tests.daemon.daemons import configuration
 from tests.daemon.fake_loop import start_fake_loop
+from tests.daemon.supervisor.manager import listening
 from tests.daemon.supervisor.run_rig import Rig
+
+
+@pytest.fixture
+def manager(tmp_path: Path) -> Iterator[socket.socket]:
+    """Return a socket like that of systemd."""
+    with listening(tmp_path) as listener:
+        yield listener
 
 
 @pytest.fixture

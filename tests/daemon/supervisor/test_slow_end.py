@@ -1,46 +1,38 @@
 """The end of a daemon whose files take long to write."""
 
 import socket
-from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
 from piezod.daemon.stores.flight_recorder import FlightRecorder
+from tests.daemon.supervisor.manager import waiting
 from tests.daemon.supervisor.run_rig import Rig
 from tests.daemon.waiting import eventually
 
 
 @pytest.mark.fault("P1")
 def test_slow_disk_at_the_end_does_not_starve_the_watchdog(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    rig: Rig, manager: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A flight record that is still being written when the loop has ended delays the end only."""
     writes: list[object] = []
     fed: list[bytes] = []
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(tmp_path / "notify"))
-        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "3000000")
+    monkeypatch.setenv("NOTIFY_SOCKET", manager.getsockname())
+    monkeypatch.setenv("WATCHDOG_USEC", "3000000")
 
-        def write_slowly(*_: object) -> None:
-            writes.append(None)
-            if len(writes) > 1:
-                return
+    def write_slowly(*_: object) -> None:
+        writes.append(None)
+        if len(writes) == 1:
             eventually(lambda: not rig.paths.api_socket.exists())
-            manager.setblocking(False)
-            with suppress(BlockingIOError):
-                while manager.recv(1000):
-                    pass
-            manager.settimeout(10)
+            waiting(manager)
             fed.extend(manager.recv(1000) for _ in range(3))
 
-        def until_it_writes() -> None:
-            eventually(lambda: writes)
+    def until_it_writes() -> None:
+        eventually(lambda: writes)
 
-        monkeypatch.setattr(FlightRecorder, "is_due", lambda *_: not writes)
-        monkeypatch.setattr(FlightRecorder, "write_now", write_slowly)
-        in_order = rig.run(until_it_writes)
+    monkeypatch.setattr(FlightRecorder, "is_due", lambda *_: not writes)
+    monkeypatch.setattr(FlightRecorder, "write_now", write_slowly)
+    in_order = rig.run(until_it_writes)
 
     assert in_order
     assert fed == [b"WATCHDOG=1"] * 3

@@ -9,6 +9,7 @@ import pytest
 
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import configuration, is_alive, latched
+from tests.daemon.supervisor.manager import waiting
 from tests.daemon.waiting import eventually
 
 
@@ -29,35 +30,24 @@ def test_killed_loop_is_replaced_by_a_ramp_down(start: StartDaemon, rig_file: Pa
 
 @pytest.mark.fault("L3")
 def test_loop_that_hangs_is_killed_and_feeds_no_watchdog(
-    start: StartDaemon, rig_file: Path, tmp_path: Path
+    start: StartDaemon, rig_file: Path, manager: socket.socket
 ) -> None:
     """A loop without cycles gets no watchdog fed, and the supervisor kills it."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(tmp_path / "notify"))
-        manager.settimeout(90)
-        environ = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "1000000"}
-        daemon = start(rig_file, **environ)
-        while not manager.recv(1000).startswith(b"READY=1"):
-            pass
-        assert manager.recv(1000).startswith((b"WATCHDOG=1", b"STATUS="))
+    manager.settimeout(90)
+    environ = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "1000000"}
+    daemon = start(rig_file, **environ)
+    while not manager.recv(1000).startswith(b"READY=1"):
+        pass
+    assert manager.recv(1000).startswith((b"WATCHDOG=1", b"STATUS="))
 
-        os.kill(daemon.loop_pid, signal.SIGSTOP)
+    os.kill(daemon.loop_pid, signal.SIGSTOP)
 
-        assert daemon.exit_code() == 1
-        assert "loop killed" in daemon.text
-        manager.setblocking(False)
-        # Only messages from before it hung, until it was killed and the ramp-down began.
-        waiting = b"".join(iter(lambda: _received(manager), b""))
-        until_killed, stopping, _ = waiting.partition(b"STOPPING=1")
-        assert stopping
-        assert until_killed.count(b"WATCHDOG=1") < 10
-
-
-def _received(manager: socket.socket) -> bytes:
-    try:
-        return manager.recv(1000)
-    except BlockingIOError:
-        return b""
+    assert daemon.exit_code() == 1
+    assert "loop killed" in daemon.text
+    # Only messages from before it hung, until it was killed and the ramp-down began.
+    until_killed, stopping, _ = waiting(manager).partition(b"STOPPING=1")
+    assert stopping
+    assert until_killed.count(b"WATCHDOG=1") < 10
 
 
 @pytest.mark.fault("P2")
