@@ -3,6 +3,7 @@
 import asyncio
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from piezod.daemon.background import BackgroundStream
 from piezod.daemon.descriptors import raise_limit
@@ -14,10 +15,12 @@ from piezod.daemon.supervisor.loop_run import LoopRun, RampDown
 from piezod.daemon.supervisor.marker import Marker
 from piezod.daemon.supervisor.notify import Notifier, fed
 from piezod.daemon.supervisor.signals import Signals
-from piezod.daemon.supervisor.supervisor import Supervisor
 from piezod.daemon.supervisor.terms import Ending, RunOptions
 from piezod.errors import DeviceUnavailableError
 from piezod.telemetry.words import HUNG
+
+if TYPE_CHECKING:
+    from piezod.daemon.supervisor.supervisor import Supervisor
 
 _log = logger("supervisor")
 
@@ -57,6 +60,10 @@ def _run_stage(
     marker = Marker(paths.running)
     _log.info("starting", stage=paths.name, note="the first start after an installation takes 20 s")
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
+    from piezod.daemon.supervisor.supervisor import (  # noqa: PLC0415 - while that process starts
+        Supervisor,
+    )
+
     if not run.accept(lambda: bool(signals.end) and not marker.unclean):
         return True  # no device was touched
     # Before the loop starts: then an end without `remove` leaves the mark.
@@ -101,7 +108,7 @@ def _remove(marker: Marker, run: LoopRun) -> None:
 
 
 async def _run(
-    supervisor: Supervisor, lock: Lock, notifier: Notifier, last_end: int
+    supervisor: "Supervisor", lock: Lock, notifier: Notifier, last_end: int
 ) -> tuple[Ending, bool]:
     """Run the supervisor; if the loop does not leave the stage safe, ramp down before all else.
 
