@@ -17,7 +17,7 @@ class EmulatedOptions(ConfigModel):
     socket: Annotated[str, StringConstraints(min_length=1, max_length=100)] = Field(
         default=DEFAULT_SOCKET,
         description="Socket of the rig: an absolute path, or a name in the folder for sockets, "
-        "$XDG_RUNTIME_DIR/piezod or else /tmp/piezod-UID.",
+        "$XDG_RUNTIME_DIR/piezod or else ${TMPDIR:-/tmp}/piezod-UID.",
     )
     deadline_ms: Annotated[float, Quantity(0.1, 1000, "ms")] = Field(
         default=5.0, description="Longest wait for each reply, ms."

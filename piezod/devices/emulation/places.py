@@ -9,9 +9,9 @@ from piezod.errors import DeviceUnavailableError
 
 
 def own_folder() -> Path:
-    """Return the user's folder for sockets and ports: $XDG_RUNTIME_DIR/piezod or /tmp/piezod-UID.
+    """Return the user's folder for sockets and ports, which may not exist.
 
-    It may not exist.
+    It is $XDG_RUNTIME_DIR/piezod, or else ${TMPDIR:-/tmp}/piezod-UID.
     """
     users = os.environ.get("XDG_RUNTIME_DIR")
     return (

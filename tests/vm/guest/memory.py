@@ -22,17 +22,21 @@ _HOG: Final = (
 
 def loop_stays_in_memory() -> str:
     """Fill the memory of the machine; nothing that the loop has locked is swapped out."""
+    loop = STAGE.loop
     run(f"fallocate -l 1G {_SWAP} && chmod 600 {_SWAP} && mkswap {_SWAP} && swapon {_SWAP}")
     try:
         swapped_mb = _fill_memory()
-        locked_kb, locked_and_swapped_kb = _locked_kb(STAGE.loop)
-        state = STAGE.status().state
+        locked_kb, locked_and_swapped_kb = _locked_kb(loop)
+        state, faults = STAGE.status().state, STAGE.faults()
     finally:  # with a full memory, the checks after this one would fail, too
         run(f"systemctl stop hog; swapoff {_SWAP}")
     need(swapped_mb > _TOO_MUCH_MB / 2, f"the machine has swapped out only {swapped_mb} MB")
     need(locked_kb > 0, "no memory of the loop is locked")
     need(not locked_and_swapped_kb, f"{locked_and_swapped_kb} kB of it were swapped out")
-    need(state == "RUN", f"the stage is in {state}")
+    # In an emulated machine that swaps, a tenth of the cycles may be late (L2): the stage holds.
+    need(state == "RUN" or (state == "HOLD" and "L2" in faults), f"{state} with {faults}")
+    STAGE.wait_for("RUN")
+    need(STAGE.loop == loop, "the loop was started again")
     locked_mb = locked_kb // 1024
     return f"{swapped_mb} MB of others were swapped out, none of the {locked_mb} MB that are locked"
 
