@@ -62,8 +62,8 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
 
     With the same model and mode the drive must be the recorded one; the command says where it is
     not. With another model or mode it estimates the error that the stage would have had: to each
-    recorded sample it adds what a model fitted to the recording says about the difference of the
-    voltages.
+    recorded sample it adds what the model that describes the recording best says about the
+    difference of the voltages: the one that is replayed, or one that is fitted to the recording.
     """
     figure = _figure_file(out) if out else None
     with local_file(recording, stage, socket) as file:

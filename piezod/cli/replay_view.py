@@ -73,9 +73,9 @@ def _verdict(model: Path | None, mode: Mode | None, compared: Comparison) -> str
         "The recording does not support a model of the stage: the errors are those of the model "
         "that was replayed."
         if isnan(compared.stand_in_um)
-        else "A model fitted to this recording says what the other voltages would have done; it "
-        f"describes the record to {compared.stand_in_um:.3f} µm rms, and smaller differences mean "
-        "nothing."
+        else "The model that describes this recording best, the one that was replayed or one that "
+        "was fitted to it, says what the other voltages would have done; its error is "
+        f"{compared.stand_in_um:.3f} µm rms, and smaller differences mean nothing."
     )
     replayed = " and ".join(
         filter(None, (f"with {model}" if model else "", f"in mode {mode.value}" if mode else ""))

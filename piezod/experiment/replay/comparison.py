@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +15,8 @@ from piezod.control.law.model import StageModel
 from piezod.errors import DataError
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Spacing
+from piezod.experiment.fit.prediction import predicted_um
+from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.source import read_source
 from piezod.experiment.fit.thinning import thinned
@@ -61,7 +64,8 @@ class Comparison:
         rows: One row for each recorded mode.
         repeats: Whether the drive is that of the recording.
         stand_in_um: Rms error with which the model that stands in for the stage describes the
-            record, in µm; smaller differences of errors mean nothing.
+            positions of the record, without a constant, in µm; smaller differences of errors mean
+            nothing.
         warnings: Reservations, a sentence each.
     """
 
@@ -132,18 +136,24 @@ def _with_recorded_weights(
 
 
 def _stand_in(path: Path, axis: str, model: StageModel) -> tuple[StageModel, float]:
-    """Return a model that is fitted to the recording, and its rms error in µm.
+    """Return the model that describes the recording best, and its rms error in µm.
 
-    A record that does not support a fit is described by the model of the control law.
+    It is the model of the control law, or stops that are fitted to the recording. A record that
+    does not support a fit is described by the model of the control law.
     """
     settings = FitSettings(spacing=Spacing.GRADED, delay_s=model.delay_s)
     try:
         record = thinned(read_source(path, 0.0, axis).record)
-        fit = fit_model(record, settings)
+        fitted = fit_model(record, settings).model
     except DataError:
         return model, float("nan")
-    error_pct = fit.errors_pct(record)["voltage_error_rms_pct"]
-    return fit.model, 0.01 * error_pct * fit.model.position_um.width
+    return min(((each, _error_um(each, record)) for each in (fitted, model)), key=itemgetter(1))
+
+
+def _error_um(model: StageModel, record: Record) -> float:
+    """Return the rms error of predicted positions, in µm; a constant changes no difference."""
+    errors_um = predicted_um(model, record) - record.position_um
+    return float(np.std(errors_um[record.counted(model.delay_s)]))
 
 
 def _rows(replayed: Replay, rate_hz: float) -> Iterator[ModeRow]:
@@ -179,9 +189,9 @@ def _warnings(replayed: Replay, config: AxisConfig, stand_in: StageModel) -> Ite
     beyond = (replayed.next_v < low_v - slack_v) | (replayed.next_v > high_v + slack_v)
     if share := float(np.mean(beyond[recorded.follows])):
         yield (
-            f"In {100 * share:.2g} % of the cycles the replay drives beyond the recorded voltages, "
-            f"{low_v:.4g} to {high_v:.4g} V, where nothing is known of the stage: the errors are "
-            "too small or too large there."
+            f"In {100 * share:.2g} % of the cycles the replay drives beyond {low_v:.4g} to "
+            f"{high_v:.4g} V, where the model that stands in for the stage knows nothing: the "
+            "errors are too small or too large there."
         )
     skipped = int(np.sum(recorded.skipped))
     if skipped:

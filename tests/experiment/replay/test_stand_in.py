@@ -1,0 +1,64 @@
+"""The model that stands in for the stage of a recording."""
+
+from pathlib import Path
+
+import pytest
+
+from piezod.config import requests
+from piezod.config.daemon import StageAxisConfig
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.law.model_files import read_model
+from piezod.experiment.replay.comparison import ModeRow, replay_recording
+from piezod.records.telemetry_reader import read_telemetry
+from tests.control.rig_stage import RigStage, shipped_config
+from tests.recorded import RATE_HZ, sine, write_recording
+
+MODEL = Path(__file__).with_name("bouc-wen.yaml")
+"""Identified from the stage below, driven as in config/experiments/beyond.yaml."""
+
+
+def recorded(path: Path, mode: Mode, model: Path | None) -> StageAxisConfig:
+    """Record sines of two sizes on a Bouc-Wen stage; return its axis.
+
+    Args:
+        path: The recording.
+        mode: Mode of the stage.
+        model: Its model; that of another stage if None.
+    """
+    config = shipped_config()
+    rig = config.devices["rig"]
+    options = rig.options.model_copy(update={"variant": "bouc-wen"})
+    axis = config.axes["x"]
+    if model:
+        axis = axis.model_copy(update={"model": model})
+    devices = {"rig": rig.model_copy(update={"options": options})}
+    changed = {"rate_hz": RATE_HZ, "devices": devices, "axes": {"x": axis}}
+    stage = RigStage(config.model_copy(update=changed))
+    stage.until(State.SAFE)
+    stage.do(requests.Arm(), requests.SelectMode(mode=mode))
+    for low_um, high_um in ((2.0, 22.0), (8.0, 14.0)):
+        stage.do(sine(low_um, high_um, 2.0, 1.0))
+        stage.run(1.1)
+    stage.do(requests.Stop())
+    stage.until(State.SAFE)
+    write_recording(path, stage)
+    return axis
+
+
+def replayed(path: Path, axis: StageAxisConfig) -> ModeRow:
+    """Replay a recording with the model in feedforward."""
+    telemetry = read_telemetry(path)
+    used = read_model(MODEL)[0]
+    return replay_recording(path, telemetry, "x", axis, used, mode=Mode.FEEDFORWARD).rows[-1]
+
+
+def test_model_that_describes_the_stage_better_than_stops_stands_in(tmp_path: Path) -> None:
+    """A run without compensation shows, within a fifth, the errors that a model will leave."""
+    before, after = tmp_path / "before.h5", tmp_path / "after.h5"
+    estimated = replayed(before, recorded(before, Mode.UNCOMPENSATED, None))
+    reached = replayed(after, recorded(after, Mode.FEEDFORWARD, MODEL))
+
+    assert estimated.recorded_rms_um > 1.0
+    assert estimated.rms_um == pytest.approx(reached.recorded_rms_um, rel=0.2)
+    assert estimated.worst_um == pytest.approx(reached.recorded_worst_um, rel=0.2)
