@@ -61,9 +61,9 @@ def replay(  # noqa: PLR0913, PLR0917 - each argument is an option
     """Run the control law again on a recording.
 
     With the same model and mode the drive must be the recorded one; the command says where it is
-    not. With another model or mode it estimates the error that the stage would have had: to each
-    recorded sample it adds what the model that describes the recording best says about the
-    difference of the voltages: the one that is replayed, or one that is fitted to the recording.
+    not. With another model or mode it estimates the error that the stage would have had. To each
+    recorded sample it adds the effect of the other voltage, by the model that describes the
+    recording better: the replayed one, or stops that are fitted to the recording.
     """
     figure = _figure_file(out) if out else None
     with local_file(recording, stage, socket) as file:

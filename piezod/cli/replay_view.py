@@ -2,6 +2,7 @@
 
 from math import isnan
 from pathlib import Path
+from typing import Final
 
 from rich import box
 from rich.console import Console
@@ -9,6 +10,13 @@ from rich.table import Table
 
 from piezod.config.modes import Mode
 from piezod.experiment.replay.comparison import Comparison
+
+_STAND_IN: Final = {
+    "replayed": "The replayed model describes this recording better than stops that are fitted to "
+    "it, and says",
+    "fitted": "Stops that are fitted to this recording describe it better than the replayed model, "
+    "and say",
+}
 
 
 def as_document(
@@ -26,6 +34,7 @@ def as_document(
         "model": str(model) if model else None,
         "mode": mode.value if mode else None,
         "repeats": compared.repeats,
+        "stand_in": compared.stand_in,
         "stand_in_rms_um": compared.stand_in_um,
         "modes": [row._asdict() for row in compared.rows],
         "verdict": _verdict(model, mode, compared),
@@ -73,9 +82,8 @@ def _verdict(model: Path | None, mode: Mode | None, compared: Comparison) -> str
         "The recording does not support a model of the stage: the errors are those of the model "
         "that was replayed."
         if isnan(compared.stand_in_um)
-        else "The model that describes this recording best, the one that was replayed or one that "
-        "was fitted to it, says what the other voltages would have done; its error is "
-        f"{compared.stand_in_um:.3f} µm rms, and smaller differences mean nothing."
+        else f"{_STAND_IN[compared.stand_in]} what the other voltages would have done. The error "
+        f"there is {compared.stand_in_um:.3f} µm rms; smaller differences mean nothing."
     )
     replayed = " and ".join(
         filter(None, (f"with {model}" if model else "", f"in mode {mode.value}" if mode else ""))

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -63,15 +63,16 @@ class Comparison:
         replay: The replay.
         rows: One row for each recorded mode.
         repeats: Whether the drive is that of the recording.
-        stand_in_um: Rms error with which the model that stands in for the stage describes the
-            positions of the record, without a constant, in µm; smaller differences of errors mean
-            nothing.
+        stand_in: The model that stands in for the stage.
+        stand_in_um: Rms error with which that model describes the positions of the record, without
+            a constant, in µm; smaller differences of errors mean nothing. NaN if it was not chosen.
         warnings: Reservations, a sentence each.
     """
 
     replay: Replay
     rows: tuple[ModeRow, ...]
     repeats: bool
+    stand_in: Literal["replayed", "fitted"]
     stand_in_um: float
     warnings: tuple[str, ...]
 
@@ -115,8 +116,9 @@ def replay_recording(
         replay=replayed,
         rows=tuple(_rows(replayed, telemetry.header.rate_hz)),
         repeats=_rms(difference_v) <= REPEATED_RMS * range_v,
+        stand_in="replayed" if stand_in is model else "fitted",
         stand_in_um=stand_in_um,
-        warnings=tuple(_warnings(replayed, config, stand_in)),
+        warnings=tuple(_warnings(replayed, config)),
     )
 
 
@@ -151,8 +153,11 @@ def _stand_in(path: Path, axis: str, model: StageModel) -> tuple[StageModel, flo
 
 
 def _error_um(model: StageModel, record: Record) -> float:
-    """Return the rms error of predicted positions, in µm; a constant changes no difference."""
-    errors_um = predicted_um(model, record) - record.position_um
+    """Return the rms error of predicted positions, in µm; a constant changes no difference.
+
+    The first mode is left out, as `StandIn` does.
+    """
+    errors_um = predicted_um(replace(model, mode=None), record) - record.position_um
     return float(np.std(errors_um[record.counted(model.delay_s)]))
 
 
@@ -175,7 +180,7 @@ def _rows(replayed: Replay, rate_hz: float) -> Iterator[ModeRow]:
         )
 
 
-def _warnings(replayed: Replay, config: AxisConfig, stand_in: StageModel) -> Iterator[str]:
+def _warnings(replayed: Replay, config: AxisConfig) -> Iterator[str]:
     recorded, rest_v = replayed.recorded, config.limits.rest_v
     range_v = float(np.ptp(recorded.in_force_v))
     if abs(recorded.in_force_v[0] - rest_v) > 0.01 * range_v:
@@ -184,14 +189,14 @@ def _warnings(replayed: Replay, config: AxisConfig, stand_in: StageModel) -> Ite
             "hysteresis memory before it is not known, and the replay starts with a relaxed one. "
             "Record from before `piezod arm`."
         )
-    low_v, high_v = stand_in.drive_v
-    slack_v = 0.01 * stand_in.drive_v.width
+    low_v, high_v = float(np.min(recorded.in_force_v)), float(np.max(recorded.in_force_v))
+    slack_v = 0.01 * range_v
     beyond = (replayed.next_v < low_v - slack_v) | (replayed.next_v > high_v + slack_v)
     if share := float(np.mean(beyond[recorded.follows])):
         yield (
-            f"In {100 * share:.2g} % of the cycles the replay drives beyond {low_v:.4g} to "
-            f"{high_v:.4g} V, where the model that stands in for the stage knows nothing: the "
-            "errors are too small or too large there."
+            f"In {100 * share:.2g} % of the cycles the replay drives beyond the recorded voltages, "
+            f"{low_v:.4g} to {high_v:.4g} V, where the recording shows nothing of the stage: the "
+            "errors may be too small or too large there."
         )
     skipped = int(np.sum(recorded.skipped))
     if skipped:

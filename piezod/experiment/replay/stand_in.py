@@ -5,12 +5,14 @@ With F, a model of the stage, u the recorded and u' the other voltage, one delay
     x' = x + F(u') - F(u)
 
 With the same voltage this is exactly the record, with its noise, creep and drift. The error of F
-counts only for the difference of the voltages.
+counts only for the difference of the voltages. F has the hysteresis and the creep of the model, and
+not its first mode.
 """
 
 import numpy as np
 
 from piezod.control.law.model import StageModel
+from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -33,6 +35,9 @@ class StandIn:
         delayed_v = np.interp(cycles - self._delay_cycles, cycles, in_force_v)
         drives = np.clip(model.drive_v.to_unit(delayed_v), 0.0, 1.0)
         self._recorded = form.positions_at(model.weights, drives)
+        # Creep is linear: that of the difference is the difference of both.
+        self._creep, self._lags = model.creep.at(period_s), np.zeros(model.creep.weights.size)
+        self._moved = 0.0
 
     def moved_um(self, cycle: int, in_force_v: float) -> float:
         """Return how much further the stage is than recorded, in µm. Call once per cycle, in order.
@@ -48,4 +53,6 @@ class StandIn:
         share = place - before
         delayed_v = self._other_v[before] + share * (self._other_v[after] - self._other_v[before])
         drive = min(max(self._drive_v.to_unit(float(delayed_v)), 0.0), 1.0)
-        return (self._stage.step(drive) - float(self._recorded[cycle])) * self._width_um
+        crept = advance_creep(self._lags, self._creep.gains, self._creep.weights, self._moved)
+        self._moved = self._stage.step(drive) - float(self._recorded[cycle])
+        return (self._moved + crept) * self._width_um

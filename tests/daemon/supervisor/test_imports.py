@@ -14,6 +14,7 @@ AT_REST = """
 import asyncio, sys
 from pathlib import Path
 import piezod.daemon.supervisor.run
+import piezod.daemon.supervisor.supervisor
 from piezod.config.states import State
 from piezod.daemon import accepted_config
 from piezod.daemon.service.app import create_app

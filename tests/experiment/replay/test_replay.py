@@ -1,11 +1,13 @@
 """A recording again in virtual time."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from piezod.config.modes import Mode
+from piezod.control.law.creep import NO_CREEP
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import read_model
 from piezod.errors import DataError
@@ -108,9 +110,12 @@ def test_worse_model_is_told_apart(recording: Path) -> None:
         shipped.position_um,
         shipped.delay_s,
     )
-    rows = {row.recorded: row for row in replayed(recording, Mode.FEEDFORWARD, line).rows}
+    worse = replayed(recording, Mode.FEEDFORWARD, line)
+    rows = {row.recorded: row for row in worse.rows}
     better = {row.recorded: row for row in replayed(recording, Mode.FEEDFORWARD).rows}
 
+    assert worse.stand_in == "fitted"
+    assert worse.stand_in_um < 0.1
     assert rows["feedforward"].rms_um > 1.0
     assert better["feedforward"].rms_um < 0.12
     assert rows["feedforward"].rms_um == pytest.approx(
@@ -130,6 +135,20 @@ def test_stand_in_at_the_recorded_voltage_is_the_record() -> None:
     assert np.max(np.abs(same)) < 1e-9
     slope_um_per_v = model.position_um.width / model.drive_v.width
     assert np.mean(moved) == pytest.approx(5.0 * slope_um_per_v, rel=0.3)
+
+
+def test_stand_in_creeps_after_a_voltage_that_was_not_recorded() -> None:
+    """A step that the stage did not make creeps on in the estimate, as the model says."""
+    model = shipped_model()
+    drive_v = np.full(2000, 50.0)
+    stage = StandIn(model, drive_v, 1.0 / RATE_HZ)
+    moved_um = [stage.moved_um(k, 60.0) for k in range(drive_v.size)]
+    still = StandIn(replace(model, creep=NO_CREEP), drive_v, 1.0 / RATE_HZ)
+    still_um = [still.moved_um(k, 60.0) for k in range(drive_v.size)]
+
+    passed_s = (drive_v.size - 1) / RATE_HZ
+    shares = model.creep.weights * -np.expm1(-passed_s / model.creep.time_constants_s)
+    assert moved_um[-1] / still_um[-1] == pytest.approx(1.0 + np.sum(shares), rel=1e-3)
 
 
 def test_recording_without_a_command_is_refused(tmp_path: Path) -> None:

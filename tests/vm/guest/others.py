@@ -31,7 +31,7 @@ def page_is_served() -> str:
 def ioc_serves() -> str:
     """The unit of the IOC, which lists the records of the stages that run, serves them.
 
-    Then both units end: an emulated processor is slow for the checks that follow beside them.
+    Then both units end: an emulated processor is too slow for the other checks beside them.
     """
     wait_until(lambda: _listens(EPICS_PORT), f"the IOC listens at {EPICS_PORT}", 300.0)
     restarts = shows("piezod-ioc", "NRestarts")

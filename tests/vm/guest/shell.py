@@ -51,7 +51,7 @@ def wait_until(condition: Callable[[], object], what: str, within_s: float = 120
     while not condition():
         waited_s = time.monotonic() - begin_s
         need(waited_s < within_s, f"not within {within_s:g} s: {what}")
-        # Each look takes an emulated processor a while, from what is waited for.
+        # On an emulated processor each look slows down what is waited for.
         time.sleep(max(0.2, waited_s / 20))
 
 
