@@ -31,14 +31,22 @@ LATE = CycleTiming(0, 1, 10_000, 0, 0)
 """The timing of a cycle before which the loop skipped one."""
 
 
-def new_stage(axis: StageAxisConfig | None = None) -> RigStage:
+def new_stage(axis: StageAxisConfig | None = None, variant: str = "stack") -> RigStage:
     """Return the shipped stage with a slower loop, in SAFE.
 
     Args:
         axis: Another configuration of its axis.
+        variant: Another variant of the rig.
     """
-    axes = {"x": axis or shipped_config().axes["x"]}
-    stage = RigStage(shipped_config().model_copy(update={"rate_hz": RATE_HZ, "axes": axes}))
+    config = shipped_config()
+    rig = config.devices["rig"]
+    options = rig.options.model_copy(update={"variant": variant})
+    changed = {
+        "rate_hz": RATE_HZ,
+        "axes": {"x": axis or config.axes["x"]},
+        "devices": {"rig": rig.model_copy(update={"options": options})},
+    }
+    stage = RigStage(config.model_copy(update=changed))
     stage.until(State.SAFE)
     return stage
 

@@ -60,24 +60,23 @@ def _run_stage(
     marker = Marker(paths.running)
     _log.info("starting", stage=paths.name, note="the first start after an installation takes 20 s")
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
-    from piezod.daemon.supervisor.supervisor import (  # noqa: PLC0415 - while that process starts
-        Supervisor,
-    )
+    # Imported while that process loads.
+    from piezod.daemon.supervisor.supervisor import Supervisor  # noqa: PLC0415 - see above
 
     if not run.accept(lambda: bool(signals.end) and not marker.unclean):
         return True  # no device was touched
     # Before the loop starts: then an end without `remove` leaves the mark.
     marker.put()
+    notifier = Notifier()
     if marker.unclean:  # a voltage of the last run may still be in force
         lock.release()
-        Notifier().take_longer(ramped_down_within_s(run.config), "ramping down after the last run")
+        notifier.take_longer(ramped_down_within_s(run.config), "ramping down after the last run")
         safe = RampDown(source, run.config).wait()
         if signals.end:
             run.discard()
             return safe  # the mark stays: no operator has looked at the stage yet
         lock.take()
     try:
-        notifier = Notifier()
         supervisor = Supervisor(source, paths, run, options, notifier, signals)
         last_end = HUNG if marker.hung else int(marker.unclean)
         ending, safe = asyncio.run(_run(supervisor, lock, notifier, last_end))

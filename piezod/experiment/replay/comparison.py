@@ -182,15 +182,14 @@ def _rows(replayed: Replay, rate_hz: float) -> Iterator[ModeRow]:
 
 def _warnings(replayed: Replay, config: AxisConfig) -> Iterator[str]:
     recorded, rest_v = replayed.recorded, config.limits.rest_v
-    range_v = float(np.ptp(recorded.in_force_v))
-    if abs(recorded.in_force_v[0] - rest_v) > 0.01 * range_v:
+    low_v, high_v = float(np.min(recorded.in_force_v)), float(np.max(recorded.in_force_v))
+    slack_v = 0.01 * (high_v - low_v)
+    if abs(recorded.in_force_v[0] - rest_v) > slack_v:
         yield (
             f"The recording starts at {recorded.in_force_v[0]:.4g} V and not at rest: the "
             "hysteresis memory before it is not known, and the replay starts with a relaxed one. "
             "Record from before `piezod arm`."
         )
-    low_v, high_v = float(np.min(recorded.in_force_v)), float(np.max(recorded.in_force_v))
-    slack_v = 0.01 * range_v
     beyond = (replayed.next_v < low_v - slack_v) | (replayed.next_v > high_v + slack_v)
     if share := float(np.mean(beyond[recorded.follows])):
         yield (

@@ -11,8 +11,8 @@ from piezod.config.states import State
 from piezod.control.law.model_files import read_model
 from piezod.experiment.replay.comparison import ModeRow, replay_recording
 from piezod.records.telemetry_reader import read_telemetry
-from tests.control.rig_stage import RigStage, shipped_config
-from tests.recorded import RATE_HZ, sine, write_recording
+from tests.control.rig_stage import shipped_config
+from tests.recorded import new_stage, sine, write_recording
 
 MODEL = Path(__file__).with_name("bouc-wen.yaml")
 """Identified from the stage below, driven as in config/experiments/beyond.yaml."""
@@ -26,16 +26,10 @@ def recorded(path: Path, mode: Mode, model: Path | None) -> StageAxisConfig:
         mode: Mode of the stage.
         model: Its model; that of another stage if None.
     """
-    config = shipped_config()
-    rig = config.devices["rig"]
-    options = rig.options.model_copy(update={"variant": "bouc-wen"})
-    axis = config.axes["x"]
+    axis = shipped_config().axes["x"]
     if model:
         axis = axis.model_copy(update={"model": model})
-    devices = {"rig": rig.model_copy(update={"options": options})}
-    changed = {"rate_hz": RATE_HZ, "devices": devices, "axes": {"x": axis}}
-    stage = RigStage(config.model_copy(update=changed))
-    stage.until(State.SAFE)
+    stage = new_stage(axis, "bouc-wen")
     stage.do(requests.Arm(), requests.SelectMode(mode=mode))
     for low_um, high_um in ((2.0, 22.0), (8.0, 14.0)):
         stage.do(sine(low_um, high_um, 2.0, 1.0))
