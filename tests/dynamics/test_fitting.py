@@ -50,7 +50,7 @@ def test_weak_mode_below_another_is_found() -> None:
     check(fit_response([noisy(model, 0.01, 3)]), model)
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(st.floats(50.0, 2000.0), st.floats(0.005, 0.2), st.floats(0.0, 1e-3), st.integers(0, 2**16))
 def test_one_mode_is_found_within_its_uncertainty(
     frequency_hz: float, damping: float, delay_s: float, seed: int
@@ -66,7 +66,9 @@ def test_one_mode_is_found_within_its_uncertainty(
     [
         model_of(3e-4),
         model_of(3e-4, (450.0, 0.7, 1.3), (800.0, 0.03, -0.3)),
-        model_of(0.0, (300.0, 0.02, 0.9), (800.0, 0.01, 0.1)),
+        pytest.param(
+            model_of(0.0, (300.0, 0.02, 0.9), (800.0, 0.01, 0.1)), marks=pytest.mark.stress
+        ),
         model_of(1e-3, (200.0, 0.01, 0.6), (500.0, 0.01, 0.3), (1500.0, 0.01, 0.1)),
     ],
     ids=["none", "filter and mode", "two", "three"],

@@ -150,7 +150,16 @@ def test_largest_stable_gain_is_that_of_the_closed_loop(loop: Loop) -> None:
     assert growth(loop, 1.002 * gain_per_s) > 1.0
 
 
-@pytest.mark.parametrize("loop", [STACK, FLEXURE, AFM, DELAY_ONLY, Loop(1e-4, 0.65e-3, 734, 0.03)])
+@pytest.mark.parametrize(
+    "loop",
+    [
+        STACK,
+        pytest.param(FLEXURE, marks=pytest.mark.stress),
+        AFM,
+        DELAY_ONLY,
+        pytest.param(Loop(1e-4, 0.65e-3, 734, 0.03), marks=pytest.mark.stress),
+    ],
+)
 def test_largest_stable_gain_is_that_of_a_simulation_in_time(loop: Loop) -> None:
     """2 % below it a disturbance decays; 2 % above it the disturbance grows."""
     gains_per_s = largest_stable(loop) * np.array([0.98, 1.02])

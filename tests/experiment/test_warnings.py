@@ -11,7 +11,7 @@ from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
 from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.warnings import run_warnings
 from piezod.records.recording import Recording
-from tests.experiment.conftest import Load
+from tests.experiment.conftest import SLOW_LOOP, Load
 from tests.experiment.made_up import ORDER, POSITION_UM, record_of, sine
 
 
@@ -68,10 +68,10 @@ def test_removed_extrema_have_a_warning() -> None:
     assert "removed 7 pairs of extrema" in warning
 
 
-def test_experiment_has_the_warnings_of_models_and_runs(load: Load, short: str) -> None:
+def test_experiment_has_the_warnings_of_models_and_runs(load: Load) -> None:
     """The warnings of the axes come first, with their names, then those of the runs."""
     crowded = "envelope: {kind: decaying, time_constant_s: 4}"
-    text = short.replace(crowded, "envelope: {kind: constant}")
+    text = SLOW_LOOP.replace(crowded, "envelope: {kind: constant}")
     result = run_experiment(load(text), text, "", lambda _label, _share: None)
 
     first, *others = result.warnings

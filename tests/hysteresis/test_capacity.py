@@ -66,8 +66,18 @@ def worst(run: Callable[[int], Callable[[Inputs], Inputs]], capacity: int) -> It
             yield float(np.max(np.abs(run(capacity)(path) - run(ENOUGH)(path))))
 
 
-@pytest.mark.parametrize("capacity", BOUNDS)
-@pytest.mark.parametrize("kind", ["closed form", "operators"])
+@pytest.mark.parametrize(
+    ("kind", "capacity"),
+    [
+        *(("closed form", capacity) for capacity in BOUNDS),
+        ("operators", 8),
+        *(
+            pytest.param("operators", size, marks=pytest.mark.stress)
+            for size in BOUNDS
+            if size != 8
+        ),
+    ],
+)
 def test_error_of_a_full_memory_is_small_on_decaying_inputs(
     kind: str, capacity: int, record_property: Callable[[str, object], None]
 ) -> None:

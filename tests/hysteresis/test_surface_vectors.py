@@ -14,7 +14,7 @@ from piezod.hysteresis.everett_memory import (
 )
 from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.hysteresis.surface_form import SurfaceForm
-from tests.hysteresis.make_surface_vectors import FILE, vectors
+from tests.hysteresis.make_surface_vectors import DRIVES, FILE, SURFACES, displacements, vectors
 from tests.hysteresis.surfaces import Floats
 
 EXACT = 1e-12
@@ -37,9 +37,20 @@ class Vector:
         self.displacements: Floats = np.array(surface["displacements"][path])
 
 
+@pytest.mark.stress
 def test_vectors_are_what_the_reference_says() -> None:
-    """The recorded numbers are the present output of the reference, to the last bit."""
+    """All recorded numbers are the present output of the reference, to the last bit."""
     assert vectors() == RECORDED
+
+
+@every_surface
+def test_one_drive_has_what_the_reference_says(name: str) -> None:
+    """Each surface has the parameters and, for one drive, the displacements of the reference."""
+    recorded, path = RECORDED["surfaces"][name], "nested"
+    now = displacements(DRIVES[path], **SURFACES[name])
+
+    assert RECORDED["drives"] == DRIVES
+    assert recorded == {**SURFACES[name], "displacements": {**recorded["displacements"], path: now}}
 
 
 @every_path
