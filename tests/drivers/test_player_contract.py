@@ -102,9 +102,9 @@ def test_writes_are_refused_while_playing(bench: OpenPlayer) -> None:
 
 def test_abort_stops_and_holds(bench: OpenPlayer) -> None:
     """The value in force is returned, stays, and is one of the table; writes are accepted again."""
-    table = bench.table(cycles=1000)
+    table = bench.table(cycles=100)
     loaded = bench.start(table)
-    bench.wait(table.duration_ns // 100)
+    bench.wait(table.duration_ns // 10)
     (in_force,) = bench.device.abort(bench.now_ns())
 
     values = np.concatenate((loaded.lead_in, loaded.period))
@@ -180,7 +180,7 @@ def test_table_that_does_not_fit_is_refused(bench: OpenPlayer) -> None:
 
 def test_steps_out_of_order_are_refused(bench: OpenPlayer) -> None:
     """Each step needs the one before it, and a table is not loaded while another one is played."""
-    device, table = bench.device, bench.table(cycles=1000)
+    device, table = bench.device, bench.table(cycles=100)
     for step in (
         device.arm,
         lambda: device.start(bench.now_ns()),
@@ -256,7 +256,7 @@ def test_cancelled_record_can_be_read_again(bench: OpenPlayer) -> None:
 
 def test_deactivated_device_plays_nothing(bench: OpenPlayer) -> None:
     """Deactivating ends a play, and every step is refused afterwards."""
-    device, table = bench.device, bench.table(cycles=1000)
+    device, table = bench.device, bench.table(cycles=100)
     bench.start(table)
     device.deactivate(bench.now_ns())
 

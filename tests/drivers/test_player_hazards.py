@@ -1,7 +1,7 @@
 """What may go wrong during a play, on every emulated device that plays."""
 
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import pairwise, product
 from math import isnan
 
 import pytest
@@ -164,7 +164,19 @@ WRONG: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
-@pytest.mark.parametrize("wrong", WRONG)
+def is_variant(name: str, wrong: str) -> bool:
+    """Return whether an LC.400 replaces or pauses, and its answers are not just lost."""
+    return name.startswith("lc400-") and wrong != "lost"
+
+
+@pytest.mark.parametrize(
+    ("bench", "wrong"),
+    [
+        pytest.param(name, wrong, marks=[pytest.mark.stress] if is_variant(name, wrong) else [])
+        for name, wrong in product(BENCHES, WRONG)
+    ],
+    indirect=["bench"],
+)
 def test_wrong_answers_never_give_a_wrong_voltage(bench: PlayBench, wrong: str) -> None:
     """Without a right answer writes are refused and the voltage is unknown; later it is found."""
     start_and_wait(bench)

@@ -145,7 +145,7 @@ def test_mode_feedforward_goes_back_to_a_proven_model_at_once() -> None:
 def test_proven_model_stays_when_learning_ends() -> None:
     """Weights that have improved the stage for a second are kept in mode `feedforward`."""
     stage = running(with_compensator({}))
-    for position_um in (20.0, 2.0) * 3:
+    for position_um in (20.0, 2.0) * 2:
         error_um(stage, position_um)
     law = stage.stage.axes[0].law
     proven = law.proof.proven.weights.copy()
