@@ -170,14 +170,7 @@ SAFE = """if True:
 
 
 @pytest.mark.parametrize(
-    "player",
-    [
-        LABJACK,
-        pytest.param(PI_TCP, marks=pytest.mark.stress),
-        LC400,
-        pytest.param(NV200_TCP, marks=pytest.mark.stress),
-    ],
-    ids=lambda each: each.profile,
+    "player", [LABJACK, PI_TCP, LC400, NV200_TCP], ids=lambda each: each.profile
 )
 def test_safe_stops_the_play_of_a_killed_host(player: Player, tmp_path: Path) -> None:
     """The device plays on alone. `piezod safe` stops it, and ramps from where it stands.
