@@ -33,11 +33,7 @@ def loop_stays_in_memory() -> str:
     need(swapped_mb > _TOO_MUCH_MB / 2, f"the machine has swapped out only {swapped_mb} MB")
     need(locked_kb > 0, "no memory of the loop is locked")
     need(not locked_and_swapped_kb, f"{locked_and_swapped_kb} kB of it were swapped out")
-    # In an emulated machine that swaps, a tenth of the cycles may be late (L2): the stage holds.
-    state, faults = status.state, {fault.id for fault in status.faults}
-    need(state == "RUN" or (state == "HOLD" and "L2" in faults), f"{state} with {faults}")
-    STAGE.wait_for("RUN")
-    need(STAGE.loop == loop, "the loop was started again")
+    STAGE.runs_on(loop, status)
     locked_mb = locked_kb // 1024
     return f"{swapped_mb} MB of others were swapped out, none of the {locked_mb} MB that are locked"
 

@@ -101,6 +101,16 @@ class Stage:
             raise CheckError(f"{error}; last {last}; log: {self.log()[-1500:]}") from error
         return seen[0]
 
+    def runs_on(self, loop: int, status: Status) -> None:
+        """Check that the stage ran on at this status, and still runs in the same loop.
+
+        On an emulated processor a tenth of the cycles may be late (L2): the stage holds meanwhile.
+        """
+        state, faults = status.state, {fault.id for fault in status.faults}
+        need(state == "RUN" or (state == "HOLD" and "L2" in faults), f"{state} with {faults}")
+        self.wait_for("RUN")
+        need(self.loop == loop, "the loop was started again")
+
     def reset(self) -> None:
         """Reset the stage, as a person does, until it is at rest without a fault."""
 
