@@ -23,6 +23,8 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("a full memory swaps out nothing of the loop", memory.loop_stays_in_memory),
         ("a hung supervisor is ended by the watchdog, at 0 V", service.watchdog_restarts),
         ("a killed supervisor starts again, at 0 V", service.kill_restarts),
+        # From here on an emulated processor need not run this stage beside the others.
+        ("`systemctl stop` ends at 0 V", service.stop_ends_at_rest),
         ("an amplifier behind a USB adapter is driven", partial(buses.usb_stage_drives, host)),
         ("the service opens the adapter and not the disk", buses.devices_are_restricted),
         ("the adapter is unplugged and plugged in again", partial(buses.usb_unplugged, host)),
@@ -32,7 +34,6 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("the stage's controller is removed", buses.can_removed),
         ("the unit of the page serves it", others.page_is_served),
         ("the unit of the IOC serves the stages", others.ioc_serves),
-        ("`systemctl stop` ends at 0 V", service.stop_ends_at_rest),
         ("uninstall is refused while something runs", others.uninstall_is_refused),
         ("uninstall leaves nothing", others.uninstall_removes_all),
     )
