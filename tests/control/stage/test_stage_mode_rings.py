@@ -15,13 +15,7 @@ from piezod.config.waveforms import Sine
 from tests.control.rig_stage import RigStage, shipped_config
 
 RATES_AND_MODES = [
-    pytest.param(
-        10_000.0,
-        FirstModeConfig(frequency_hz=700.0, damping=0.015),
-        50.0,
-        id="fast",
-        marks=pytest.mark.stress,
-    ),
+    pytest.param(10_000.0, FirstModeConfig(frequency_hz=700.0, damping=0.015), 50.0, id="fast"),
     pytest.param(1000.0, FirstModeConfig(frequency_hz=150.0, damping=0.01), 10.0, id="slow"),
 ]
 
