@@ -152,10 +152,8 @@ def test_sine_of_200_hz_is_learned(connect: Connect, lag_s: float) -> None:
 
 @pytest.mark.parametrize(
     ("connect", "interval_us", "n_points", "sub_step_us"),
-    [
-        pytest.param(lc400, 240, 80, 20, id="lc400", marks=pytest.mark.stress),
-        pytest.param(nv200, 500, 100, 50, id="psj-nv200"),
-    ],
+    [(lc400, 240, 80, 20), (nv200, 500, 100, 50)],
+    ids=["lc400", "psj-nv200"],
 )
 def test_slower_sine_is_learned(
     connect: Connect, interval_us: int, n_points: int, sub_step_us: int
