@@ -68,15 +68,18 @@ def test_removed_extrema_have_a_warning() -> None:
     assert "removed 7 pairs of extrema" in warning
 
 
-def test_experiment_has_the_warnings_of_models_and_runs(load: Load) -> None:
-    """The warnings of the axes come first, with their names, then those of the runs."""
+def test_experiment_has_the_warnings_of_cases_and_models(load: Load) -> None:
+    """The warnings of the cases come first, then those of the axes, both with their names."""
     crowded = "envelope: {kind: decaying, time_constant_s: 4}"
     text = SLOW_LOOP.replace(crowded, "envelope: {kind: constant}")
+    text = text.replace("period_s: 1", "period_s: 0.025").replace(
+        "high: 20, frequency_hz: 1", "high: 20, frequency_hz: 40"
+    )
     result = run_experiment(load(text), text, "", lambda _label, _share: None)
 
-    first, *others = result.warnings
-    assert first.startswith("Axis x: The drive has one frequency.")
-    assert all(each.startswith("slow, ") for each in others)
+    case, axis = result.warnings
+    assert case.startswith("slow, axis x: ")
+    assert axis.startswith("Axis x: The drive has one frequency.")
 
 
 def test_one_frequency_has_a_warning_with_a_remedy() -> None:

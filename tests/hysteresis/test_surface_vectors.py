@@ -46,10 +46,11 @@ def test_vectors_are_what_the_reference_says() -> None:
 @every_surface
 def test_one_drive_has_what_the_reference_says(name: str) -> None:
     """Each surface has the parameters and, for one drive, the displacements of the reference."""
-    recorded, path = RECORDED["surfaces"][name], "nested"
+    recorded, path = RECORDED["surfaces"][name], "wiped out"
     now = displacements(DRIVES[path], **SURFACES[name])
 
     assert RECORDED["drives"] == DRIVES
+    assert RECORDED["surfaces"].keys() == SURFACES.keys()
     assert recorded == {**SURFACES[name], "displacements": {**recorded["displacements"], path: now}}
 
 

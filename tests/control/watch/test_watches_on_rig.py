@@ -119,7 +119,7 @@ FAULTS = (
 
 
 def marks_of(kind: InjectionKind, fault: str, mode: Mode) -> list[pytest.MarkDecorator]:
-    """Return the marks of a case; `make test` waits in one mode until the usual noise is known."""
+    """Return the marks of a case; long are those of trimmed, and of noise in adaptive."""
     proves = pytest.mark.fault(fault)
     brief = mode is Mode.FEEDFORWARD or (mode is Mode.ADAPTIVE and kind is not InjectionKind.NOISE)
     return [proves] if brief else [proves, pytest.mark.stress]

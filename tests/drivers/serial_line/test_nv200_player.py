@@ -143,7 +143,7 @@ def test_cycles_are_counted_while_the_generator_moves_on() -> None:
     bench.device.progress(bench.time.t_ns)
     bench.wait(10_000 * MS)
     cycle = bench.device.progress(bench.time.t_ns).cycle
-    assert cycle == pytest.approx((10_000 - 30) / 50, abs=2)
+    assert cycle == (10_000 - 30) // 50
     bench.line.change = changed(b"\x13giarb", b"\x13giarb,7\r\n\x11")
     still_ns = bench.time.t_ns
     for _ in range(60):

@@ -57,7 +57,7 @@ def loop_is_real_time() -> str:
 
 
 def clock_is_set() -> str:
-    """Set the clock of the machine an hour forward, and back: the stage runs on, the log has L4."""
+    """Set the clock an hour forward, and back: the log has L4, and the loop runs on."""
     loop = STAGE.loop
     run("date --set='1 hour'")
     try:
@@ -66,7 +66,7 @@ def clock_is_set() -> str:
         run("date --set='1 hour ago'")
     wait_until(lambda: "L4" not in STAGE.faults(), "L4 has ended")
     STAGE.runs_on(loop, STAGE.status())
-    return "L4 in the log, RUN before and after"
+    return "L4 in the log, then RUN in the same loop"
 
 
 def memory_mb(pid: int, name: str) -> float:
