@@ -50,7 +50,7 @@ def test_weak_mode_below_another_is_found() -> None:
     check(fit_response([noisy(model, 0.01, 3)]), model)
 
 
-@settings(max_examples=settings.default.max_examples // 6)
+@settings(max_examples=settings().max_examples // 6)
 @given(st.floats(50.0, 2000.0), st.floats(0.005, 0.2), st.floats(0.0, 1e-3), st.integers(0, 2**16))
 def test_one_mode_is_found_within_its_uncertainty(
     frequency_hz: float, damping: float, delay_s: float, seed: int

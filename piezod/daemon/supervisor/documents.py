@@ -44,7 +44,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Do
     modes = {axis["mode"] for axis in axes.values()}
     return {
         "title": config.title,
-        "state": STATES[shared.words[Word.LOOP_STATE]].value,
+        "state": _state(shared, record).value,
         "mode": modes.pop() if len(modes) == 1 else "mixed",
         "shadow": record is not None and record["shadow"],
         "faults": faults_of(shared, record),
@@ -55,6 +55,14 @@ def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Do
         "devices": obtained["devices"],
         "axes": axes,
     }
+
+
+def _state(shared: SharedMap, record: Record | None) -> State:
+    """Return the state of the same cycle as the faults: the loop may be at the next one already."""
+    if record is not None:
+        return STATES[record["state"]]
+    waits = STATES[shared.words[Word.LOOP_STATE]] is State.BLIND
+    return State.BLIND if waits else State.BOOT
 
 
 def _axis(record: Record | None, config: DaemonConfig) -> Document:

@@ -33,6 +33,7 @@ from piezod.daemon.service.stage_service import (
 from piezod.daemon.supervisor import stage_link
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.telemetry.stream import StreamReader
+from piezod.telemetry.words import Word
 from tests.daemon.bench import PEER, Bench
 
 
@@ -58,6 +59,25 @@ def test_status_before_the_first_cycle_has_no_numbers(bench: Bench) -> None:
     assert (status["faults"], status["skipped_cycles"]) == ([], 0)
     assert isnan(status["axes"]["x"]["position_um"])
     assert bench.link.faults() == []
+
+
+@pytest.mark.parametrize(
+    ("recorded", "newer", "shown"),
+    [
+        (State.RAMP, State.FAULT, "RAMP"),
+        (None, State.FAULT, "BOOT"),
+        (None, State.BLIND, "BLIND"),
+    ],
+)
+def test_state_and_faults_are_of_one_cycle(
+    bench: Bench, recorded: State | None, newer: State, shown: str
+) -> None:
+    """A state without its faults is not shown; without a record a loop starts or waits."""
+    if recorded is not None:
+        bench.record(recorded)
+    bench.loop.shared.words[Word.LOOP_STATE] = list(State).index(newer)
+
+    assert bench.link.status()["state"] == shown
 
 
 def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
