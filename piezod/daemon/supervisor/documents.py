@@ -44,7 +44,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Do
     modes = {axis["mode"] for axis in axes.values()}
     return {
         "title": config.title,
-        "state": _state(shared, record).value,
+        "state": state_of(shared, record).value,
         "mode": modes.pop() if len(modes) == 1 else "mixed",
         "shadow": record is not None and record["shadow"],
         "faults": faults_of(shared, record),
@@ -57,7 +57,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Do
     }
 
 
-def _state(shared: SharedMap, record: Record | None) -> State:
+def state_of(shared: SharedMap, record: Record | None) -> State:
     """Return the state of the same cycle as the faults: the loop may be at the next one already."""
     if record is not None:
         return STATES[record["state"]]

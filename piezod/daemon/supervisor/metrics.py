@@ -25,7 +25,7 @@ from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile
 from piezod.daemon.stores.recorder import RecorderStatus
 from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.documents import GATES, MODES, STATES, masks
+from piezod.daemon.supervisor.documents import GATES, MODES, STATES, masks, state_of
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.cycle_counts import LIMITS, Histogram, counts_of
 from piezod.telemetry.device_counts import device_counts_of
@@ -99,7 +99,7 @@ class _Families(Collector):
         info = InfoMetricFamily("piezod_build", "Version of the daemon.", labels=("stage",))
         info.add_metric((facts.name,), {"version": piezod.__version__})
         yield info
-        present = STATES[self._words[Word.LOOP_STATE]]
+        present = state_of(self._loop.shared, self._record)
         states = [((state.value,), state is present) for state in STATES]
         yield self._gauge("state", "1 for the state of the stage, 0 for others.", states, "state")
         yield self._gauge("healthy", "Whether the loop runs cycles.", [((), facts.healthy)])
