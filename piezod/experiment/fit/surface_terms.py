@@ -1,21 +1,14 @@
 """The choice of the optional terms of a surface: only those that the record shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
+from types import MappingProxyType
 from typing import Final, TypeAlias
 
 from piezod.experiment.fit.blocks import clearly_better, held_out_squares
 from piezod.experiment.fit.surface import LinearisedSurface
 from piezod.experiment.fit.surface_parameters import form_of
 from piezod.hysteresis.everett import SIZE
-
-SMALLER, LEAST_GAIN = 0.95, 5e-5
-"""The lag with the rate is part of the model if it makes the rms residual smaller by this factor,
-and by this share of the range."""
-PATH_GAIN: Final = 0.7
-"""The part that relaxes along the path is part of the model if it makes the rms error on held-out
-blocks smaller by at least this factor. It is searched beside a fitted creep only, because it would
-imitate the creep."""
 
 
 class Term(Enum):
@@ -24,6 +17,14 @@ class Term(Enum):
     RATE = "lag with the rate"
     PATH = "relaxation along the path"
 
+
+LARGEST_RATIO: Final[Mapping[Term, float]] = MappingProxyType({Term.RATE: 0.8, Term.PATH: 0.7})
+"""A term is part of the model if it makes the rms error of the position on held-out blocks smaller
+by at least this factor, and by more than chance. The path is searched beside a fitted creep only,
+because it would imitate the creep."""
+LARGEST_RESIDUAL: Final = 0.95
+"""It must also make the rms residual of the whole record smaller by this factor: a fit to some
+blocks may predict the others better by accident, for example if the gain drifts."""
 
 Fitted: TypeAlias = Callable[[frozenset[Term]], LinearisedSurface]
 """Returns the best surface with these terms."""
@@ -49,10 +50,10 @@ def with_shown_terms(fitted: Fitted, allowed: frozenset[Term]) -> LinearisedSurf
 
 
 def _shows(term: Term, trial: LinearisedSurface, without: LinearisedSurface) -> bool:
-    if term is Term.PATH:
-        # The bound of a fit is that of the skew before its last step.
-        form = form_of(trial.parameters, trial.period_s)
-        if form.smallest_slope(trial.parameters[:SIZE]) <= 0.0:
-            return False
-        return clearly_better(held_out_squares(trial), held_out_squares(without), PATH_GAIN)
-    return trial.rms < min(SMALLER * without.rms, without.rms - LEAST_GAIN)
+    # The bound of a fit is that of the skew before its last step.
+    form = form_of(trial.parameters, trial.period_s)
+    if form.smallest_slope(trial.parameters[:SIZE]) <= 0.0:
+        return False
+    return trial.rms < LARGEST_RESIDUAL * without.rms and clearly_better(
+        held_out_squares(trial), held_out_squares(without), LARGEST_RATIO[term]
+    )

@@ -10,6 +10,7 @@ from piezod.experiment.fit.breakdown import Breakdown, breakdown_of
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.judgement import judge
 from piezod.experiment.fit.method import Method
+from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.warnings import residual_warnings
 from piezod.hysteresis.memory import FloatArray
@@ -98,11 +99,22 @@ def test_one_rate_shows_no_widening() -> None:
     assert breakdown_of(fit_model(record, SETTINGS), record).widening_pct is None
 
 
+def drifting() -> Record:
+    """Return the record with a gain that grows by 8 %."""
+    return replace(RECORD, position_um=RECORD.position_um * (1.0 + 0.002 * RECORD.t_s))
+
+
+def test_drift_is_not_taken_for_a_lag_with_the_rate() -> None:
+    """The fast half has the larger gain; a lag explains a part of that, and predicts no block."""
+    fit = fit_model(drifting(), SETTINGS)
+
+    assert fit.rate_lag == 0.0
+
+
 def test_drift_that_makes_the_error_has_a_warning() -> None:
     """The warning says what record would tell more; without drift there is none."""
-    drifting = replace(RECORD, position_um=RECORD.position_um * (1.0 + 0.002 * RECORD.t_s))
     warnings = []
-    for record in (RECORD, drifting):
+    for record in (RECORD, drifting()):
         fit = fit_model(record, SETTINGS)
         warnings.append(
             tuple(residual_warnings(judge(fit, record, None), breakdown_of(fit, record)))
@@ -110,7 +122,7 @@ def test_drift_that_makes_the_error_has_a_warning() -> None:
 
     assert warnings[0] == ()
     (warning,) = warnings[1]
-    assert warning.startswith("The return points drift by 4.6 %")
+    assert warning.startswith("The return points drift by 7.2 %")
     assert "longer run-in" in warning
     assert warning.endswith("with --skip-s, and fit creep.")
 
