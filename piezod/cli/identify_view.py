@@ -6,7 +6,6 @@ from pathlib import Path
 from rich import box
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from piezod.cli.identify_document import spread
 from piezod.cli.identify_dynamics import in_ms, mode_line, print_delay
@@ -34,6 +33,8 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     """
     fit = fitted.taken.fit
     console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
+    if fitted.test_data:
+        console.print(f"Test: {fitted.test_data}", soft_wrap=True)
     console.print(_smoothing(fit.settings, fitted.record))
     print_delay(console, fit.model.delay_s, fit.delay)
     if mode := mode_line(fitted):
@@ -106,16 +107,16 @@ def _count(number: int, one: str) -> str:
 
 
 def _print_choice(console: Console, choice: Choice) -> None:
-    table = Table(box=box.SIMPLE_HEAD)
+    table = _table()
     for heading in ("method", "thresholds", "creep"):
         table.add_column(heading)
-    for heading in ("operators", "parameters", "worst", "rms"):
+    for heading in ("order", "parameters", "worst", "rms"):
         table.add_column(heading, justify="right")
     table.add_column("")
     for each in choice.candidates:
         settings = each.fit.settings
         operators = settings.method is not Method.SURFACE
-        marks = ["best" if each is choice.best else "", "taken" if each is choice.taken else ""]
+        mark = "taken" if each is choice.taken else "best" if each is choice.best else ""
         table.add_row(
             settings.method,
             settings.spacing if operators else "–",
@@ -123,7 +124,7 @@ def _print_choice(console: Console, choice: Choice) -> None:
             str(settings.order) if operators else "–",
             str(each.n_parameters),
             *_numbers(each.validation.errors, "position"),
-            ", ".join(filter(None, marks)),
+            mark,
         )
     console.print(
         "Candidates, and the errors of their positions on blocks that were held out of the fit, "
@@ -181,20 +182,22 @@ def _numbers(errors: Mapping[str, float] | None, predicted: str) -> tuple[str, s
 
 
 def _errors(fitted: FileFit, predicted: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD)
+    table = _table()
     table.add_column("")
-    table.add_column("file", overflow="fold")
     judged = _judged(fitted)
     for name in judged:
         table.add_column(f"{name}:\nworst", justify="right")
         table.add_column("\nrms", justify="right")
     rows = {name: tuple(_rows(each)) for name, each in judged.items()}
     for row in zip(*rows.values(), strict=True):
-        role = row[0][0]
-        path = fitted.test_data if role.startswith("test") else fitted.data
         numbers = [number for _, errors in row for number in _numbers(errors, predicted)]
-        table.add_row(role, Text(path.name if path else ""), *numbers)
+        table.add_row(row[0][0], *numbers)
     return table
+
+
+def _table() -> Table:
+    """Return a table that is narrow enough for a terminal of 80 columns."""
+    return Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
 def _judged(fitted: FileFit) -> dict[str, Judgement]:
@@ -254,10 +257,10 @@ def _print_excitation(console: Console, fitted: FileFit) -> None:
 
 def _rows(judged: Judgement) -> Iterator[tuple[str, Mapping[str, float] | None]]:
     yield "train", judged.train
-    yield f"{len(judged.validation.blocks)} blocks, each held out", judged.validation.errors
+    yield f"{len(judged.validation.blocks)} blocks, held out", judged.validation.errors
     if judged.test and judged.test_offset_removed:
         yield "test", judged.test
-        yield "test, constant offset removed", judged.test_offset_removed.errors
+        yield "test, no constant", judged.test_offset_removed.errors
 
 
 def _offsets(fitted: FileFit) -> Iterator[str]:
