@@ -129,8 +129,24 @@ def _describe_stage(path: Path) -> _Description:
     blind = ", ".join(name for name, axis in config.axes.items() if axis.sensor is None)
     without = f"; {blind} without a sensor" if blind else ""
     contents = f"a stage: {axes} at {config.rate_hz:g} Hz{without}"
-    warnings = _unknown_modes(config.axes, config.rate_hz)
+    warnings = (*_without_model(config.axes), *_unknown_modes(config.axes, config.rate_hz))
     return _Description(contents, warnings, _margins(config.axes, config.rate_hz))
+
+
+def _without_model(axes: Mapping[str, AxisConfig]) -> tuple[str, ...]:
+    """Return a warning for each axis whose `feedforward` compensates nothing."""
+    warnings = []
+    for name, axis in axes.items():
+        if axis.model is not None:
+            continue
+        blind = axis.sensor is None
+        learns = "" if blind else "; only `adaptive` changes that, as it learns"
+        borrowed = ", with a borrowed sensor" if blind else ""
+        warnings.append(
+            f"axis {name}: without a `model` its drive is proportional to the command in every "
+            f"mode{learns}. Identify one with `piezod identify --live --out MODEL.yaml`{borrowed}"
+        )
+    return tuple(warnings)
 
 
 def _unknown_modes(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:

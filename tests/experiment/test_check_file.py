@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from piezod.experiment.check_file import FileKind, check_file
+from piezod.experiment.check_file import Checked, FileKind, check_file
 
-MODELS = Path(__file__).parents[2] / "config" / "models"
+CONFIG = Path(__file__).parents[2] / "config"
+MODELS = CONFIG / "models"
 
 
 def check(tmp_path: Path, text: str) -> tuple[FileKind | None, str, list[str]]:
@@ -30,21 +31,39 @@ def test_experiment_is_described(tmp_path: Path, short: str) -> None:
 
 def test_stage_is_described() -> None:
     """The configuration of the repository is a stage with safe gains."""
-    kind, contents, error, *_ = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
+    kind, contents, error, *_ = check_file(CONFIG / "simulated.yaml")
 
     assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 200 Hz", None)
 
 
+def without_line(stage: str, key: str, folder: Path) -> Checked:
+    """Return the check of a stage of the repository without the line of a key."""
+    text = (CONFIG / stage).read_text(encoding="utf-8")
+    path = folder / stage
+    lines = [line for line in text.splitlines() if not key or key not in line]
+    path.write_text("\n".join(lines).replace("model: models", f"model: {MODELS}"), encoding="utf-8")
+    return check_file(path)
+
+
+@pytest.mark.parametrize(
+    ("stage", "learns"),
+    [("simulated.yaml", "; only `adaptive` changes that, as it learns"), ("open-loop.yaml", "")],
+)
+def test_missing_model_is_a_warning(tmp_path: Path, stage: str, learns: str) -> None:
+    """Without a model nothing is compensated, unless the axis has a sensor and learns."""
+    known, unknown = (without_line(stage, key, tmp_path) for key in ("", "model:"))
+
+    assert not any("without a `model`" in each for each in known.warnings)
+    assert unknown.error is None
+    assert unknown.warnings[0].startswith(
+        "axis x: without a `model` its drive is proportional to the command in every "
+        f"mode{learns}. Identify one with"
+    )
+
+
 def test_unknown_first_mode_is_a_warning(tmp_path: Path) -> None:
     """Learning allows for a slow mode only if the configuration or the model tells it."""
-    text = (Path(__file__).parents[2] / "config" / "simulated.yaml").read_text(encoding="utf-8")
-    line = next(each for each in text.splitlines(keepends=True) if "first_mode" in each)
-    path = tmp_path / "stage.yaml"
-    path.write_text(text.replace("model: models", f"model: {MODELS}"), encoding="utf-8")
-    known = check_file(path)
-    path.write_text(path.read_text(encoding="utf-8").replace(line, ""), encoding="utf-8")
-
-    unknown = check_file(path)
+    known, unknown = (without_line("simulated.yaml", key, tmp_path) for key in ("", "first_mode"))
 
     assert (known.error, known.warnings) == (None, ())
     assert unknown.error is None
@@ -56,7 +75,7 @@ def test_unknown_first_mode_is_a_warning(tmp_path: Path) -> None:
 
 def test_axis_without_a_sensor_is_named() -> None:
     """A forgotten sensor is reported before the first run."""
-    checked = check_file(Path(__file__).parents[2] / "config" / "open-loop.yaml")
+    checked = check_file(CONFIG / "open-loop.yaml")
 
     assert checked.contents == "a stage: 1 axis at 200 Hz; x without a sensor"
 
