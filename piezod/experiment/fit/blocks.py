@@ -39,12 +39,15 @@ def held_out_squares(fit: LinearProblem) -> FloatArray:
 def clearly_better(squares: FloatArray, others: FloatArray, ratio: float) -> bool:
     """Return whether the rms error of all blocks is smaller, and not by chance.
 
+    Chance is judged by the share that each block gains, however large its error is: one difficult
+    block makes most of the mean, and may become better by accident while others become worse.
+
     Args:
-        squares: (blocks,) mean squared errors.
-        others: (blocks,) those to compare with.
+        squares: (blocks,) mean squared errors, above 0.
+        others: (blocks,) those to compare with, above 0.
         ratio: Largest ratio of the rms errors.
     """
-    gains = others - squares
+    gains = np.log(others / squares)
     smaller = float(np.mean(squares)) <= ratio**2 * float(np.mean(others))
     return smaller and float(np.mean(gains)) > standard_error(gains)
 

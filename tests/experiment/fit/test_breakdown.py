@@ -99,22 +99,21 @@ def test_one_rate_shows_no_widening() -> None:
     assert breakdown_of(fit_model(record, SETTINGS), record).widening_pct is None
 
 
-def drifting() -> Record:
-    """Return the record with a gain that grows by 8 %."""
-    return replace(RECORD, position_um=RECORD.position_um * (1.0 + 0.002 * RECORD.t_s))
+def drifting(per_s: float) -> Record:
+    """Return the record with a gain that grows by this share per second."""
+    return replace(RECORD, position_um=RECORD.position_um * (1.0 + per_s * RECORD.t_s))
 
 
-def test_drift_is_not_taken_for_a_lag_with_the_rate() -> None:
-    """The fast half has the larger gain; a lag explains a part of that, and predicts no block."""
-    fit = fit_model(drifting(), SETTINGS)
-
-    assert fit.rate_lag == 0.0
+@pytest.mark.parametrize("per_s", [0.001, 0.002])
+def test_drift_is_not_taken_for_a_lag_with_the_rate(per_s: float) -> None:
+    """The fast half has the larger gain; a lag explains some blocks by it, and misses others."""
+    assert fit_model(drifting(per_s), SETTINGS).rate_lag == 0.0
 
 
 def test_drift_that_makes_the_error_has_a_warning() -> None:
     """The warning says what record would tell more; without drift there is none."""
     warnings = []
-    for record in (RECORD, drifting()):
+    for record in (RECORD, drifting(0.002)):
         fit = fit_model(record, SETTINGS)
         warnings.append(
             tuple(residual_warnings(judge(fit, record, None), breakdown_of(fit, record)))
