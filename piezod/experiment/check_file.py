@@ -134,17 +134,17 @@ def _describe_stage(path: Path) -> _Description:
 
 
 def _without_model(axes: Mapping[str, AxisConfig]) -> tuple[str, ...]:
-    """Return a warning for each axis whose `feedforward` compensates nothing."""
+    """Return a warning for each axis that starts uncompensated."""
     warnings = []
     for name, axis in axes.items():
         if axis.model is not None:
             continue
-        blind = axis.sensor is None
-        learns = "" if blind else "; only `adaptive` changes that, as it learns"
-        borrowed = ", with a borrowed sensor" if blind else ""
+        borrow = "" if axis.sensor is not None else "borrow a sensor, "
         warnings.append(
-            f"axis {name}: without a `model` its drive is proportional to the command in every "
-            f"mode{learns}. Identify one with `piezod identify --live --out MODEL.yaml`{borrowed}"
+            f"axis {name}: it has no `model`. Its drive is proportional to the command, as in "
+            "`uncompensated`, until a model has been identified and adopted. To have one at each "
+            f"start, {borrow}run `piezod identify --live --out MODEL.yaml`, and name the file as "
+            "`model`"
         )
     return tuple(warnings)
 

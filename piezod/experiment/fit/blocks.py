@@ -12,6 +12,9 @@ from piezod.experiment.fit.record import Rows
 from piezod.hysteresis.memory import FloatArray
 
 BLOCKS = 5
+STANDARD_ERRORS = 2.0
+"""Standard errors by which a mean gain of the blocks is more than chance. With a gain that drifts
+and noise, a lag with the rate that is not there gained up to 1.96."""
 
 
 def blocks_of(counted: Rows, blocks: int = BLOCKS) -> Iterator[Rows]:
@@ -39,8 +42,10 @@ def held_out_squares(fit: LinearProblem) -> FloatArray:
 def clearly_better(squares: FloatArray, others: FloatArray, ratio: float) -> bool:
     """Return whether the rms error of all blocks is smaller, and not by chance.
 
-    Chance is judged by the share that each block gains, however large its error is: one difficult
-    block makes most of the mean, and may become better by accident while others become worse.
+    The mean is mostly that of the most difficult block, which may become better by accident while
+    others become worse. So the gain of each block counts as the logarithm of the ratio of its
+    errors, and the mean of these gains must be at least `STANDARD_ERRORS` above 0. A gain in one
+    block alone is one standard error.
 
     Args:
         squares: (blocks,) mean squared errors, above 0.
@@ -49,7 +54,7 @@ def clearly_better(squares: FloatArray, others: FloatArray, ratio: float) -> boo
     """
     gains = np.log(others / squares)
     smaller = float(np.mean(squares)) <= ratio**2 * float(np.mean(others))
-    return smaller and float(np.mean(gains)) > standard_error(gains)
+    return smaller and float(np.mean(gains)) >= STANDARD_ERRORS * standard_error(gains)
 
 
 def standard_error(values: FloatArray) -> float:
