@@ -24,6 +24,9 @@ LARGEST_RATIO: Final[Mapping[Term, float]] = MappingProxyType({Term.RATE: 0.9, T
 """A term is part of the model if it makes the rms error of the position on held-out blocks smaller
 by at least this factor, and by more than chance. The path is searched beside a fitted creep only,
 because it would imitate the creep."""
+LEAST_GAIN: Final = 5e-5
+"""It must also make the rms residual of the whole record smaller by this share of the range: less
+is not worth a term, and a search may end at a worse fit, where the blocks say nothing."""
 
 Fitted: TypeAlias = Callable[[frozenset[Term]], LinearisedSurface]
 """Returns the best surface with these terms."""
@@ -49,7 +52,7 @@ def with_shown_terms(fitted: Fitted, allowed: frozenset[Term]) -> LinearisedSurf
 
 
 def _shows(term: Term, trial: LinearisedSurface, without: LinearisedSurface) -> bool:
-    if trial.rms >= without.rms:  # the search ended at a worse fit, where the blocks say nothing
+    if trial.rms > without.rms - LEAST_GAIN:
         return False
     # With a path, the bound of a fit is that of the skew before its last step.
     form = form_of(trial.parameters, trial.period_s)

@@ -60,14 +60,15 @@ def test_a_term_is_taken_up_to_its_ratio(
 
 
 @pytest.mark.parametrize("term", Term)
-def test_a_search_that_ended_at_a_worse_fit_is_not_taken(
-    monkeypatch: pytest.MonkeyPatch, term: Term
+@pytest.mark.parametrize(("rms", "taken"), [(0.9999, True), (0.99999, False), (2.0, False)])
+def test_the_residual_must_become_smaller_too(
+    monkeypatch: pytest.MonkeyPatch, term: Term, rms: float, taken: bool
 ) -> None:
-    """Its blocks are predicted by a problem that is linear around the wrong point."""
+    """A gain too small to matter is not taken, nor a search that ended at a worse fit."""
     alone = frozenset({term})
-    fits = {NONE: MadeUpFit(1.0, 1.0), alone: MadeUpFit(1.1, 0.1)}
+    fits = {NONE: MadeUpFit(1.0, 1.0), alone: MadeUpFit(rms, 0.1)}
 
-    assert shown(monkeypatch, fits, alone) == NONE
+    assert shown(monkeypatch, fits, alone) == (alone if taken else NONE)
 
 
 @pytest.mark.parametrize(("with_both", "taken"), [(0.13, EVERY), (0.15, {Term.RATE})])
