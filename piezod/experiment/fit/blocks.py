@@ -12,9 +12,6 @@ from piezod.experiment.fit.record import Rows
 from piezod.hysteresis.memory import FloatArray
 
 BLOCKS = 5
-STANDARD_ERRORS = 2.0
-"""Standard errors by which a mean gain of the blocks is more than chance. With a gain that drifts
-and noise, a lag with the rate that is not there gained up to 1.96."""
 
 
 def blocks_of(counted: Rows, blocks: int = BLOCKS) -> Iterator[Rows]:
@@ -39,22 +36,24 @@ def held_out_squares(fit: LinearProblem) -> FloatArray:
     return np.array(squares)
 
 
-def clearly_better(squares: FloatArray, others: FloatArray, ratio: float) -> bool:
+def clearly_better(
+    squares: FloatArray, others: FloatArray, ratio: float, standard_errors: float
+) -> bool:
     """Return whether the rms error of all blocks is smaller, and not by chance.
 
     The mean is mostly that of the most difficult block, which may become better by accident while
     others become worse. So the gain of each block counts as the logarithm of the ratio of its
-    errors, and the mean of these gains must be at least `STANDARD_ERRORS` above 0. A gain in one
-    block alone is one standard error.
+    errors. If one block alone gains, the mean gain is one standard error.
 
     Args:
         squares: (blocks,) mean squared errors, above 0.
         others: (blocks,) those to compare with, above 0.
         ratio: Largest ratio of the rms errors.
+        standard_errors: Least mean gain, in standard errors.
     """
     gains = np.log(others / squares)
     smaller = float(np.mean(squares)) <= ratio**2 * float(np.mean(others))
-    return smaller and float(np.mean(gains)) >= STANDARD_ERRORS * standard_error(gains)
+    return smaller and float(np.mean(gains)) >= standard_errors * standard_error(gains)
 
 
 def standard_error(values: FloatArray) -> float:

@@ -24,6 +24,8 @@ EARLIER: Final = (0.0, 0.125, 0.25)
 its rise for a delay."""
 CLEAR_GAIN: Final = 0.9
 """A mode is clear if it makes the rms error smaller by at least this factor."""
+STANDARD_ERRORS: Final = 1.0
+"""Least mean gain of the blocks. A mode rings only after jumps, which some blocks may not have."""
 SAMPLES: Final = 8_000
 """Samples of the record that are searched: those in a row with the largest errors."""
 LOWEST_HZ: Final = 10.0
@@ -104,7 +106,8 @@ def shown_mode(
     with_mode_s, plain_s = held_out_squares(with_mode), held_out_squares(plain)
     rms = (float(np.sqrt(np.mean(each))) for each in (with_mode_s, plain_s))
     shown = ShownMode(*(100.0 * unit * each for each in rms))
-    return shown if clearly_better(with_mode_s, plain_s, CLEAR_GAIN) else None
+    clear = clearly_better(with_mode_s, plain_s, CLEAR_GAIN, STANDARD_ERRORS)
+    return shown if clear else None
 
 
 def _worst_part(misses: FloatArray) -> slice:

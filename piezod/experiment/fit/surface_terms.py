@@ -24,6 +24,9 @@ LARGEST_RATIO: Final[Mapping[Term, float]] = MappingProxyType({Term.RATE: 0.9, T
 """A term is part of the model if it makes the rms error of the position on held-out blocks smaller
 by at least this factor, and by more than chance. The path is searched beside a fitted creep only,
 because it would imitate the creep."""
+STANDARD_ERRORS: Final = 2.0
+"""Least mean gain of the blocks: with a gain that drifts and noise, a lag with the rate that is not
+there gained up to 1.96."""
 LEAST_GAIN: Final = 5e-5
 """It must also make the rms residual of the whole record smaller by this share of the range: less
 is not worth a term, and a search may end at a worse fit, where the blocks say nothing."""
@@ -58,4 +61,6 @@ def _shows(term: Term, trial: LinearisedSurface, without: LinearisedSurface) -> 
     form = form_of(trial.parameters, trial.period_s)
     if form.smallest_slope(trial.parameters[:SIZE]) <= 0.0:
         return False
-    return clearly_better(held_out_squares(trial), held_out_squares(without), LARGEST_RATIO[term])
+    return clearly_better(
+        held_out_squares(trial), held_out_squares(without), LARGEST_RATIO[term], STANDARD_ERRORS
+    )

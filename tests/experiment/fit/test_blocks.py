@@ -23,4 +23,12 @@ def test_a_fit_is_better_if_its_blocks_agree(ratios: tuple[float, ...], better: 
     """The rms of all blocks must become smaller by the ratio, and most blocks must agree."""
     squares = (ERRORS * ratios) ** 2
 
-    assert clearly_better(squares, ERRORS**2, 0.8) == better
+    assert clearly_better(squares, ERRORS**2, 0.8, 2.0) == better
+
+
+def test_some_blocks_may_gain_nothing() -> None:
+    """With one standard error the gain may be that of half of the blocks, as after jumps."""
+    squares = (ERRORS * (1.01, 1.02, 0.8, 0.3, 0.3)) ** 2
+
+    assert clearly_better(squares, ERRORS**2, 0.9, 1.0)
+    assert not clearly_better(squares, ERRORS**2, 0.9, 2.0)
