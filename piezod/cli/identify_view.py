@@ -110,7 +110,7 @@ def _print_choice(console: Console, choice: Choice) -> None:
     table = _table()
     for heading in ("method", "thresholds", "creep"):
         table.add_column(heading)
-    for heading in ("order", "parameters", "worst", "rms"):
+    for heading in ("order", "parameters", "position", "voltage"):
         table.add_column(heading, justify="right")
     table.add_column("")
     for each in choice.candidates:
@@ -123,12 +123,15 @@ def _print_choice(console: Console, choice: Choice) -> None:
             "creep" if settings.creep else "",
             str(settings.order) if operators else "–",
             str(each.n_parameters),
-            *_numbers(each.validation.errors, "position"),
+            *(
+                _numbers(each.validation.errors, quantity)[1]
+                for quantity in ("position", "voltage")
+            ),
             mark,
         )
     console.print(
-        "Candidates, and the errors of their positions on blocks that were held out of the fit, "
-        "in %:"
+        "Candidates, and the rms errors of position and voltage on blocks that were held out of "
+        "the fit, in %:"
     )
     console.print(table)
     console.print(f"{_reason(choice)}\n")
@@ -150,11 +153,10 @@ def _reason(choice: Choice) -> str:
             "because it predicts held-out positions and voltages best, and no simpler model is as "
             "good"
         )
-    if not any(each.fit.settings.method is Method.SURFACE for each in choice.candidates):
-        text += (
-            "; a surface was not tried, because the record does not have loops of all sizes and "
-            "heights, or is too short, or an option or the identifier of the axis excludes it"
-        )
+    if choice.no_surface:
+        text += f"; a surface was not tried, because {choice.no_surface}"
+    elif not any(each.fit.settings.method is Method.SURFACE for each in choice.candidates):
+        text += "; no surface could be fitted to this record"
     elif taken.fit.settings.method is Method.SURFACE and taken.fit.model.mode is None:
         text += (
             "; it has no first mode, because the record shows none that makes its errors on "
@@ -167,7 +169,7 @@ def _candidate(candidate: Candidate) -> str:
     error_pct = candidate.validation.position_rms_pct
     return (
         f"{_settings(candidate.fit.settings).removeprefix('by ')} ({candidate.n_parameters} "
-        f"parameters, {error_pct:.3f} % rms)"
+        f"parameters, position {error_pct:.3f} % rms)"
     )
 
 
@@ -216,7 +218,7 @@ def _parts(parts: Breakdown) -> str:
     at_hz = f" at {parts.vibration_hz:.4g} Hz" if parts.vibration_hz else ""
     drift_pct = parts.return_point_drift_pct
     drift = f" (by {drift_pct:.2f} % in all)" if drift_pct is not None else " (unknown)"
-    rate = "" if parts.widening_pct is not None else " (the record has one rate)"
+    rate = "" if parts.widening_pct is not None else " (unknown: all wide swings have one rate)"
     return (
         f"Residual of the position as recorded, without its mean: {parts.total_pct:.3f} % rms of "
         f"its range. Parts: drift of the return points{drift} {parts.drift_pct:.3f} %; rate of the "

@@ -143,8 +143,8 @@ def _without_model(axes: Mapping[str, AxisConfig]) -> tuple[str, ...]:
         warnings.append(
             f"axis {name}: it has no `model`. Its drive is proportional to the command, as in "
             "`uncompensated`, until a model has been identified and adopted. To have one at each "
-            f"start, {borrow}run `piezod identify --live --out MODEL.yaml`, and name the file as "
-            "`model`"
+            f"start, {borrow}run `piezod identify --live --out MODEL.yaml` on the running stage, "
+            "and name the file as `model`, relative to this one"
         )
     return tuple(warnings)
 

@@ -57,8 +57,8 @@ def test_missing_model_is_a_warning(tmp_path: Path, stage: str, borrow: str) -> 
     assert unknown.warnings[0] == (
         "axis x: it has no `model`. Its drive is proportional to the command, as in "
         "`uncompensated`, until a model has been identified and adopted. To have one at each "
-        f"start, {borrow}run `piezod identify --live --out MODEL.yaml`, and name the file as "
-        "`model`"
+        f"start, {borrow}run `piezod identify --live --out MODEL.yaml` on the running stage, and "
+        "name the file as `model`, relative to this one"
     )
 
 

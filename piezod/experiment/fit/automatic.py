@@ -107,12 +107,14 @@ class Choice:
         best: The candidate with the smallest product of the rms errors of position and voltage.
         taken: The simplest candidate that is as good.
         limit_pct: Largest rms error of the position that is as good as that of the best, in %.
+        no_surface: Why no surface was tried; empty if one was.
     """
 
     candidates: tuple[Candidate, ...]
     best: Candidate
     taken: Candidate
     limit_pct: float
+    no_surface: str = ""
 
 
 def choose(
@@ -138,7 +140,10 @@ def choose(
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
         delay_s = estimate.delay_s
-    return simplest_as_good(_candidates(record, wanted, delay_s, estimate, progress))
+    no_surface = _no_surface(record, wanted)
+    tried = tuple(_settings(record, wanted, surface=not no_surface))
+    chosen = simplest_as_good(_candidates(record, tried, delay_s, estimate, progress))
+    return replace(chosen, no_surface=no_surface)
 
 
 def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
@@ -167,14 +172,13 @@ def _as_good(candidate: Candidate, best: Candidate) -> bool:
 
 def _candidates(
     record: Record,
-    wanted: Wanted,
+    tried: tuple[FitSettings, ...],
     delay_s: float | None,
     estimate: DelayEstimate | None,
     progress: Progress,
 ) -> tuple[Candidate, ...]:
     """Return the candidates that the record supports, at least one."""
     candidates, refused = [], None
-    tried = tuple(_settings(record, wanted))
     for index, settings in enumerate(tried):
         progress(f"model {index + 1} of {len(tried)}", index / len(tried))
         try:
@@ -204,7 +208,22 @@ def _delay(record: Record, wanted: Wanted) -> DelayEstimate | None:
     return fit_model(record, settings).delay
 
 
-def _settings(record: Record, wanted: Wanted) -> Iterator[FitSettings]:
+def _no_surface(record: Record, wanted: Wanted) -> str:
+    """Return why no surface is tried; empty if one is."""
+    if not wanted.surface:
+        return "the identifier of the axis learns operators only"
+    if wanted.order is not None or wanted.spacing is not None:
+        return "--order or --thresholds asks for operators"
+    # A surface extrapolates badly to loops that its record does not have.
+    if not has_all_loops(smoothed_record(record)):
+        return (
+            "the record does not have loops of all sizes and heights (below); --method surface "
+            "fits one nevertheless"
+        )
+    return ""
+
+
+def _settings(record: Record, wanted: Wanted, *, surface: bool) -> Iterator[FitSettings]:
     orders = _affordable(record) if wanted.order is None else (wanted.order,)
     spacings = tuple(Spacing) if wanted.spacing is None else (wanted.spacing,)
     creeps = (False, True) if wanted.creep is None else (wanted.creep,)
@@ -214,9 +233,7 @@ def _settings(record: Record, wanted: Wanted) -> Iterator[FitSettings]:
             yield FitSettings(method=Method.LMS, order=order)
     for order, spacing, creep in product(orders, spacings, creeps):
         yield FitSettings(order=order, spacing=spacing, creep=creep)
-    # A surface extrapolates badly to loops that its record does not have.
-    free = wanted.surface and wanted.order is None and wanted.spacing is None
-    if free and has_all_loops(smoothed_record(record)):
+    if surface:
         for creep in creeps:
             yield FitSettings(method=Method.SURFACE, creep=creep)
 

@@ -172,7 +172,8 @@ def residual_warnings(judged: Judgement, parts: Breakdown) -> Iterator[str]:
             f"The return points drift by {drift_pct:.2g} % of the range over the record; the worst "
             f"error of the position is {worst_pct:.2g} %. The error of the voltage hides this. "
             "Record again after a longer run-in over the full range, or exclude more of the start "
-            f"with --skip-s{creep}."
+            f"with --skip-s{creep}. If they drift until the end, the gain or the zero of the stage "
+            "or of its sensor drifts: `adaptive` follows both."
         )
     if (
         parts.widening_pct is not None

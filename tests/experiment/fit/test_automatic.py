@@ -113,6 +113,8 @@ def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
     assert methods == [{Method.LMS, Method.LEAST_SQUARES}, set(Method)]
     assert rich.taken.fit.settings.method is Method.SURFACE
     assert rich.taken.fit.model.delay_s == pytest.approx(-0.004, abs=2e-4)
+    assert poor.no_surface.startswith("the record does not have loops of all sizes")
+    assert rich.no_surface == ""
 
 
 def test_a_surface_is_tried_with_creep_and_without() -> None:
@@ -124,12 +126,20 @@ def test_a_surface_is_tried_with_creep_and_without() -> None:
     assert choice.taken is surfaces[0]
 
 
-def test_a_surface_is_not_tried_if_the_axis_refuses_it() -> None:
-    """A record with all loops is then described by operators."""
-    choice = choose(surface_record(duration_s=20.0), Wanted(creep=False, surface=False), 0.0)
+@pytest.mark.parametrize(
+    ("wanted", "reason"),
+    [
+        (Wanted(creep=False, surface=False), "the identifier of the axis learns operators only"),
+        (Wanted(creep=False, order=12), "--order or --thresholds asks for operators"),
+    ],
+)
+def test_a_surface_is_not_tried_if_it_is_excluded(wanted: Wanted, reason: str) -> None:
+    """A record with all loops is then described by operators, and the choice says why."""
+    choice = choose(surface_record(duration_s=20.0), wanted, 0.0)
 
     methods = {each.fit.settings.method for each in choice.candidates}
     assert methods == {Method.LMS, Method.LEAST_SQUARES}
+    assert choice.no_surface == reason
 
 
 def test_few_operators_are_tried_only_on_short_records() -> None:
