@@ -123,10 +123,8 @@ def _print_choice(console: Console, choice: Choice) -> None:
             "creep" if settings.creep else "",
             str(settings.order) if operators else "–",
             str(each.n_parameters),
-            *(
-                _numbers(each.validation.errors, quantity)[1]
-                for quantity in ("position", "voltage")
-            ),
+            f"{each.validation.position_rms_pct:.3f}",
+            f"{each.validation.rms_pct:.3f}",
             mark,
         )
     console.print(

@@ -77,9 +77,9 @@ def test_unknown_first_mode_is_a_warning(tmp_path: Path) -> None:
 
 def test_axis_without_a_sensor_is_named() -> None:
     """A forgotten sensor is reported before the first run."""
-    checked = check_file(CONFIG / "open-loop.yaml")
+    found = check_file(CONFIG / "open-loop.yaml")
 
-    assert checked.contents == "a stage: 1 axis at 200 Hz; x without a sensor"
+    assert found.contents == "a stage: 1 axis at 200 Hz; x without a sensor"
 
 
 def test_groups_are_described(tmp_path: Path) -> None:

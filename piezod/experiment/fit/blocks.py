@@ -49,11 +49,11 @@ def clearly_better(
         squares: (blocks,) mean squared errors, above 0.
         others: (blocks,) those to compare with, above 0.
         ratio: Largest ratio of the rms errors.
-        standard_errors: Least mean gain, in standard errors.
+        standard_errors: The mean gain must exceed this number of its standard errors.
     """
     gains = np.log(others / squares)
     smaller = float(np.mean(squares)) <= ratio**2 * float(np.mean(others))
-    return smaller and float(np.mean(gains)) >= standard_errors * standard_error(gains)
+    return smaller and float(np.mean(gains)) > standard_errors * standard_error(gains)
 
 
 def standard_error(values: FloatArray) -> float:

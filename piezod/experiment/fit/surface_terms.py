@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from enum import Enum
+from functools import cached_property
 from types import MappingProxyType
 from typing import Final, TypeAlias
 
@@ -11,6 +12,7 @@ from piezod.experiment.fit.blocks import clearly_better, held_out_squares
 from piezod.experiment.fit.surface import LinearisedSurface
 from piezod.experiment.fit.surface_parameters import form_of
 from piezod.hysteresis.everett import SIZE
+from piezod.hysteresis.memory import FloatArray
 
 
 class Term(Enum):
@@ -35,6 +37,18 @@ Fitted: TypeAlias = Callable[[frozenset[Term]], LinearisedSurface]
 """Returns the best surface with these terms."""
 
 
+class _Trial:
+    """A fit with its errors on held-out blocks, which are computed once, if at all."""
+
+    def __init__(self, fit: LinearisedSurface) -> None:
+        self.fit = fit
+
+    @cached_property
+    def squares(self) -> FloatArray:
+        """Mean squared error of each block, shape (blocks,)."""
+        return held_out_squares(self.fit)
+
+
 def with_shown_terms(fitted: Fitted, allowed: frozenset[Term]) -> LinearisedSurface:
     """Return the fit with the terms that a record shows, found one after the other.
 
@@ -43,24 +57,23 @@ def with_shown_terms(fitted: Fitted, allowed: frozenset[Term]) -> LinearisedSurf
         allowed: The terms that are tried.
     """
     terms: frozenset[Term] = frozenset()
-    found = fitted(terms)
+    found = _Trial(fitted(terms))
     while terms < allowed:
-        trials = {term: fitted(terms | {term}) for term in allowed - terms}
+        trials = {term: _Trial(fitted(terms | {term})) for term in allowed - terms}
         shown = [term for term, trial in trials.items() if _shows(term, trial, found)]
         if not shown:
             break
-        best = min(shown, key=lambda term: float(np.mean(held_out_squares(trials[term]))))
+        best = min(shown, key=lambda term: float(np.mean(trials[term].squares)))
         terms, found = terms | {best}, trials[best]
-    return found
+    return found.fit
 
 
-def _shows(term: Term, trial: LinearisedSurface, without: LinearisedSurface) -> bool:
-    if trial.rms > without.rms - LEAST_GAIN:
+def _shows(term: Term, trial: _Trial, without: _Trial) -> bool:
+    fit = trial.fit
+    if fit.rms > without.fit.rms - LEAST_GAIN:
         return False
     # With a path, the bound of a fit is that of the skew before its last step.
-    form = form_of(trial.parameters, trial.period_s)
-    if form.smallest_slope(trial.parameters[:SIZE]) <= 0.0:
+    form = form_of(fit.parameters, fit.period_s)
+    if form.smallest_slope(fit.parameters[:SIZE]) <= 0.0:
         return False
-    return clearly_better(
-        held_out_squares(trial), held_out_squares(without), LARGEST_RATIO[term], STANDARD_ERRORS
-    )
+    return clearly_better(trial.squares, without.squares, LARGEST_RATIO[term], STANDARD_ERRORS)
