@@ -4,7 +4,7 @@ The controller is pure: time is an argument, and the devices are behind a bounda
 exceptions into values. `control.cycle` contains the cycle.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -53,7 +53,8 @@ class StageController:
     def __init__(self, stage: Stage, loop_watch: LoopWatch) -> None:
         self._stage = stage
         period_s = stage.period_ns / NS_PER_S
-        guard = Guard([axis.law.limits for axis in stage.axes], longest_s=period_s)
+        lag_s = [watch.amplifier.lag_ns / NS_PER_S for watch in stage.watches]
+        guard = Guard([axis.law.limits for axis in stage.axes], period_s, lag_s)
         parts = CycleParts(stage.boundary, stage.axes, guard, period_s, stage, loop_watch)
         self.cycle: Callable[[int, CycleTiming], CycleRecord] = partial(run_cycle, parts)
         """Runs one cycle, from its instant in ns and the timing of the loop."""
@@ -123,9 +124,14 @@ class StageController:
         """Stay in BOOT while cycles are only measured, which run faster than their period."""
         self._stage.self_test().waits = stays
 
-    def ramp_first(self) -> None:
-        """Ramp down after the self-test: the last daemon did not end in order."""
+    def ramp_first(self, noted_v: Sequence[float]) -> None:
+        """Ramp down after the self-test: the last daemon did not end in order.
+
+        Args:
+            noted_v: Voltage that it wrote last on each axis, in V; NaN if that is not known.
+        """
         self._stage.self_test().ramps_first = True
+        self._stage.boundary.written_v = noted_v
 
     def forbid_entry(self, why: str) -> None:
         """Refuse to arm from now on.

@@ -114,8 +114,9 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
 
     # Guard. After a late cycle less than a period may have passed since the last write.
     elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
+    live_v = None if stage is None else stage.judge.live_v(read_back_v)
     admitted = parts.guard.admit(
-        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved
+        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, live_v
     )
     drive_v = admitted.drive_v
 
@@ -196,6 +197,8 @@ def _watch_axis(
     detections += watch.amplifier.check(read_back_v, amplifier_flags)
     usable = watch.sensor.sample
     position_um = usable.position_um if usable.valid else nan
+    if driven and stage.boundary.reads_back:
+        stage.judge.see(i, position_um, t_ns)
     detections += watch.adaptation.check(
         axis.command_um, position_um, closed=closed, noise_um=watch.sensor.noise_um
     )
@@ -233,6 +236,11 @@ def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
         return
     for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
         law = axis.law
+        if i in admitted.waits:
+            axis.wait(lost=not admitted.writable)
+        if admitted.waits and not admitted.writable:
+            watch.amplifier.waited(law.in_force_v)
+            continue
         cut_off = axis.following and law.compensator.limited
         at_end = cut_off and law.at_end_of_range
         watch.amplifier.wrote(
@@ -240,7 +248,7 @@ def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
             taken=written,
             refused=i in admitted.refused,
             range_limited=i in admitted.range_limited or at_end,
-            slew_limited=i in admitted.slew_limited or (cut_off and not at_end),
+            slew_limited=i in (*admitted.slew_limited, *admitted.waits) or (cut_off and not at_end),
         )
 
 

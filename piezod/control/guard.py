@@ -1,11 +1,12 @@
 """The last check before the write: finite, in range, within the slew rate, and of this cycle.
 
 The guard trusts no caller. A voltage that is not finite leaves the voltage in force as it is,
-because a clamp alone would turn it into full scale.
+because a clamp alone would turn it into full scale. An output that does not follow its writes is
+waited for: no write is farther from a live read-back than the slew rate allows.
 """
 
 from collections.abc import Container, Sequence
-from math import isfinite
+from math import inf, isfinite
 from typing import NamedTuple
 
 READ_BACK_V, READ_BACK_PART = 0.5, 0.005
@@ -91,6 +92,8 @@ class Admitted(NamedTuple):
         range_limited: Axes that requested a voltage outside their range.
         slew_limited: Axes that requested a faster change than their slew rate.
         stale: Whether the voltages were planned for another cycle: all axes hold.
+        waits: Axes whose output does not follow: they keep the last write. If that is out of the
+            reach of the output, too, nothing may be written.
     """
 
     drive_v: list[float]
@@ -99,6 +102,7 @@ class Admitted(NamedTuple):
     range_limited: tuple[int, ...]
     slew_limited: tuple[int, ...]
     stale: bool
+    waits: tuple[int, ...] = ()
 
 
 class Guard:
@@ -108,10 +112,17 @@ class Guard:
         limits: Limits of the drive of each axis.
         longest_s: Longest time that counts for the slew rate, in s: after a pause the drive must
             not catch up in one step.
+        lag_s: Age of the read-back of each axis, in s: its delay behind the write, beyond a cycle.
     """
 
-    def __init__(self, limits: Sequence[Limits], longest_s: float) -> None:
+    def __init__(
+        self, limits: Sequence[Limits], longest_s: float, lag_s: Sequence[float] = ()
+    ) -> None:
         self._limits, self._longest_s = tuple(limits), longest_s
+        self._reach_v = [
+            each.slew_v_per_s * (longest_s + age_s) + each.read_back_tolerance_v
+            for each, age_s in zip(limits, lag_s or [0.0] * len(limits), strict=True)
+        ]
 
     def admit(
         self,
@@ -122,6 +133,7 @@ class Guard:
         elapsed_s: float,
         sent_v: Sequence[float] | None = None,
         slew_halved: Container[int] = (),
+        read_back_v: Sequence[float] | None = None,
     ) -> Admitted:
         """Return the voltages that may be written.
 
@@ -134,11 +146,28 @@ class Guard:
             sent_v: Voltages that were sent last and not acknowledged, None if there are none. They
                 may be in force or not, so the new voltage must be within the slew rate of both.
             slew_halved: Axes whose slew rate is halved.
+            read_back_v: Live read-back of each axis, in V; not finite if there is none, or if it is
+                known to be false. None if no axis has one.
         """
         if planned_t_ns != t_ns:
             # A plan for another instant belongs to another position of the reference.
             kept_v = list(in_force_v)
-            return Admitted(kept_v, all(map(isfinite, kept_v)), (), (), (), True)
+            admitted = Admitted(kept_v, all(map(isfinite, kept_v)), (), (), (), True)
+        else:
+            admitted = self._limited(asked_v, in_force_v, elapsed_s, sent_v, slew_halved)
+        if read_back_v is None:
+            return admitted
+        return self._awaiting(admitted, in_force_v, read_back_v)
+
+    def _limited(
+        self,
+        asked_v: Sequence[float],
+        in_force_v: Sequence[float],
+        elapsed_s: float,
+        sent_v: Sequence[float] | None,
+        slew_halved: Container[int],
+    ) -> Admitted:
+        """Return the voltages within range and slew rate; arguments as for `admit`."""
         # A time that is not finite, or negative, allows no motion.
         elapsed_s = min(max(elapsed_s, 0.0), self._longest_s) if isfinite(elapsed_s) else 0.0
         drive_v: list[float] = []
@@ -167,3 +196,17 @@ class Guard:
                 slew_limited += (axis,)
             drive_v.append(admitted_v)
         return Admitted(drive_v, writable, refused, range_limited, slew_limited, False)
+
+    def _awaiting(
+        self, admitted: Admitted, in_force_v: Sequence[float], read_back_v: Sequence[float]
+    ) -> Admitted:
+        """Return what may be written if each output is waited for that is out of reach."""
+        drive_v, writable = admitted.drive_v, admitted.writable
+        waits: tuple[int, ...] = ()
+        for axis, reach_v in enumerate(self._reach_v):
+            # NaN compares false: without a finite read-back there is nothing to wait for.
+            if reach_v < abs(drive_v[axis] - read_back_v[axis]) < inf:
+                waits += (axis,)
+                drive_v[axis] = in_force_v[axis]
+                writable &= abs(in_force_v[axis] - read_back_v[axis]) <= reach_v
+        return admitted._replace(writable=writable, waits=waits) if waits else admitted

@@ -142,12 +142,15 @@ class RigStage:
     def kill_loop(self) -> None:
         """Let a new loop take over from one that was killed, as the loop process does."""
         latched, stopped = self.stage.register.latched, bool(self.stage.register.stopping)
-        self._able = self._able._replace(opens_relaxed=False)
+        self._able, noted_v = (
+            self._able._replace(opens_relaxed=False),
+            self.stage.boundary.written_v,
+        )
         self.channels.activate(self.t_ns)
         self._assemble()
         self.controller.restore_faults(latched, stopped=stopped)
         self.controller.report(Detection(Fault.P2))
-        self.controller.ramp_first()
+        self.controller.ramp_first(noted_v)
 
     @property
     def x(self) -> AxisRecord:

@@ -205,7 +205,8 @@ class VirtualRun(LoopRun):
         self._controller = assemble(
             self.config, timed, channels.capabilities(), lambda: output.forget(clock.t_ns)
         )
-        take_over(self._controller, shared, channels, known)
+        noted_v = [each.drive_v for each in read_last_output(paths.output_map)]
+        take_over(self._controller, shared, channels, known, noted_v)
         self._watch()
         self._period_ns, self._began_ns = shared.layout.period_ns, clock.t_ns
         self._loop = Loop(self._controller, timed, shared, clock, Pacer(clock, self._period_ns, 0))

@@ -66,6 +66,10 @@ class StageAxis:
         self._ends_ns, self._ramps_to_v = 0, nan
         self.ramp_cycles = 0
         """Cycles that the present ramp should still take; negative if it is overdue."""
+        self.waits = self.lost = False
+        """Whether the output does not follow, and whether not even the last write is in reach."""
+        self.waited_cycles = 0
+        """Cycles that the present ramp has waited for the output."""
         self.command_um = nan
         """Command of the last cycle, in µm; NaN if there was none."""
         self._motion, self._started_ns, self._arrives_ns = rest_at(nan), 0, 0
@@ -147,6 +151,16 @@ class StageAxis:
         self._force(voltage, 0)
         # After `_force`, which clears it.
         self._ramps_to_v = drive_v
+
+    def wait(self, *, lost: bool) -> None:
+        """Take a cycle in which the output was waited for: a ramp has not gone on.
+
+        Args:
+            lost: Whether nothing was written, because the last write is out of reach of the output.
+        """
+        self.waits, self.lost = True, lost
+        self.waited_cycles += 1
+        self.ramp_cycles += 1
 
     def drive_ended(self, t_ns: int) -> bool:
         """Return whether the driven voltage has reached its end and has been written."""
@@ -254,6 +268,7 @@ class StageAxis:
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Take the sample of this cycle; return the voltage to write."""
+        self.waits = False
         try:
             if self._forced:
                 self.law.force(self._voltage(t_ns))

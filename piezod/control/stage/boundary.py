@@ -77,6 +77,9 @@ class DeviceBoundary:
         self._true_zero_um = [0.0] * n_axes
         self.open = False
         """Whether writes reach the amplifier."""
+        self.written_v: Sequence[float] = self._unknown_v
+        """Voltages that the amplifiers acknowledged last; NaN if there are none, or if something
+        else may have changed the output since."""
         self.sent_v: Sequence[float] | None = None
         """Voltages that were sent last and not acknowledged, which may be in force or not; None if
         the last write was acknowledged or not sent."""
@@ -125,8 +128,21 @@ class DeviceBoundary:
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             taken = False
-        self.sent_v = None if taken else drive_v
+        if taken:
+            self.written_v, self.sent_v = drive_v, None
+        else:
+            self.sent_v = drive_v
         return taken
+
+    def forget_written(self) -> None:
+        """Forget the last writes: something else may have changed the outputs since."""
+        self.written_v = self._unknown_v
+
+    def took_over(self, axis: int, drive_v: float) -> None:
+        """Note that an output was taken over at a voltage, in V; NaN if it is unknown."""
+        written_v = list(self.written_v)
+        written_v[axis] = drive_v
+        self.written_v = written_v
 
     def forget_sent(self, axis: int) -> None:
         """Forget the last voltage sent to an axis: it is known not to be in force."""
@@ -176,6 +192,7 @@ class DeviceBoundary:
             self.crash = error
             return False
         self.active = False
+        self.forget_written()
         return True
 
     def zero(self, zero_um: Sequence[float]) -> None:
@@ -201,8 +218,6 @@ class OutputKnowledge:
         """Whether the voltage in force is known on every axis."""
         self.known_when_lost = False
         """Whether the voltage in force was known when the amplifier was lost."""
-        self.written_v: Sequence[float] = ()
-        """Voltage of each axis that was written last before the loss, in V; NaN if none was."""
         self._on_lost = on_lost
         self._silent_cycles = self._losses = 0
 
@@ -224,16 +239,14 @@ class OutputKnowledge:
             return None
         return Detection(Fault.A1, -1, self._silent_cycles, SILENT_CYCLES)
 
-    def lose(self, written_v: Sequence[float], *, traceable: bool) -> None:
+    def lose(self, *, traceable: bool) -> None:
         """Note that the amplifier was lost. Real-time safe.
 
         Args:
-            written_v: Voltage of each axis that was written last, in V; NaN if none was.
             traceable: Whether the voltage in force can be found out later, from a read-back or
                 because the amplifier reports a restart.
         """
         self.known_when_lost, self.known = self.known, False
-        self.written_v = written_v
         self._losses += 1
         if not traceable and self._on_lost is not None:
             self._on_lost()

@@ -144,7 +144,8 @@ class StagePlay:
                 return None
             self._outcome = None
             return Detection(Fault.A1, self._axis, nan, nan)
-        for axis, drive_v in zip(axes, in_force_v, strict=True):
+        for i, (axis, drive_v) in enumerate(zip(axes, in_force_v, strict=True)):
             axis.track(drive_v)
+            self._boundary.took_over(i, drive_v)
         self._output.known, self._outcome, self._boundary.returned = True, None, False
         return outcome

@@ -18,7 +18,11 @@ from piezod.units import s_to_ns
 HOLD_NS = s_to_ns(2.0)
 """Duration of a HOLD that a fault caused, in ns; then the stage ramps to the safe voltage."""
 RAMP_GRACE_NS = s_to_ns(2.0)
-"""A ramp has failed if it takes this much longer than planned, in ns."""
+"""A ramp has failed if its end is not read back after this time, in ns."""
+OUTPUT_WAIT_NS = s_to_ns(30.0)
+"""A ramp has failed if it has waited for this time for an output that does not follow, in ns. The
+ramp of the loop and that of `piezod safe`, which may follow it, together end well within the 90 s
+after which systemd kills a service."""
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped if no setpoint came for this many cycles and for this time."""
 
@@ -118,6 +122,7 @@ def advance(
             if stage.continue_drive(t_ns):
                 _zero_at_known_rest(stage, t_ns)
         case State.RAMP | State.ESTOP:
+            _settle_outputs(stage, t_ns, read_back_v)
             _finish_ramp(stage, t_ns, read_back_v)
         case State.BLIND:
             _take_over(stage, t_ns, read_back_v)
@@ -206,17 +211,20 @@ def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """
     if stage.register.unreachable or not stage.output.try_due(stage.time_in_state_ns(t_ns)):
         return
+    unknown = ""
     if stage.boundary.reads_back:
         if not all(map(isfinite, read_back_v)):
             return
-        stage.resync(read_back_v, t_ns)
+        unknown = stage.judge.resync(read_back_v, t_ns)
     elif not _still_at_last_write(stage):
+        unknown = "the amplifier does not report its voltage"
+    if unknown:
         stage.release_estop()
         text = (
-            "the amplifier answers again, but does not report its voltage: bring it to the safe "
-            "voltage by hand, then `piezod reset` and `piezod arm --confirm-output`"
+            f"the amplifier answers again, but its voltage is unknown, and stays: {unknown}; bring "
+            "it to the safe voltage by hand, then `piezod reset` and `piezod arm --confirm-output`"
         )
-        stage.note(StageEvent(t_ns, "warning", "output", text))
+        stage.note(StageEvent(t_ns, "error", "output", text))
         stage.go(Event.OUTPUT_UNKNOWN, t_ns)
         return
     stage.output.known = True
@@ -237,6 +245,13 @@ def _still_at_last_write(stage: Stage) -> bool:
     return stage.output.known_when_lost and reports
 
 
+def _settle_outputs(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
+    """Find out which voltage is in force on an axis that waits for its output."""
+    for i, axis in enumerate(stage.axes):
+        if axis.waits and stage.judge.settle(i, read_back_v[i], t_ns, lost=axis.lost):
+            axis.ramp_to(axis.config.safe_v)
+
+
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End a ramp that has reached the safe voltage, or that takes too long."""
     # Both must be at the safe voltage: the drive that was written, and the read-back if there is
@@ -246,14 +261,19 @@ def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         and not abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v
         for axis, drive_v in zip(stage.axes, read_back_v, strict=True)  # NaN without a read-back
     )
-    overdue_cycles = -min(axis.ramp_cycles for axis in stage.axes)
+    overdue_ns = -min(axis.ramp_cycles for axis in stage.axes) * stage.period_ns
+    waited_ns = max(axis.waited_cycles for axis in stage.axes) * stage.period_ns
     if at_safe or not stage.boundary.active:  # outputs that were cut fall by themselves
         stage.go(Event.ESTOP_RELEASED if stage.release_estop() else Event.AT_SAFE, t_ns)
-    elif overdue_cycles * stage.period_ns > RAMP_GRACE_NS:
+    elif overdue_ns > RAMP_GRACE_NS or waited_ns > OUTPUT_WAIT_NS:
         stage.release_estop()
         for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True)):
             tolerance_v = axis.law.limits.read_back_tolerance_v
             stage.report(Detection(Fault.A3, i, drive_v - axis.config.safe_v, tolerance_v))
+            why = stage.judge.told(i) or "the output does not follow its writes"
+            text = f"the voltage stays: {drive_v:.4g} V read back, safe voltage "
+            text += f"{axis.config.safe_v:g} V: {why}"
+            stage.note(StageEvent(t_ns, "error", "output", text, Fault.A3, axis.name))
         stage.go(Event.RAMP_TIMEOUT, t_ns)
 
 

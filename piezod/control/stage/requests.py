@@ -82,11 +82,9 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
         return _answer(refusal)
     stage.register.resume()  # faults that only held the stage, and are gone, end here
     stage.boundary.shadow = request.shadow
-    if request.confirm_output and not stage.boundary.reads_back:
-        stage.output.known = True
-        for axis in stage.axes:
-            axis.track(axis.config.safe_v)
+    stage.confirm_output(confirmed=request.confirm_output)
     refusal = stage.go(Event.ARM, t_ns)
+    stage.confirm_output(confirmed=False)
     if refusal:
         stage.boundary.shadow = False
         return Answer(False, refusal)

@@ -1,7 +1,6 @@
 """A stage: its axes, its devices, its state, and the actions at a change of state."""
 
 from collections.abc import Callable, Sequence
-from math import nan
 from typing import Final
 
 from piezod.config.faults import Fault
@@ -12,14 +11,15 @@ from piezod.control.faults.detection import Detection
 from piezod.control.faults.register import FaultRegister
 from piezod.control.stage.boundary import OutputKnowledge
 from piezod.control.stage.causes import cause_of, explained
+from piezod.control.stage.output_judge import OutputJudge
 from piezod.control.stage.parts import StageParts
 from piezod.control.stage.playing import StagePlay
 from piezod.control.stage.self_test import SelfTest
 from piezod.control.stage.sequence import DriveSequence, DriveStep
 from piezod.control.stage.states import Event, Facts, HoldCause, step
-from piezod.control.stage.takeover import OutputJudge
 from piezod.control.stage.zeroing import SensorZero
 from piezod.telemetry.record import StageEvent
+from piezod.units import NS_PER_S
 
 DRIVEN: Final = frozenset(
     {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
@@ -48,6 +48,7 @@ class Stage:
         state: The state.
         output: Whether the voltages in force are known.
         zero: The zeros of the sensors.
+        judge: Judges which voltages are in force.
     """
 
     def __init__(
@@ -73,7 +74,10 @@ class Stage:
         self._self_test, self._no_entry = SelfTest(), ""
         self._shutting_down = self._estop_pressed = False
         self._hold_cause, self._since_ns = HoldCause.FAULT, 0
-        self._judge = OutputJudge(self.axes, self.watches, register, self.zero, self.note)
+        self.judge = OutputJudge(
+            self.axes, self.watches, register, self.zero, self.boundary, self.note
+        )
+        self._output_confirmed = False
 
     def go(self, event: Event, t_ns: int) -> str:
         """Take an edge of the state machine; return why it is refused, empty if it is taken.
@@ -204,9 +208,17 @@ class Stage:
             if drive_v - drive_v == 0.0:  # finite
                 axis.track(drive_v)
 
-    def resync(self, read_back_v: Sequence[float], t_ns: int) -> None:
-        """Take over lost amplifiers, from finite read-backs in V. Real-time safe."""
-        self._judge.resync(read_back_v, self.output.written_v, t_ns)
+    def confirm_output(self, *, confirmed: bool) -> None:
+        """Note that a person answers for the voltage in force: that of the read-back.
+
+        Without a read-back it is the safe voltage.
+        """
+        self._output_confirmed = confirmed
+        if confirmed and not self.boundary.reads_back:
+            self.output.known = True
+            for i, axis in enumerate(self.axes):
+                axis.track(axis.config.safe_v)
+                self.boundary.took_over(i, axis.config.safe_v)
 
     def memory_is_missing(self) -> bool:
         """Return whether an axis compensates without a known hysteresis memory. Real-time safe."""
@@ -259,32 +271,45 @@ class Stage:
             self._was_driven = True
         if state is State.BLIND:
             self._driven_when_lost, self._memory_known = before in DRIVEN, False
-            self.output.lose(
-                [axis.law.in_force_v if written else nan for axis in self.axes],
-                traceable=boundary.reads_back or boundary.reports_restart,
-            )
+            if not written:  # what somebody else has set meanwhile is no business of ours
+                boundary.forget_written()
+            self.output.lose(traceable=boundary.reads_back or boundary.reports_restart)
         elif state not in {State.RAMP, State.ESTOP}:
             self.output.settle()
         if before is State.IDENT:
             self._sequence.clear()
+        if state in {State.RAMP, State.ESTOP} and before not in DRIVEN:
+            self._start_at_last_write()
 
     def _enter_axes(self, state: State, t_ns: int) -> None:
         """Start what the axes drive in a new state."""
         paused = state is State.HOLD and self._hold_cause is HoldCause.LATENESS
-        for i, axis in enumerate(self.axes):
+        for axis in self.axes:
             if state is State.RUN:
                 axis.rejoin(t_ns)
             elif paused:
                 axis.pause()
             elif state in {State.RAMP, State.ESTOP}:
-                if self._judge.starts_at_read_back(i, t_ns):
-                    self.boundary.forget_sent(i)
                 axis.ramp_to(axis.config.safe_v)
+                axis.waited_cycles = 0
             elif state is not State.IDENT:
                 axis.hold()
 
+    def _start_at_last_write(self) -> None:
+        """Let a ramp start at the last write where the read-back, which was tracked, is unlike it.
+
+        The guard then writes nothing before it is known which of them is in force. A process that
+        was killed may have died between noting a voltage and writing it, one step away.
+        """
+        for axis, written_v in zip(self.axes, self.boundary.written_v, strict=True):
+            limits = axis.law.limits
+            step_v = limits.slew_v_per_s * self.period_ns / NS_PER_S
+            if abs(written_v - axis.law.in_force_v) > limits.read_back_tolerance_v + step_v:
+                axis.law.applied(written_v)
+
     def _facts(self) -> Facts:
-        doubt = "" if self.state is not State.SAFE or self.boundary.shadow else self._judge.doubt()
+        asks = self.state is State.SAFE and not (self.boundary.shadow or self._output_confirmed)
+        doubt = self.judge.doubt() if asks else ""
         return Facts(
             output_known=self.output.known,
             sensor_valid=self.boundary.active and all(watch.sensor.ready for watch in self.watches),

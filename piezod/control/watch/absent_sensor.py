@@ -11,7 +11,9 @@ from piezod.devices.status import Flags
 class AbsentSensor:
     """No sample, hence no fault. Real-time safe."""
 
-    noise_um = 0.0
+    noise_um = width_um = 0.0
+    gain_um_per_v = nan
+    answer_ns = 0
     ready = True
     """Modes of other axes need not wait for it; those of this axis are refused."""
     sample = Sample(0, nan, False)

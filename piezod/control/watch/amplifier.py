@@ -58,6 +58,8 @@ class AmplifierWatch:
         self._axis = axis
         self._low_v, self._high_v = limits.drive_min_v, limits.drive_max_v
         self._tolerance_v = limits.read_back_tolerance_v
+        self.lag_ns = delay_ns + lag_ns
+        """Longest delay of an output, and of its read-back, behind the write, in ns."""
         self._written_v = RecentRange(LAG_CYCLES + (LAG_DELAYS * delay_ns + lag_ns) // period_ns)
         self._taken_v, self._read_back_v = nan, nan
         self._refusals = LeakyBucket()
@@ -68,9 +70,8 @@ class AmplifierWatch:
         self._after_gap = False
         self.overloaded = False
         """Whether the amplifier reports an overload in this cycle."""
-        self.unexpected_v = nan
-        """Read-back of this cycle if it matches no recent write, in V. NaN if it matches, or if it
-        is wrong for so long that it is A3."""
+        self.follows = False
+        """Whether the read-back of this cycle matches a recent write."""
         self.unexplained_fall = False
         """Whether the read-back has collapsed since the last write, and neither the amplifier was
         silent nor the loop stood still. The read-back itself may be wrong."""
@@ -101,11 +102,11 @@ class AmplifierWatch:
         wrong |= (
             self._range_limited_cycles >= RANGE_CYCLES or self._slew_limited_cycles >= SLEW_CYCLES
         )
-        deviation_v = 0.0
+        deviation_v, self.follows = 0.0, False
         if read_back_v - read_back_v == 0.0:
             deviation_v = self._deviation_v(read_back_v)
+            self.follows = self._written and deviation_v == 0.0
             wrong |= self._has_over_voltage(read_back_v) or deviation_v > 0.0
-        self.unexpected_v = nan
         if self.unexplained_fall and isnan(read_back_v):
             self.unexplained_fall = False
         found = self._found(flags, read_back_v, before_v, deviation_v) if wrong else _NOTHING
@@ -152,13 +153,24 @@ class AmplifierWatch:
         self._range_limited_cycles = self._range_limited_cycles + 1 if range_limited else 0
         self._slew_limited_cycles = self._slew_limited_cycles + 1 if slew_limited else 0
 
+    def waited(self, in_force_v: float) -> None:
+        """Take a cycle without a write, because the output does not follow the last one.
+
+        Args:
+            in_force_v: Voltage that was written last, in V.
+        """
+        if self._taken_v != self._taken_v:  # NaN: no write since `forget`
+            self._taken_v = in_force_v
+            self._written_v.add(in_force_v)
+        self._written = True
+
     def forget(self) -> None:
         """Forget all writes: the amplifier is taken over from its read-back.
 
         A cycle without a write does the same. `reports_move` stays: it tells how to take over.
         """
         self._written_v.forget()
-        self._taken_v = self.unexpected_v = nan
+        self._taken_v = nan
         self._refusals.reset()
         self._mismatch_cycles = self._range_limited_cycles = self._slew_limited_cycles = 0
         self._written = self._not_taken = self._not_finite = False
@@ -220,8 +232,6 @@ class AmplifierWatch:
             found.append(Detection(Fault.A7, self._axis, deviation_v, least_v or self._tolerance_v))
             self.unexplained_fall = not self._after_gap
         self._mismatch_cycles = self._mismatch_cycles + 1 if deviation_v > 0.0 else 0
-        if 0 < self._mismatch_cycles < MISMATCH_CYCLES:
-            self.unexpected_v = read_back_v
         if self._mismatch_cycles >= MISMATCH_CYCLES:
             found.append(Detection(Fault.A3, self._axis, deviation_v, self._tolerance_v))
         return found

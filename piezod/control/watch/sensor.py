@@ -104,6 +104,8 @@ class SensorWatch:
     def __init__(self, axis: int, sensor: WatchedSensor, period_ns: int) -> None:
         self._axis = axis
         self._drive_v, self._position_um = sensor.drive_v, sensor.position_um
+        self.answer_ns = sensor.answer_ns
+        """Time until the stage has followed the drive, in ns."""
         # Cycles of the response time, rounded up, and the present one.
         window = -(-sensor.answer_ns // period_ns) + 1
         self._screen = SampleScreen(axis, sensor.position_um, sensor.latency_ns, period_ns)
@@ -184,6 +186,16 @@ class SensorWatch:
             return nan, nan
         low, high = self._plausible.bounds(drive_v, drive_v)
         return self._position_um.from_unit(low - MARGIN), self._position_um.from_unit(high + MARGIN)
+
+    @property
+    def width_um(self) -> float:
+        """Width of the range of positions, in µm."""
+        return self._position_um.width
+
+    @property
+    def gain_um_per_v(self) -> float:
+        """Mean slope of the displacement over the drive, in µm/V; NaN without a model."""
+        return nan if self._plausible is None else self._position_um.width / self._drive_v.width
 
     @property
     def noise_um(self) -> float:

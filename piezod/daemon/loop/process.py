@@ -27,7 +27,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
-from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop.absences import Absences
 from piezod.daemon.loop.accept import accept
 from piezod.daemon.loop.device_counters import DeviceCounters
@@ -109,6 +109,7 @@ def main(
     reports = _use_wrappers(channels, placements, shared)
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
+    noted_v = [each.drive_v for each in read_last_output(runtime / "output.map")]
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
     controller = assemble(config, timed, able, partial(_forget, last_output, clock), plays)
     controller.stay_in_boot(True)
@@ -120,7 +121,7 @@ def main(
     raise_thread_priorities(placements)
     shared.set_report(_report(steps, placements, realtime.processor))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
-    take_over(controller, shared, channels, known)
+    take_over(controller, shared, channels, known, noted_v)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), *reports)
@@ -206,6 +207,7 @@ def take_over(
     shared: SharedMap,
     channels: Channels,
     known: Mapping[str, Identity],
+    noted_v: Sequence[float],
 ) -> None:
     """Take over what the loop before, or the last daemon, has left.
 
@@ -214,6 +216,7 @@ def take_over(
         shared: The memory shared with the supervisor.
         channels: The devices, open.
         known: The identities of the devices that the loop before had opened.
+        noted_v: Voltage of each axis that it wrote last, in V; NaN if that is not known.
     """
     if succession := succession_of(shared):
         controller.restore_faults(succession.latched, stopped=succession.stopped)
@@ -227,7 +230,7 @@ def take_over(
         if channels.identities.keys() == known.keys() and all(
             is_same(found, known[name]) for name, found in channels.identities.items()
         ):
-            controller.ramp_first()
+            controller.ramp_first(noted_v)
     controller.stay_in_boot(False)
 
 

@@ -11,11 +11,11 @@ from typing import Any, Final, cast
 from piezod.config import requests as rq
 from piezod.config.endpoints import Role
 from piezod.config.states import State
+from piezod.control.in_force import Claim
 from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.stage.states import HoldCause
-from piezod.control.stage.takeover import Claim
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.open_streams import OpenStreams

@@ -13,7 +13,7 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import ids
-from piezod.control.stage.takeover import Claim, Evidence, take_over
+from piezod.control.in_force import Claim, Evidence, Source, voltage_in_force
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind
 from tests.control.fault_cases import SwingingStage
@@ -55,7 +55,7 @@ def disagreements(stage: FaultyStage) -> list[str]:
 @pytest.mark.parametrize("factor", [0.0, 0.5])
 @pytest.mark.parametrize("sensor_lost", [False, True])
 def test_wrong_read_back_makes_no_step(factor: float, sensor_lost: bool) -> None:
-    """The ramp starts at the last write: the sensor shows it, or it is the farther voltage."""
+    """The ramp starts at the last write if the sensor shows it; otherwise nothing is written."""
     stage = standing()
     before_v = stage.x.drive_v
     stage.fail(InjectionKind.READ_BACK_OFFSET, value=(factor - 1.0) * before_v)
@@ -67,7 +67,8 @@ def test_wrong_read_back_makes_no_step(factor: float, sensor_lost: bool) -> None
     steps_v = [abs(a - b) for a, b in pairwise([before_v, *written_v(stage)])]
 
     assert blind == State.BLIND
-    assert max(steps_v) <= SLEW_STEP_V
+    assert max(steps_v, default=0.0) <= SLEW_STEP_V
+    assert bool(steps_v) is not sensor_lost
     assert f"last write {before_v:.4g} V" in disagreements(stage)[0]
 
 
@@ -208,7 +209,7 @@ def test_arming_at_a_voltage_that_the_sensor_excludes_is_refused() -> None:
     stage.stage.zero.set_um(0, 0.0)
     accepted = stage.ask(rq.Arm())
 
-    assert "check the read-back" in refused.why
+    assert "sensor 16.7" in refused.why
     assert (refused.accepted, accepted.accepted) == (False, True)
 
 
@@ -230,52 +231,68 @@ def claims(draw: st.DrawFn, *, none: bool = False) -> Claim:
     read_back=claims(),
     written=claims(none=True),
     position_um=positions,
+    moved=st.sampled_from([nan, 0.0, 0.3, 1.0]),
     explained=st.booleans(),
-    moved=st.booleans(),
-    safe_v=st.sampled_from([0.0, 75.0]),
+    reported=st.booleans(),
 )
 @settings(max_examples=300)
 def test_takeover_is_at_a_credible_voltage(
     read_back: Claim,
     written: Claim,
     position_um: float,
+    moved: float,
     explained: bool,
-    moved: bool,
-    safe_v: float,
+    reported: bool,
 ) -> None:
-    """It is one of the two, and doubt is reported.
+    """It is one of the two or unknown, and doubt is reported.
 
     It is the read-back if the amplifier reports that its output changed, and otherwise never the
-    voltage that the sensor alone excludes.
+    voltage that the sensor alone excludes. It is unknown where nothing decides.
     """
-    known = Evidence(read_back, written, position_um, explained, moved)
-    start_v, disagreement = take_over(known, safe_v, TOLERANCE_V)
-    claimed = [claim for claim in (read_back, written) if claim.drive_v == start_v]
-    other = [claim for claim in (read_back, written) if abs(claim.drive_v - start_v) > TOLERANCE_V]
+    known = Evidence(read_back, written, position_um, moved, reported, explained)
+    found = voltage_in_force(known, TOLERANCE_V)
+    claimed = [claim for claim in (read_back, written) if claim.drive_v == found.drive_v]
+    other = [
+        claim for claim in (read_back, written) if abs(claim.drive_v - found.drive_v) > TOLERANCE_V
+    ]
 
-    assert claimed
-    if moved:
-        assert start_v == read_back.drive_v
-    elif other and not other[0].excludes(position_um):
+    assert bool(claimed) == (found.source is not Source.UNKNOWN)
+    if not claimed:
+        assert abs(read_back.drive_v - written.drive_v) > TOLERANCE_V
+        assert not (explained or reported or found.proven)
+    elif reported:
+        assert found.drive_v == read_back.drive_v
+    elif other and isnan(moved) and not other[0].excludes(position_um):
         assert not all(claim.excludes(position_um) for claim in claimed)
-    if other and not (explained or moved) and isnan(position_um):
-        assert abs(start_v - safe_v) >= abs(other[0].drive_v - safe_v)
-    assert bool(disagreement) == bool(other or claimed[0].excludes(position_um))
+    if claimed:
+        assert bool(found.doubt) == bool(other or claimed[0].excludes(position_um))
 
 
-@given(true_v=st.floats(20.0, 140.0), share=st.floats(0.0, 1.0), sensed=st.booleans())
+@given(true_v=st.floats(20.0, 140.0), share=st.floats(0.0, 0.9), sensed=st.booleans())
 def test_ramp_from_the_credible_voltage_keeps_the_slew_limit(
     true_v: float, share: float, sensed: bool
 ) -> None:
-    """No read-back of a fallen output makes a step, with a sensor and without one."""
+    """A false read-back of a fallen output makes no step; without a sensor nothing is written."""
     truth, wrong = (
         Claim(drive_v, drive_v - 15.0, drive_v + 15.0) for drive_v in (true_v, share * true_v)
     )
-    known = Evidence(wrong, truth, true_v if sensed else nan, fall_explained=False)
-    start_v, _ = take_over(known, 0.0, TOLERANCE_V)
+    start_v = voltage_in_force(Evidence(wrong, truth, true_v if sensed else nan), 0.75).drive_v
     first_v = start_v - min(start_v, SLEW_STEP_V)
 
-    assert abs(first_v - true_v) <= SLEW_STEP_V + TOLERANCE_V
+    assert isnan(start_v) or abs(first_v - true_v) <= SLEW_STEP_V + TOLERANCE_V
+    assert sensed or isnan(start_v)
+
+
+@pytest.mark.parametrize(
+    ("moved", "source"),
+    [(0.0, Source.WRITTEN), (1.0, Source.READ_BACK), (0.3, Source.UNKNOWN)],
+)
+def test_way_of_the_stage_tells_the_voltage(moved: float, source: Source) -> None:
+    """A sensor that was never zeroed still shows whether the output has moved."""
+    found = voltage_in_force(Evidence(Claim(60.0), Claim(100.0), nan, moved), TOLERANCE_V)
+
+    assert found.source is source
+    assert "60 V, last write 100 V" in found.doubt
 
 
 @pytest.mark.fault("A7")

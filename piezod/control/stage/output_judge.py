@@ -1,0 +1,225 @@
+"""Asks which voltages are in force on a stage, and reports witnesses that contradict each other.
+
+It collects the evidence of each axis for `control.in_force`, and remembers what follows from the
+answer: a read-back that is false does not hold back the writes until it agrees with them again.
+"""
+
+from collections.abc import Callable, Sequence
+from math import isfinite, nan
+from typing import Final
+
+from piezod.config.faults import Fault
+from piezod.control.faults.register import FaultRegister
+from piezod.control.faults.table import mask
+from piezod.control.in_force import Claim, Evidence, InForce, Source, voltage_in_force
+from piezod.control.stage.axis import StageAxis
+from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.zeroing import SensorZero
+from piezod.control.watch.axis import AxisWatch
+from piezod.telemetry.record import StageEvent
+from piezod.units import s_to_ns
+
+_WRONG_POSITION: Final = (Fault.S1, Fault.S9, Fault.S10, Fault.S13)
+"""Faults of a sensor whose samples are valid and nevertheless prove nothing."""
+_WRONG: Final = mask(_WRONG_POSITION)
+SETTLE_NS: Final = s_to_ns(0.01)
+"""The sensor shows where the output has gone after this time, plus the response time of the
+stage."""
+LEAST_WAY: Final = 0.005
+"""Shortest way of the stage that the sensor can judge, as a share of the range."""
+LEAST_WAY_SIGMAS: Final = 30.0
+"""The same, in standard deviations of its noise."""
+
+
+class OutputJudge:
+    """Judges which voltages are in force, axis by axis. Real-time safe.
+
+    Args:
+        axes: The axes of the stage.
+        watches: Their watches.
+        register: The faults of the stage.
+        zero: The zeros of its sensors.
+        boundary: The devices, with the voltages that were written last.
+        note: Takes the reports.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[StageAxis],
+        watches: Sequence[AxisWatch],
+        register: FaultRegister,
+        zero: SensorZero,
+        boundary: DeviceBoundary,
+        note: Callable[[StageEvent], None],
+    ) -> None:
+        self._axes, self._watches, self._register = axes, watches, register
+        self._zero, self._boundary, self._note = zero, boundary, note
+        n_axes = len(axes)
+        # While read-back and write agree: position, less the one that the model expects.
+        self._off_um, self._expected_um = [nan] * n_axes, [nan] * n_axes
+        self._agreed_ns = [0] * n_axes
+        self._false = set[int]()
+        self._doubts = [""] * n_axes
+        self._sources = [Source.AGREED] * n_axes
+
+    # ------------------------------------------------------------------ cycle by cycle
+
+    def see(self, index: int, position_um: float, t_ns: int) -> None:
+        """Take the position of an axis that is driven and reads back. Call once per cycle.
+
+        Args:
+            index: The axis.
+            position_um: Its position, in µm; NaN if there is no valid one.
+            t_ns: Instant of the cycle, in ns.
+        """
+        axis = self._axes[index]
+        self._expected_um[index] = axis.law.expected_um
+        if self._watches[index].amplifier.follows:
+            wrong = self._register.present & _WRONG and self._is_wrong(index)
+            self._off_um[index] = nan if wrong else position_um - self._expected_um[index]
+            self._agreed_ns[index] = t_ns
+            self._false.discard(index)
+            self._doubts[index], self._sources[index] = "", Source.AGREED
+
+    def live_v(self, read_back_v: Sequence[float]) -> Sequence[float]:
+        """Return the read-backs to wait for, in V; NaN for an axis whose read-back is false."""
+        if not self._false:
+            return read_back_v
+        return [nan if i in self._false else drive_v for i, drive_v in enumerate(read_back_v)]
+
+    # ------------------------------------------------------------------ who starts from a voltage
+
+    def resync(self, read_back_v: Sequence[float], t_ns: int) -> str:
+        """Take over the outputs of lost amplifiers that answer again.
+
+        Args:
+            read_back_v: Read-back of each axis, finite, in V.
+            t_ns: Instant of the cycle, in ns.
+
+        Returns:
+            Why a voltage is unknown, for people; empty if all axes were taken over.
+        """
+        found = list[InForce]()
+        for i, drive_v in enumerate(read_back_v):
+            was_away = not self._watches[i].amplifier.unexplained_fall
+            found.append(self._judge(i, self._evidence(i, drive_v, t_ns, was_away=was_away), t_ns))
+        unknown = self._unknown(found)
+        if not unknown:
+            for i, one in enumerate(found):
+                self._take(i, one)
+        return unknown
+
+    def settle(self, index: int, read_back_v: float, t_ns: int, *, lost: bool) -> bool:
+        """Find out why the output of an axis that ramps down does not follow its writes.
+
+        Args:
+            index: The axis, which waits for its output.
+            read_back_v: Its read-back, finite, in V.
+            t_ns: Instant of the cycle, in ns.
+            lost: Whether the last write is out of reach of the output.
+
+        Returns:
+            Whether the ramp has to start again at the read-back.
+        """
+        found = self._judge(index, self._evidence(index, read_back_v, t_ns), t_ns)
+        if found.source is Source.WRITTEN:
+            self._false.add(index)
+        if found.source is not Source.READ_BACK or not lost:
+            return False
+        self._take(index, found)
+        return True
+
+    def doubt(self) -> str:
+        """Return why the stage may not be armed at the read-backs; empty if nothing is against it.
+
+        A sensor that was never zeroed contradicts nothing.
+        """
+        for i, axis in enumerate(self._axes):
+            tracked_v = axis.law.in_force_v
+            read_back_v = tracked_v if self._boundary.reads_back else nan
+            known = self._evidence(i, read_back_v, 0)
+            if not self._boundary.reads_back:
+                known = known._replace(written=self._claim(i, tracked_v))
+            if not self._zero.known(i):
+                known = known._replace(position_um=nan)
+            found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
+            if not found.proven:
+                return (
+                    f"axis {axis.name}: {found.doubt}: check read-back, output and sensor; bring "
+                    f"the output to the rest voltage and `piezod zero`, or, if the output is at "
+                    f"its read-back, `piezod arm --confirm-output`"
+                )
+        return ""
+
+    def told(self, index: int) -> str:
+        """Return the doubt about the voltage of an axis, for people; empty if there is none."""
+        return self._doubts[index]
+
+    # ------------------------------------------------------------------ the evidence
+
+    def _evidence(
+        self, index: int, read_back_v: float, t_ns: int, *, was_away: bool = False
+    ) -> Evidence:
+        """Return what is known of an axis; `moved` only if the instant is given."""
+        written_v, sample = self._boundary.written_v[index], self._watches[index].sensor.sample
+        position_um = sample.position_um if sample.valid else nan
+        moved = self._moved(index, read_back_v, written_v, position_um, t_ns) if t_ns else nan
+        if self._is_wrong(index):
+            position_um = nan
+        return Evidence(
+            self._claim(index, read_back_v),
+            self._claim(index, written_v),
+            position_um,
+            moved,
+            self._watches[index].amplifier.reports_move,
+            was_away,
+        )
+
+    def _moved(
+        self, index: int, read_back_v: float, written_v: float, position_um: float, t_ns: int
+    ) -> float:
+        """Return the share of the way to the read-back that the sensor has seen; NaN if unknown.
+
+        What the model expects contains the way of the writes, so that the rest is the way from the
+        last write.
+        """
+        sensor = self._watches[index].sensor
+        way_um = sensor.gain_um_per_v * (read_back_v - written_v)
+        least_um = max(LEAST_WAY * sensor.width_um, LEAST_WAY_SIGMAS * sensor.noise_um)
+        settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
+        if not (settled and abs(way_um) > least_um):  # also without a model
+            return nan
+        return (position_um - self._expected_um[index] - self._off_um[index]) / way_um
+
+    def _claim(self, index: int, drive_v: float) -> Claim:
+        return Claim(drive_v, *self._watches[index].sensor.allowed_um(drive_v))
+
+    def _is_wrong(self, index: int) -> bool:
+        """Return whether the samples of an axis are known to prove nothing."""
+        return any(self._register.axes_of(fault) >> index & 1 for fault in _WRONG_POSITION)
+
+    def _judge(self, index: int, known: Evidence, t_ns: int) -> InForce:
+        """Return the voltage in force; report a doubt once."""
+        axis = self._axes[index]
+        found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
+        if found.doubt and (found.source is not self._sources[index]):
+            self._note(StageEvent(t_ns, "warning", "output", found.doubt, axis=axis.name))
+        self._doubts[index], self._sources[index] = found.doubt, found.source
+        return found
+
+    def _take(self, index: int, found: InForce) -> None:
+        """Go on from the voltage in force."""
+        if found.source is Source.WRITTEN:
+            self._false.add(index)
+        else:
+            self._boundary.forget_sent(index)
+        self._boundary.took_over(index, found.drive_v)
+        self._axes[index].track(found.drive_v)
+
+    def _unknown(self, found: Sequence[InForce]) -> str:
+        """Return the doubts about axes whose voltage is unknown, for people."""
+        return "; ".join(
+            f"axis {axis.name}: {one.doubt}"
+            for axis, one in zip(self._axes, found, strict=True)
+            if not isfinite(one.drive_v)
+        )
