@@ -1,6 +1,6 @@
 """`piezod safe`: ramp a stage to its safe voltage without its daemon."""
 
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,14 +21,23 @@ def safe(
         bool,
         typer.Option("--unless-clean", help="Do nothing if the daemon ended in order."),
     ] = False,
+    confirm_output: Annotated[
+        bool,
+        typer.Option(
+            "--confirm-output",
+            help="You have seen that the read-back is right, whatever was written last.",
+        ),
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Ramp a stage to its safe voltage after its daemon has died.
 
     The ramp starts from the read-back voltage or, without a read-back, from the voltage that the
-    daemon wrote last. Nothing is written to another amplifier than the daemon's. Exits with 0 if
-    all axes are at the safe voltage; otherwise it prints UNKNOWN with the reason and exits with 1.
-    Exits with 75 if the daemon runs, or its loop process does not end.
+    daemon wrote last. If the two differ, nothing is written unless you confirm the read-back. The
+    ramp waits up to 30 s for an output that does not follow. Nothing is written to another
+    amplifier than the daemon's. Exits with 0 if all axes are at the safe voltage; otherwise it
+    prints UNKNOWN with the reason and exits with 1. Exits with 75 if the daemon runs, or its loop
+    process does not end.
     """
     from piezod.daemon.paths import stage_paths
 
@@ -37,12 +46,14 @@ def safe(
         _print_outcomes({}, json=json)
         return
     paths.make_folders()
-    outcomes = _ramp_down_alone(config, paths)
+    outcomes = _ramp_down_alone(config, paths, confirmed=confirm_output)
     _print_outcomes(outcomes, json=json)
     _raise_unknown(outcomes)
 
 
-def _ramp_down_alone(config: Path, paths: "StagePaths") -> "dict[str, AxisOutcome]":
+def _ramp_down_alone(
+    config: Path, paths: "StagePaths", *, confirmed: bool
+) -> "dict[str, AxisOutcome]":
     import signal
 
     from piezod.daemon.durations import loop_gone_within_s
@@ -57,7 +68,7 @@ def _ramp_down_alone(config: Path, paths: "StagePaths") -> "dict[str, AxisOutcom
             # continue to its end.
             before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
             try:
-                return _ramp_down(in_force, paths, within_s)
+                return _ramp_down(in_force, paths, within_s, confirmed=confirmed)
             finally:
                 signal.signal(signal.SIGTERM, before)
 
@@ -79,10 +90,10 @@ def _in_force(config: Path, paths: "StagePaths") -> "DaemonConfig":
 
 
 def _ramp_down(
-    config: "DaemonConfig", paths: "StagePaths", within_s: float
+    config: "DaemonConfig", paths: "StagePaths", within_s: float, *, confirmed: bool
 ) -> "dict[str, AxisOutcome]":
     from piezod.daemon.clock import MonotonicClock
-    from piezod.daemon.last_output import read_last_output
+    from piezod.daemon.last_output import LastOutputWriter, read_last_output
     from piezod.daemon.noted_identities import noted_identities
     from piezod.daemon.safe.ramp_down import Noted, ramp_down
 
@@ -91,7 +102,14 @@ def _ramp_down(
     if len(noted) == len(config.axes):
         noted_v = {name: each.drive_v for name, each in zip(config.axes, noted, strict=True)}
     known = Noted(noted_v, noted_identities(paths.identities))
-    return ramp_down(config, known, within_s, MonotonicClock())
+    clock = MonotonicClock()
+    outcomes = ramp_down(config, known, within_s, clock, confirmed=confirmed)
+    # For the next daemon: what it starts from is what was written here.
+    written_v = [
+        each.safe_v if not each.why else noted_v.get(name, nan) for name, each in outcomes.items()
+    ]
+    LastOutputWriter(paths.output_map, len(written_v)).note(written_v, clock.now_ns())
+    return outcomes
 
 
 def _print_outcomes(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from piezod.commission.session_trace import SessionTrace
 from piezod.control.guard import Guard, Limits
+from piezod.control.in_force import Claim, Evidence, voltage_in_force
 from piezod.control.signals import RecentRange
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.pacer import Pacer
@@ -125,9 +126,8 @@ class Session:
         if self._not_ours:
             raise DeviceError(f"the voltage is left as it is: {self._not_ours}")
         self._watch = self._new_watch()  # earlier problems must not prevent the way back
-        # The ramp starts where the output really is: the last write may not have come into force.
         if self._reads_back:
-            self.drive_v = self._read_back_v()
+            self.drive_v = self._start_v(self._read_back_v())
         target_v = min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v)
         trace = self.go(target_v)
         if abs(self.drive_v - target_v) > self.limits.read_back_tolerance_v:
@@ -188,7 +188,8 @@ class Session:
         """
         period_ns = round(NS_PER_S / (rate_hz or self.rate_hz))
         # The slew limit must use the same time step as the waveform, or a ramp would lag behind.
-        guard = Guard([self.limits], LONGEST_PERIODS * period_ns / NS_PER_S)
+        lag_s = self._channels.capabilities().lag_ns / NS_PER_S
+        guard = Guard([self.limits], LONGEST_PERIODS * period_ns / NS_PER_S, [lag_s])
         pacer = Pacer(self._clock, period_ns, 0)
         rows: list[tuple[float, float, float, float]] = []
         begin_ns = before_ns = self._clock.now_ns()
@@ -202,11 +203,22 @@ class Session:
             # Before the write: a sample belongs to the voltage that was in force when it was taken.
             rows.append(((now_ns - begin_ns) / NS_PER_S, self.drive_v, read_back_v, position_um))
             elapsed_s = min(now_ns - before_ns, LONGEST_PERIODS * period_ns) / NS_PER_S
-            asked_v = [wave_v(wave_s)]
-            admitted = guard.admit(now_ns, now_ns, asked_v, [self.drive_v], elapsed_s)
-            self._note(admitted.drive_v[0])
-            accepted = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
-            self._watch.check_write(accepted=accepted, drive_v=admitted.drive_v[0], now_ns=now_ns)
+            admitted = guard.admit(
+                now_ns,
+                now_ns,
+                [wave_v(wave_s)],
+                [self.drive_v],
+                elapsed_s,
+                read_back_v=[read_back_v],
+            )
+            self._watch.check_wait(read_back_v, self.drive_v, now_ns, waits=bool(admitted.waits))
+            accepted = False
+            if not admitted.waits:
+                self._note(admitted.drive_v[0])
+                accepted = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
+                self._watch.check_write(
+                    accepted=accepted, drive_v=admitted.drive_v[0], now_ns=now_ns
+                )
             # After a refused write the waveform waits, so that it continues without a jump.
             if accepted:
                 self.drive_v, wave_s = admitted.drive_v[0], wave_s + elapsed_s
@@ -218,6 +230,22 @@ class Session:
         if elsewhere := flags & MOVED:  # the session leaves the voltage as it is
             self._not_ours = ", ".join(sorted(elsewhere))
         self._watch.check_read_back(read_back_v, self.drive_v, flags)
+
+    def _start_v(self, read_back_v: float) -> float:
+        """Return the voltage at which the way back starts, in V.
+
+        Raises:
+            DeviceError: If it is unknown, because the read-back is unlike the last write.
+        """
+        step_v = self.limits.slew_v_per_s / self.rate_hz
+        known = Evidence(Claim(read_back_v), Claim(self.drive_v))
+        found = voltage_in_force(known, self.limits.read_back_tolerance_v + step_v)
+        if not isfinite(found.drive_v):
+            raise DeviceError(
+                f"the voltage is left as it is: {found.doubt}; look at the amplifier, then "
+                "`piezod safe`"
+            )
+        return found.drive_v
 
     def _read_back_v(self) -> float:
         """Return the read-back voltage, in V; wait for a finite one."""
@@ -250,7 +278,7 @@ class _Watch:
 
     def __init__(self, tolerance_v: float, lag_cycles: int) -> None:
         self._tolerance_v, self._written_v = tolerance_v, RecentRange(lag_cycles)
-        self._refused_ns = self._off = 0
+        self._refused_ns = self._waits_ns = self._off = 0
 
     def check_read_back(
         self, read_back_v: float, drive_v: float, flags: frozenset[DeviceFlag]
@@ -268,6 +296,25 @@ class _Watch:
                 f"the read-back voltage differs by {read_back_v - drive_v:.1f} V from the written "
                 "one: check the calibration of the channel, the load, and whether another program "
                 "drives the amplifier"
+            )
+
+    def check_wait(self, read_back_v: float, drive_v: float, now_ns: int, *, waits: bool) -> None:
+        """Check for how long the output has not followed its writes.
+
+        Args:
+            read_back_v: Its read-back, in V.
+            drive_v: The last write, in V.
+            now_ns: Instant of the cycle, in ns.
+            waits: Whether it has to be waited for in this cycle.
+        """
+        if not waits:
+            self._waits_ns = 0
+            return
+        self._waits_ns = self._waits_ns or now_ns
+        if (now_ns - self._waits_ns) / NS_PER_S > PATIENCE_S:
+            raise DeviceError(
+                f"the output does not follow its writes: {drive_v:.2f} V written, "
+                f"{read_back_v:.2f} V read back: check the load and the calibration of the channel"
             )
 
     def check_write(self, *, accepted: bool, drive_v: float, now_ns: int) -> None:

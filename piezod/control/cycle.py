@@ -198,7 +198,7 @@ def _watch_axis(
     usable = watch.sensor.sample
     position_um = usable.position_um if usable.valid else nan
     if driven and stage.boundary.reads_back:
-        stage.judge.see(i, position_um, t_ns)
+        stage.judge.see(i, position_um, read_back_v, t_ns)
     detections += watch.adaptation.check(
         axis.command_um, position_um, closed=closed, noise_um=watch.sensor.noise_um
     )

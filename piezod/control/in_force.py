@@ -14,11 +14,17 @@ from enum import Enum, auto
 from math import isfinite, nan
 from typing import Final, NamedTuple
 
-STAYED: Final = 0.15
-MOVED: Final = 0.4
+STAYED: Final = 0.3
+MOVED: Final = 0.45
 """The sensor contradicts the read-back if it has seen less than this share of the way from the last
 write to the read-back, and the last write if it has seen more than that share. The slopes of a
 hysteresis lie between, as the errors of a model do."""
+
+
+OUTPUT_WAIT_S: Final = 30.0
+"""How long a ramp to the safe voltage waits for an output that does not follow its writes, in s;
+then the ramp has failed, and the voltage stays. The ramp of the loop and that of `piezod safe`,
+which follows it, together end well within the 90 s after which systemd kills a service."""
 
 
 class Claim(NamedTuple):

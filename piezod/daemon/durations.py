@@ -3,6 +3,7 @@
 from typing import Final
 
 from piezod.config.daemon import DaemonConfig
+from piezod.control.in_force import OUTPUT_WAIT_S
 
 LOOP_ENDS_S: Final = 3.0
 """Time of a loop without its ramp, in s: it begins the ramp 1 s after the last beat of a
@@ -22,7 +23,7 @@ def ramp_s(config: DaemonConfig) -> float:
 
 def loop_gone_within_s(config: DaemonConfig) -> float:
     """Return the time after which a loop without its supervisor has ended, in s."""
-    return LOOP_ENDS_S + ramp_s(config)
+    return LOOP_ENDS_S + ramp_s(config) + OUTPUT_WAIT_S
 
 
 def ramped_down_within_s(config: DaemonConfig) -> float:
@@ -31,4 +32,4 @@ def ramped_down_within_s(config: DaemonConfig) -> float:
     It may have to wait for the ramp of a loop that still runs, and a slow amplifier delays its own
     steps: a wait is better than an end in the middle of a ramp.
     """
-    return RAMP_DOWN_PATIENCE_S + 3 * ramp_s(config)
+    return RAMP_DOWN_PATIENCE_S + 3 * ramp_s(config) + 2 * OUTPUT_WAIT_S

@@ -37,6 +37,11 @@ class FakeAmplifier:
         closed: Whether it was closed.
         activated: Whether it was activated.
         highest_v: Highest voltage that it accepts.
+        watchdog: Whether it has a watchdog.
+        stuck_until_ns: Instant until which it accepts writes without effect; then the last one
+            takes effect.
+        steps_v: Distance of each accepted write from the voltage in force before it.
+        read_ns: Instant of the last read-back.
     """
 
     def __init__(self, axes: tuple[str, ...], drive_v: float = 75.0) -> None:
@@ -48,6 +53,9 @@ class FakeAmplifier:
         self.activated, self.highest_v = False, inf
         self.absent = 0
         self.wrong: Exception | None = None
+        self.watchdog, self.stuck_until_ns, self.read_ns = False, 0, 0
+        self.steps_v: list[float] = []
+        self._waiting_v: list[float] = []
 
     def open(self) -> Identity:
         if self.wrong:
@@ -58,7 +66,9 @@ class FakeAmplifier:
         return Identity("piezod", "fake", "0", "0")
 
     def capabilities(self) -> Capabilities:
-        return Capabilities(self.axes, self.axes, self.reads_back, 1e3, holds=True)
+        return Capabilities(
+            self.axes, self.axes, self.reads_back, 1e3, holds=True, watchdog=self.watchdog
+        )
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
         self.activated = True
@@ -72,12 +82,19 @@ class FakeAmplifier:
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         if self.refuses or max(drive_v) > self.highest_v:
             return False
+        self.steps_v += [abs(a - b) for a, b in zip(drive_v, self.drive_v, strict=True)]
         self.writes.append((now_ns, list(drive_v)))
-        if not self.stuck:
-            self.drive_v = list(drive_v)
+        self._waiting_v = list(drive_v)
+        self._obey(now_ns)
         return True
 
-    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
+    def _obey(self, now_ns: int) -> None:
+        if self._waiting_v and not self.stuck and now_ns >= self.stuck_until_ns:
+            self.drive_v, self._waiting_v = self._waiting_v, []
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        self.read_ns = now_ns
+        self._obey(now_ns)
         return [nan] * len(self.axes) if self.silent else self.drive_v
 
 

@@ -6,7 +6,7 @@ answer: a read-back that is false does not hold back the writes until it agrees 
 
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
-from typing import Final
+from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
 from piezod.control.faults.register import FaultRegister
@@ -14,7 +14,6 @@ from piezod.control.faults.table import mask
 from piezod.control.in_force import Claim, Evidence, InForce, Source, voltage_in_force
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
-from piezod.control.stage.zeroing import SensorZero
 from piezod.control.watch.axis import AxisWatch
 from piezod.telemetry.record import StageEvent
 from piezod.units import s_to_ns
@@ -25,10 +24,30 @@ _WRONG: Final = mask(_WRONG_POSITION)
 SETTLE_NS: Final = s_to_ns(0.01)
 """The sensor shows where the output has gone after this time, plus the response time of the
 stage."""
-LEAST_WAY: Final = 0.005
+LEAST_WAY: Final = 0.002
 """Shortest way of the stage that the sensor can judge, as a share of the range."""
 LEAST_WAY_SIGMAS: Final = 30.0
 """The same, in standard deviations of its noise."""
+LEAST_WAY_PART: Final = 0.05
+"""The same, as a share of the way that the model has predicted since the stage was at rest: for the
+errors of models."""
+
+
+class _Rest(NamedTuple):
+    """An axis at rest, when read-back and last write agreed for the last time.
+
+    Attributes:
+        read_back_v: Its read-back, in V.
+        expected_um: Position that the model expected, in µm.
+        off_um: Measured position, less that one, in µm; NaN if it was not credible.
+    """
+
+    read_back_v: float
+    expected_um: float
+    off_um: float
+
+
+_UNSEEN: Final = _Rest(nan, nan, nan)
 
 
 class OutputJudge:
@@ -38,7 +57,6 @@ class OutputJudge:
         axes: The axes of the stage.
         watches: Their watches.
         register: The faults of the stage.
-        zero: The zeros of its sensors.
         boundary: The devices, with the voltages that were written last.
         note: Takes the reports.
     """
@@ -48,15 +66,13 @@ class OutputJudge:
         axes: Sequence[StageAxis],
         watches: Sequence[AxisWatch],
         register: FaultRegister,
-        zero: SensorZero,
         boundary: DeviceBoundary,
         note: Callable[[StageEvent], None],
     ) -> None:
         self._axes, self._watches, self._register = axes, watches, register
-        self._zero, self._boundary, self._note = zero, boundary, note
+        self._boundary, self._note = boundary, note
         n_axes = len(axes)
-        # While read-back and write agree: position, less the one that the model expects.
-        self._off_um, self._expected_um = [nan] * n_axes, [nan] * n_axes
+        self._rests, self._expected_um = [_UNSEEN] * n_axes, [nan] * n_axes
         self._agreed_ns = [0] * n_axes
         self._false = set[int]()
         self._doubts = [""] * n_axes
@@ -64,19 +80,23 @@ class OutputJudge:
 
     # ------------------------------------------------------------------ cycle by cycle
 
-    def see(self, index: int, position_um: float, t_ns: int) -> None:
+    def see(self, index: int, position_um: float, read_back_v: float, t_ns: int) -> None:
         """Take the position of an axis that is driven and reads back. Call once per cycle.
 
         Args:
             index: The axis.
             position_um: Its position, in µm; NaN if there is no valid one.
+            read_back_v: Its read-back, in V; NaN if there is none.
             t_ns: Instant of the cycle, in ns.
         """
-        axis = self._axes[index]
-        self._expected_um[index] = axis.law.expected_um
-        if self._watches[index].amplifier.follows:
-            wrong = self._register.present & _WRONG and self._is_wrong(index)
-            self._off_um[index] = nan if wrong else position_um - self._expected_um[index]
+        law, watch = self._axes[index].law, self._watches[index]
+        expected_um = self._expected_um[index] = law.expected_um
+        if watch.amplifier.follows:
+            near = abs(read_back_v - law.in_force_v) <= law.limits.read_back_tolerance_v
+            if near and watch.sensor.rests:
+                wrong = self._register.present & _WRONG and self._is_wrong(index)
+                off_um = nan if wrong else position_um - expected_um
+                self._rests[index] = _Rest(read_back_v, expected_um, off_um)
             self._agreed_ns[index] = t_ns
             self._false.discard(index)
             self._doubts[index], self._sources[index] = "", Source.AGREED
@@ -130,18 +150,13 @@ class OutputJudge:
         return True
 
     def doubt(self) -> str:
-        """Return why the stage may not be armed at the read-backs; empty if nothing is against it.
-
-        A sensor that was never zeroed contradicts nothing.
-        """
+        """Return why the stage may not be armed where it is; empty if nothing is against it."""
         for i, axis in enumerate(self._axes):
             tracked_v = axis.law.in_force_v
             read_back_v = tracked_v if self._boundary.reads_back else nan
             known = self._evidence(i, read_back_v, 0)
             if not self._boundary.reads_back:
                 known = known._replace(written=self._claim(i, tracked_v))
-            if not self._zero.known(i):
-                known = known._replace(position_um=nan)
             found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
             if not found.proven:
                 return (
@@ -163,7 +178,7 @@ class OutputJudge:
         """Return what is known of an axis; `moved` only if the instant is given."""
         written_v, sample = self._boundary.written_v[index], self._watches[index].sensor.sample
         position_um = sample.position_um if sample.valid else nan
-        moved = self._moved(index, read_back_v, written_v, position_um, t_ns) if t_ns else nan
+        moved = self._moved(index, read_back_v, position_um, t_ns) if t_ns else nan
         if self._is_wrong(index):
             position_um = nan
         return Evidence(
@@ -175,21 +190,25 @@ class OutputJudge:
             was_away,
         )
 
-    def _moved(
-        self, index: int, read_back_v: float, written_v: float, position_um: float, t_ns: int
-    ) -> float:
+    def _moved(self, index: int, read_back_v: float, position_um: float, t_ns: int) -> float:
         """Return the share of the way to the read-back that the sensor has seen; NaN if unknown.
 
-        What the model expects contains the way of the writes, so that the rest is the way from the
-        last write.
+        The model expects the position at the last write. At the read-back the stage would be where
+        it rested, and on by the mean slope as far as the read-back has moved since.
         """
-        sensor = self._watches[index].sensor
-        way_um = sensor.gain_um_per_v * (read_back_v - written_v)
-        least_um = max(LEAST_WAY * sensor.width_um, LEAST_WAY_SIGMAS * sensor.noise_um)
+        sensor, rest = self._watches[index].sensor, self._rests[index]
+        expected_um = self._expected_um[index]
+        predicted_um = expected_um - rest.expected_um
+        way_um = sensor.gain_um_per_v * (read_back_v - rest.read_back_v) - predicted_um
+        least_um = max(
+            LEAST_WAY * sensor.width_um,
+            LEAST_WAY_SIGMAS * sensor.noise_um,
+            LEAST_WAY_PART * abs(predicted_um),
+        )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
         if not (settled and abs(way_um) > least_um):  # also without a model
             return nan
-        return (position_um - self._expected_um[index] - self._off_um[index]) / way_um
+        return (position_um - expected_um - rest.off_um) / way_um
 
     def _claim(self, index: int, drive_v: float) -> Claim:
         return Claim(drive_v, *self._watches[index].sensor.allowed_um(drive_v))
@@ -213,6 +232,7 @@ class OutputJudge:
             self._false.add(index)
         else:
             self._boundary.forget_sent(index)
+        self._watches[index].amplifier.taken_over(found.drive_v)
         self._boundary.took_over(index, found.drive_v)
         self._axes[index].track(found.drive_v)
 

@@ -9,6 +9,7 @@ from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
 from piezod.control.faults.detection import Detection, News
 from piezod.control.faults.table import Reaction, mask
+from piezod.control.in_force import OUTPUT_WAIT_S
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.devices.interface import Sample
@@ -19,10 +20,7 @@ HOLD_NS = s_to_ns(2.0)
 """Duration of a HOLD that a fault caused, in ns; then the stage ramps to the safe voltage."""
 RAMP_GRACE_NS = s_to_ns(2.0)
 """A ramp has failed if its end is not read back after this time, in ns."""
-OUTPUT_WAIT_NS = s_to_ns(30.0)
-"""A ramp has failed if it has waited for this time for an output that does not follow, in ns. The
-ramp of the loop and that of `piezod safe`, which may follow it, together end well within the 90 s
-after which systemd kills a service."""
+OUTPUT_WAIT_NS = s_to_ns(OUTPUT_WAIT_S)
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped if no setpoint came for this many cycles and for this time."""
 

@@ -20,7 +20,6 @@ class SensorZero:
 
     def __init__(self, n_axes: int, apply: Callable[[Sequence[float]], None]) -> None:
         self._zero_um = [0.0] * n_axes
-        self._known = [False] * n_axes
         self._apply = apply
         self._running: _RunningMean | None = None
         self.runs = False
@@ -30,14 +29,9 @@ class SensorZero:
         """Return the zero of an axis, in µm as the sensor shows it."""
         return self._zero_um[axis]
 
-    def known(self, axis: int) -> bool:
-        """Return whether the zero of an axis was measured, now or before the start."""
-        return self._known[axis]
-
     def set_um(self, axis: int, zero_um: float) -> None:
         """Set the zero of an axis, in µm as the sensor shows it."""
-        # A stage that was never zeroed has stored 0.
-        self._zero_um[axis], self._known[axis] = zero_um, zero_um != 0.0
+        self._zero_um[axis] = zero_um
         self._apply(self._zero_um)
 
     def begin(self, axes: Sequence[int], period_ns: int, t_ns: int) -> None:
@@ -75,7 +69,6 @@ class SensorZero:
         for axis in running.axes:
             # The samples count from the present zero, so their mean is the change of the zero.
             self.set_um(axis, self._zero_um[axis] + running.mean_um(axis))
-            self._known[axis] = True
         return running.axes
 
 

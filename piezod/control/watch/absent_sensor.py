@@ -14,6 +14,7 @@ class AbsentSensor:
     noise_um = width_um = 0.0
     gain_um_per_v = nan
     answer_ns = 0
+    rests = False
     ready = True
     """Modes of other axes need not wait for it; those of this axis are refused."""
     sample = Sample(0, nan, False)

@@ -160,9 +160,14 @@ class AmplifierWatch:
             in_force_v: Voltage that was written last, in V.
         """
         if self._taken_v != self._taken_v:  # NaN: no write since `forget`
-            self._taken_v = in_force_v
-            self._written_v.add(in_force_v)
+            self.taken_over(in_force_v)
         self._written = True
+
+    def taken_over(self, in_force_v: float) -> None:
+        """Forget all writes: the amplifier is taken over at a voltage, in V."""
+        self.forget()
+        self._taken_v = in_force_v
+        self._written_v.add(in_force_v)
 
     def forget(self) -> None:
         """Forget all writes: the amplifier is taken over from its read-back.

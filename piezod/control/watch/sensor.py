@@ -37,6 +37,9 @@ slipped, or something hit the stage."""
 STUCK_SWING: Final = 0.02
 """Equal samples are stuck if the drive moves meanwhile by more than this share of its range."""
 
+REST_PART: Final = 0.002
+"""A drive rests if it has moved by no more than this share of its range."""
+
 _NOTHING: Final[Sequence[Detection]] = ()
 
 
@@ -191,6 +194,11 @@ class SensorWatch:
     def width_um(self) -> float:
         """Width of the range of positions, in µm."""
         return self._position_um.width
+
+    @property
+    def rests(self) -> bool:
+        """Whether the drive has hardly moved during the response time."""
+        return self._recent_v.swing <= REST_PART * self._drive_v.width
 
     @property
     def gain_um_per_v(self) -> float:

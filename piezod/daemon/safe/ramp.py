@@ -1,7 +1,8 @@
 """Ramps one amplifier to its safe voltage, without a loop.
 
 It knows only the driver interface, measures only the voltage, and imports neither numpy nor numba:
-it must work when much else does not.
+it must work when much else does not. Where read-back and last write contradict each other, nothing
+is written, and a person has to decide. An output that does not follow is waited for.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,8 +12,10 @@ from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.control.guard import read_back_tolerance_v
+from piezod.control.in_force import OUTPUT_WAIT_S, Claim, Evidence, voltage_in_force
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
+from piezod.devices.status import MOVED
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod.units import NS_PER_S
 
@@ -20,6 +23,11 @@ STEP_S: Final = 0.01
 """Time between two steps."""
 MAX_FAILING_S: Final = 2.0
 """How long an amplifier may refuse, report nothing, or not reach its voltage, in s."""
+LAG_STEPS: Final = 10
+"""An output may be this many steps behind before the ramp waits for it."""
+UNACKNOWLEDGED_CYCLES: Final = 3
+"""The stored voltage may be this many cycles of the loop, or rounds of a slow amplifier, ahead of
+the output: it is stored before it is written."""
 NEAR_V: Final = 1.0
 """An output that is outside the limits by no more than this, and refuses the next step, is set to
 the limit."""
@@ -54,6 +62,8 @@ class AmplifierRamp:
         last_v: Last written voltage of each axis, in V; NaN if it is not known.
         wait_s: How long it may be unavailable, in s, as while another process closes it.
         expected: Identity that it must have, apart from its firmware; None accepts any.
+        rate_hz: Rate of the loop that wrote last, in Hz.
+        confirmed: Whether a person answers for the read-back, whatever was written last.
 
     Attributes:
         done: Whether it only has to be closed.
@@ -66,8 +76,13 @@ class AmplifierRamp:
         last_v: Sequence[float],
         wait_s: float,
         expected: Identity | None = None,
+        *,
+        rate_hz: float,
+        confirmed: bool = False,
     ) -> None:
         self._channels, self._last_v, self._expected = channels, last_v, expected
+        self._rate_hz, self._confirmed = rate_hz, confirmed
+        self._slews_v_per_s = [axis.limits.slew_v_per_s for axis in axes]
         self._limits_v = [(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes]
         self._steps_v = [axis.safety.ramp_v_per_s * STEP_S for axis in axes]
         self._tolerances_v = [
@@ -136,6 +151,10 @@ class AmplifierRamp:
         # Use the last write after half of the time; after all of it `step` gives up.
         if unknown and self._reads_back and self._failing_s(now_ns) < MAX_FAILING_S / 2:
             return False
+        if not unknown and (doubt := self._doubt(read_back_v, now_ns)):
+            self._read_back_v = read_back_v
+            self._give_up(doubt)
+            return False
         self._from_v = list(self._last_v) if unknown else read_back_v
         self._from_noted = unknown
         if not all(map(isfinite, self._from_v)):
@@ -145,13 +164,39 @@ class AmplifierRamp:
         self._phase = self._descend
         return True
 
-    def _descend(self, now_ns: int) -> bool:
-        next_v = [
-            drive_v + min(max(safe_v - drive_v, -step_v), step_v)
-            for drive_v, safe_v, step_v in zip(
-                self._drive_v, self._safe_v, self._steps_v, strict=True
+    def _doubt(self, read_back_v: list[float], now_ns: int) -> str:
+        """Return why the voltages in force are not those that are read back; empty if they are."""
+        flags = self._channels.status(now_ns)[len(read_back_v) :]
+        able = self._channels.capabilities()
+        ahead_s = UNACKNOWLEDGED_CYCLES / min(self._rate_hz, able.max_rate_hz)
+        for i, (drive_v, last_v, safe_v) in enumerate(
+            zip(read_back_v, self._last_v, self._safe_v, strict=True)
+        ):
+            # A device with a watchdog brings its output towards rest when nobody writes any more.
+            fell = able.watchdog and abs(drive_v - safe_v) < abs(last_v - safe_v)
+            known = Evidence(
+                Claim(drive_v),
+                Claim(nan if self._confirmed else last_v),
+                reports_move=not MOVED.isdisjoint(flags[i]),
+                was_away=fell,
             )
-        ]
+            tolerance_v = self._tolerances_v[i] + self._slews_v_per_s[i] * ahead_s
+            found = voltage_in_force(known, tolerance_v)
+            if not isfinite(found.drive_v):
+                return f"{found.doubt}; if the read-back is right, `piezod safe --confirm-output`"
+        return ""
+
+    def _descend(self, now_ns: int) -> bool:
+        if self._reads_back:
+            self._read_back_v = list(self._channels.read_back(now_ns))
+        next_v = [self._next_v(axis) for axis in range(len(self._drive_v))]
+        if next_v == self._drive_v != self._safe_v:
+            self._max_failing_s = OUTPUT_WAIT_S
+            self._trouble = (
+                f"the voltage stays: the output does not follow its writes, {self._written()}"
+            )
+            return False
+        self._max_failing_s = MAX_FAILING_S
         if not self._channels.write(next_v, now_ns):
             # An amplifier may rest just outside its limits and refuse any value there.
             inside_v = self._just_inside(next_v)
@@ -163,6 +208,19 @@ class AmplifierRamp:
         if next_v == self._safe_v:
             self._phase = self._verify
         return True
+
+    def _next_v(self, axis: int) -> float:
+        """Return the next voltage of an axis; the present one while its output is behind."""
+        drive_v, step_v = self._drive_v[axis], self._steps_v[axis]
+        next_v = drive_v + min(max(self._safe_v[axis] - drive_v, -step_v), step_v)
+        lag_v = min(LAG_STEPS * step_v, self._slews_v_per_s[axis] * STEP_S)
+        # NaN compares false: without a read-back the own writes have to be enough.
+        behind = abs(next_v - self._read_back_v[axis]) > lag_v + self._tolerances_v[axis]
+        return drive_v if behind else next_v
+
+    def _written(self) -> str:
+        """Return the voltages that were written and those that are read back, for people."""
+        return f"{_volts(self._drive_v)} written, {_volts(self._read_back_v)} read back"
 
     def _just_inside(self, drive_v: list[float]) -> list[float]:
         """Return the limits for values that are a little beyond them; other values unchanged."""
@@ -183,10 +241,7 @@ class AmplifierRamp:
                 self._read_back_v, self._safe_v, self._tolerances_v, strict=True
             )
         )
-        self._trouble = (
-            f"the amplifier was set to {_volts(self._safe_v)} and reads back "
-            f"{_volts(self._read_back_v)}"
-        )
+        self._trouble = f"the amplifier does not show the safe voltage: {self._written()}"
         return self.done
 
     def _failing_s(self, now_ns: int) -> float:

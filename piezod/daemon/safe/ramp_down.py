@@ -30,7 +30,7 @@ class Noted(NamedTuple):
 
 
 def ramp_down(
-    config: DaemonConfig, noted: Noted, wait_s: float, clock: Clock
+    config: DaemonConfig, noted: Noted, wait_s: float, clock: Clock, *, confirmed: bool = False
 ) -> dict[str, AxisOutcome]:
     """Ramp every axis of a stage from its present voltage to its safe voltage.
 
@@ -39,6 +39,7 @@ def ramp_down(
         noted: What the loop has stored.
         wait_s: How long an amplifier may be unavailable, in s.
         clock: Paces the steps.
+        confirmed: Whether a person answers for the read-backs, whatever was written last.
 
     Returns:
         The outcome of each axis; failures of devices are outcomes, not exceptions.
@@ -50,7 +51,7 @@ def ramp_down(
     # One amplifier may drive several axes: each once, in the order of the axes.
     amplifiers = list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
     outcomes: dict[str, AxisOutcome] = {}
-    with _ramps(config, amplifiers, noted, wait_s) as ramps:
+    with _ramps(config, amplifiers, noted, wait_s, confirmed=confirmed) as ramps:
         while not all(ramp.done for ramp in ramps):
             for ramp in ramps:
                 if not ramp.done:
@@ -68,6 +69,8 @@ def _ramps(
     amplifiers: list[str],
     noted: Noted,
     wait_s: float,
+    *,
+    confirmed: bool,
 ) -> Iterator[list[AmplifierRamp]]:
     ramps = []
     try:
@@ -76,7 +79,17 @@ def _ramps(
             last_v = [noted.drive_v.get(axis, nan) for axis in driven]
             axes = [config.axes[axis] for axis in driven]
             channels, expected = _channels(config, name, driven), noted.identities.get(name)
-            ramps.append(AmplifierRamp(channels, axes, last_v, wait_s, expected))
+            ramps.append(
+                AmplifierRamp(
+                    channels,
+                    axes,
+                    last_v,
+                    wait_s,
+                    expected,
+                    rate_hz=config.rate_hz,
+                    confirmed=confirmed,
+                )
+            )
         yield ramps
     finally:
         for ramp in ramps:

@@ -15,7 +15,7 @@ from typing import Any, Final
 from piezod.config.daemon import DaemonConfig
 from piezod.config.requests import Shutdown
 from piezod.daemon import accepted_config
-from piezod.daemon.durations import ramp_s, ramped_down_within_s
+from piezod.daemon.durations import loop_gone_within_s, ramped_down_within_s
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import UnavailableError
@@ -169,7 +169,7 @@ class LoopRun:
         """Ask the loop to ramp down and end; return False when it has not done so in time."""
         now_ns = time.monotonic_ns()
         if not self._overdue_ns:  # the request is posted once
-            within_s = ramp_s(self.loop.config) + END_GRACE_S
+            within_s = loop_gone_within_s(self.loop.config) + END_GRACE_S
             expires_ns = now_ns + int(within_s * NS_PER_S)
             try:
                 self.loop.requests.post(Shutdown(), expires_ns)
