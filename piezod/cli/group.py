@@ -30,8 +30,8 @@ def arm(
         bool,
         typer.Option(
             "--confirm-output",
-            help="You have seen that all outputs are at the safe voltage: for amplifiers without "
-            "read-back.",
+            help="You have seen that all outputs are at their read-back, whatever contradicts it; "
+            "without a read-back, that they are at the safe voltage.",
         ),
     ] = False,
     groups: GroupsOption = None,

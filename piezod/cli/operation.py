@@ -17,8 +17,8 @@ def arm(
         bool,
         typer.Option(
             "--confirm-output",
-            help="You have seen that the output is at the safe voltage: for an amplifier without "
-            "read-back.",
+            help="You have seen that the output is at its read-back, whatever contradicts it; "
+            "without a read-back, that it is at the safe voltage.",
         ),
     ] = False,
     stage: StageOption = None,

@@ -21,8 +21,8 @@ class StageCommands:
 
         Args:
             shadow: Compute everything, write nothing.
-            confirm_output: You have seen that the output is at the safe voltage; for amplifiers
-                without read-back.
+            confirm_output: You have seen that the output is at its read-back, whatever contradicts
+                it; without a read-back, that it is at the safe voltage.
         """
         return command("arm", shadow=shadow, confirm_output=confirm_output)
 

@@ -48,8 +48,8 @@ class Arm(ConfigModel):
     shadow: bool = Field(default=False, description="Compute everything, write nothing.")
     confirm_output: bool = Field(
         default=False,
-        description="You have seen that the output is at the safe voltage: for an amplifier "
-        "without read-back.",
+        description="You have seen that the output is at its read-back, whatever contradicts it; "
+        "without a read-back, that it is at the safe voltage.",
     )
 
 

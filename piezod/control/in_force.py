@@ -14,8 +14,8 @@ from enum import Enum, auto
 from math import isfinite, nan
 from typing import Final, NamedTuple
 
-STAYED: Final = 0.3
-MOVED: Final = 0.45
+STAYED: Final = 0.25
+MOVED: Final = 0.33
 """The sensor contradicts the read-back if it has seen less than this share of the way from the last
 write to the read-back, and the last write if it has seen more than that share. The slopes of a
 hysteresis lie between, as the errors of a model do."""

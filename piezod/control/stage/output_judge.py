@@ -5,7 +5,7 @@ answer: a read-back that is false does not hold back the writes until it agrees 
 """
 
 from collections.abc import Callable, Sequence
-from math import isfinite, nan
+from math import isfinite, nan, sqrt
 from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
@@ -27,10 +27,29 @@ stage."""
 LEAST_WAY: Final = 0.002
 """Shortest way of the stage that the sensor can judge, as a share of the range."""
 LEAST_WAY_SIGMAS: Final = 30.0
-"""The same, in standard deviations of its noise."""
+"""The same, in standard deviations of the noise of the compared positions."""
+AVERAGED: Final = 32
+"""Positions are compared as means over up to this many cycles."""
 LEAST_WAY_PART: Final = 0.05
 """The same, as a share of the way that the model has predicted since the stage was at rest: for the
 errors of models."""
+
+
+class _Mean(NamedTuple):
+    """Mean of the position, less the one that the model expects, over the last cycles.
+
+    Attributes:
+        off_um: The mean, in µm; NaN if a position was not credible.
+        count: Number of cycles, `AVERAGED` at most.
+    """
+
+    off_um: float
+    count: int
+
+    def with_one(self, off_um: float) -> "_Mean":
+        """Return the mean with the value of one more cycle."""
+        count = min(self.count + 1, AVERAGED)
+        return _Mean(self.off_um + (off_um - self.off_um) / count, count)
 
 
 class _Rest(NamedTuple):
@@ -39,15 +58,16 @@ class _Rest(NamedTuple):
     Attributes:
         read_back_v: Its read-back, in V.
         expected_um: Position that the model expected, in µm.
-        off_um: Measured position, less that one, in µm; NaN if it was not credible.
+        mean: The measured position, less that one.
     """
 
     read_back_v: float
     expected_um: float
-    off_um: float
+    mean: _Mean
 
 
-_UNSEEN: Final = _Rest(nan, nan, nan)
+_NO_MEAN: Final = _Mean(0.0, 0)
+_UNSEEN: Final = _Rest(nan, nan, _NO_MEAN)
 
 
 class OutputJudge:
@@ -72,7 +92,9 @@ class OutputJudge:
         self._axes, self._watches, self._register = axes, watches, register
         self._boundary, self._note = boundary, note
         n_axes = len(axes)
-        self._rests, self._expected_um = [_UNSEEN] * n_axes, [nan] * n_axes
+        self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
+        # Since they do not agree any more.
+        self._means, self._expected_um = [_NO_MEAN] * n_axes, [nan] * n_axes
         self._agreed_ns = [0] * n_axes
         self._false = set[int]()
         self._doubts = [""] * n_axes
@@ -91,15 +113,20 @@ class OutputJudge:
         """
         law, watch = self._axes[index].law, self._watches[index]
         expected_um = self._expected_um[index] = law.expected_um
-        if watch.amplifier.follows:
-            near = abs(read_back_v - law.in_force_v) <= law.limits.read_back_tolerance_v
-            if near and watch.sensor.rests:
-                wrong = self._register.present & _WRONG and self._is_wrong(index)
-                off_um = nan if wrong else position_um - expected_um
-                self._rests[index] = _Rest(read_back_v, expected_um, off_um)
-            self._agreed_ns[index] = t_ns
-            self._false.discard(index)
-            self._doubts[index], self._sources[index] = "", Source.AGREED
+        if not watch.amplifier.follows:
+            self._means[index] = self._means[index].with_one(position_um - expected_um)
+            return
+        near = abs(read_back_v - law.in_force_v) <= law.limits.read_back_tolerance_v
+        rests = near and watch.sensor.rests
+        if rests:
+            wrong = self._register.present & _WRONG and self._is_wrong(index)
+            before = self._rests[index].mean if self._rested[index] else _NO_MEAN
+            mean = before.with_one(nan if wrong else position_um - expected_um)
+            self._rests[index] = _Rest(read_back_v, expected_um, mean)
+        self._rested[index], self._means[index] = rests, _NO_MEAN
+        self._agreed_ns[index] = t_ns
+        self._false.discard(index)
+        self._doubts[index], self._sources[index] = "", Source.AGREED
 
     def live_v(self, read_back_v: Sequence[float]) -> Sequence[float]:
         """Return the read-backs to wait for, in V; NaN for an axis whose read-back is false."""
@@ -200,15 +227,18 @@ class OutputJudge:
         expected_um = self._expected_um[index]
         predicted_um = expected_um - rest.expected_um
         way_um = sensor.gain_um_per_v * (read_back_v - rest.read_back_v) - predicted_um
+        # While nothing was driven, nothing was averaged: then the present position counts.
+        mean = self._means[index]
+        mean = mean if mean.count else _NO_MEAN.with_one(position_um - expected_um)
         least_um = max(
             LEAST_WAY * sensor.width_um,
-            LEAST_WAY_SIGMAS * sensor.noise_um,
+            LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(min(mean.count, rest.mean.count), 1)),
             LEAST_WAY_PART * abs(predicted_um),
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
         if not (settled and abs(way_um) > least_um):  # also without a model
             return nan
-        return (position_um - expected_um - rest.off_um) / way_um
+        return (mean.off_um - rest.mean.off_um) / way_um
 
     def _claim(self, index: int, drive_v: float) -> Claim:
         return Claim(drive_v, *self._watches[index].sensor.allowed_um(drive_v))

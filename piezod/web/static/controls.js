@@ -43,7 +43,7 @@ function powerCard(context) {
     return [box, el("label", { class: "check" }, box, text)];
   };
   const [shadow, shadowLabel] = option("Shadow: compute everything, write nothing");
-  const [confirm, confirmLabel] = option("I have seen that the output is at the safe voltage");
+  const [confirm, confirmLabel] = option("I have seen that the output is at its read-back or, without one, at the safe voltage");
   const [engineer, engineerLabel] = option("Reset as engineer");
   const send = (verb, body) => card.run(context.call("POST", `/v1/${verb}`, body?.() ?? {}));
   const buttons = {

@@ -197,20 +197,18 @@ def test_no_read_back_makes_a_step(position_um: float, share: float, truly: bool
 
 
 def test_arming_at_a_voltage_that_the_sensor_excludes_is_refused() -> None:
-    """The first write would make a step. A sensor that was never zeroed excludes nothing."""
+    """The first write would make a step. A person may answer for the read-back."""
     stage = FaultyStage()
     stage.channels.write([90.0], 0)
     stage.fail(InjectionKind.READ_BACK_OFFSET, value=-90.0)
     stage.run(0.1)
-    stage.stage.zero.set_um(0, 1e-3)
-    stage.cycle()
     stage.channels.writes.clear()
     refused = stage.ask(rq.Arm())
-    stage.stage.zero.set_um(0, 0.0)
-    accepted = stage.ask(rq.Arm())
+    written = list(stage.channels.writes)
+    accepted = stage.ask(rq.Arm(confirm_output=True))
 
     assert "sensor 16.7" in refused.why
-    assert (refused.accepted, accepted.accepted) == (False, True)
+    assert (refused.accepted, written, accepted.accepted) == (False, [], True)
 
 
 voltages = st.floats(-10.0, 160.0)

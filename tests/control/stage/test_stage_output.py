@@ -1,0 +1,216 @@
+"""Tests of outputs and read-backs that do not obey: no write is far from the voltage in force."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.daemon import DaemonConfig
+from piezod.config.states import State
+from piezod.devices.interface import Device
+from piezod.testing.faulty import SensorAmplifier
+from tests.control.rig_stage import RigStage, quick_config, shipped_config
+
+SLEW_V_PER_S, RATE_HZ, TOLERANCE_V = 400.0, 200, 0.75
+STEP_V = SLEW_V_PER_S / RATE_HZ
+
+Values = Callable[[float], float]
+
+
+class Unruly:
+    """A rig whose output and read-back obey or not, and which traces both.
+
+    Attributes:
+        obeys: Whether the output takes the writes; the last one, as soon as it does again.
+        reads: What is read back for the voltage in force.
+        output_v: The voltage in force.
+        steps_v: Distance of each write from the voltage in force before it.
+    """
+
+    def __init__(self, inner: SensorAmplifier) -> None:
+        self.inner, self.obeys = inner, True
+        self.reads: Values = lambda drive_v: drive_v
+        self.output_v = 0.0
+        self.steps_v: list[float] = []
+        self._waiting_v = 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        """Leave everything else to the rig."""
+        return getattr(self.inner, name)
+
+    def fall(self, drive_v: float, now_ns: int) -> None:
+        """Let the output go to a voltage by itself."""
+        self.output_v = self._waiting_v = drive_v
+        self.inner.write([drive_v], now_ns)
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Trace the write; pass it on if the output obeys."""
+        self.steps_v.append(abs(drive_v[0] - self.output_v))
+        self._waiting_v = drive_v[0]
+        return self._settle(now_ns)
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Return what the read-back shows."""
+        self._settle(now_ns)
+        return [self.reads(self.output_v)]
+
+    def _settle(self, now_ns: int) -> bool:
+        if self.obeys and self._waiting_v != self.output_v:
+            self.output_v = self._waiting_v
+            return self.inner.write([self.output_v], now_ns)
+        return True
+
+
+class UnrulyStage(RigStage):
+    """A stage of 400 V/s on such a rig, in position and at rest."""
+
+    def __init__(self, position_um: float = 15.0, config: DaemonConfig | None = None) -> None:
+        axis = (config or shipped_config()).axes["x"]
+        slow = axis.limits.model_copy(update={"slew_v_per_s": SLEW_V_PER_S})
+        conditioning = quick_config().axes["x"].conditioning
+        axes = {"x": axis.model_copy(update={"limits": slow, "conditioning": conditioning})}
+        built: list[Unruly] = []
+
+        def wrapped(device: Device) -> Device:
+            built.append(Unruly(cast("SensorAmplifier", device)))
+            return built[0]
+
+        super().__init__((config or shipped_config()).model_copy(update={"axes": axes}), wrapped)
+        (self.rig,) = built
+        self.cycle()
+        if position_um:
+            self.do(rq.Arm(), rq.Goto(position_um=position_um))
+            self.run(1.0)
+        self.rig.steps_v.clear()
+
+    def texts(self) -> str:
+        """Return the events about the output."""
+        return "\n".join(event.text for event in self.events if event.kind == "output")
+
+
+def wave() -> rq.Wave:
+    """Return a wave over most of the range."""
+    sine = {"kind": "sine", "low": 2, "high": 22, "frequency_hz": 1}
+    return rq.Wave.model_validate({"command_um": {"x": sine}, "duration_s": 20})
+
+
+COMMANDS: list[Any] = [
+    rq.Stop(),
+    rq.Goto(position_um=2.0),
+    rq.Goto(position_um=24.0),
+    wave(),
+    rq.Condition(),
+    rq.Disarm(),
+    rq.Hold(),
+    rq.Estop(),
+]
+
+
+@pytest.mark.fault("A3")
+@pytest.mark.parametrize("request_", COMMANDS, ids=lambda each: each.kind)
+def test_stuck_output_is_waited_for(request_: rq.Request) -> None:
+    """No write leaves it by more than a step; released, it is ramped down from where it is."""
+    stage = UnrulyStage()
+    if isinstance(request_, rq.Condition):
+        stage.do(rq.Stop())
+        stage.until("SAFE")
+        stage.do(rq.Arm())
+    stage.rig.obeys = False
+    stage.ask(request_)
+    stage.run(4.0)
+    waits = stage.state
+    stage.rig.obeys = True
+    stage.run(4.0)
+    stage.ask(rq.Stop())
+    stage.run(4.0)
+
+    assert max(stage.rig.steps_v) <= STEP_V + TOLERANCE_V
+    assert waits in {State.RAMP, State.ESTOP, State.HOLD, State.FAULT}
+    assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
+
+
+@pytest.mark.fault("A3")
+def test_output_that_never_follows_is_left_where_it_is() -> None:
+    """After half a minute the ramp has failed; the last words name the voltage that stays."""
+    stage = UnrulyStage()
+    stage.rig.obeys = False
+    stuck_v = stage.rig.output_v
+    stage.do(rq.Stop())
+    stage.run(25.0)
+    waits = stage.state
+    stage.until("FAULT")
+    refused = stage.ask(rq.Arm())
+    stage.rig.obeys = True
+    stage.run(1.5)
+    stage.do(rq.Reset(), rq.Arm(), rq.Stop())
+    stage.until("SAFE", 20.0)
+
+    assert waits is State.RAMP or waits == State.RAMP.value
+    assert f"the voltage stays: {stuck_v:.4g} V read back" in stage.texts()
+    assert not refused.accepted
+    assert max(stage.rig.steps_v) <= STEP_V + TOLERANCE_V
+    assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
+
+
+LIES: dict[str, Values] = {
+    "stuck": lambda _v: 68.0,
+    "low": lambda _v: 30.0,
+    "high": lambda _v: 120.0,
+    "zero": lambda _v: 0.0,
+    "scaled": lambda drive_v: 0.7 * drive_v,
+    "more": lambda drive_v: 1.4 * drive_v,
+    "shifted": lambda drive_v: drive_v + 25.0,
+}
+
+
+@pytest.mark.fault("A3")
+@pytest.mark.parametrize("lie", LIES)
+@pytest.mark.parametrize("request_", [rq.Stop(), wave(), rq.Goto(position_um=5.0)], ids=repr)
+def test_false_read_back_makes_no_step(request_: rq.Request, lie: str) -> None:
+    """The sensor shows that the output obeys: the stage is ramped down, and cannot be armed."""
+    stage = UnrulyStage()
+    stage.rig.reads = LIES[lie]
+    stage.ask(request_)
+    stage.run(9.0)
+    stage.ask(rq.Stop())
+    stage.run(9.0)
+    ended_v, ended = stage.rig.output_v, stage.state
+    stage.ask(rq.Reset(engineer=True))
+    stage.ask(rq.Arm())
+    stage.run(0.2)
+
+    assert max(stage.rig.steps_v) <= STEP_V + 1e-9
+    assert (ended, ended_v) == (State.FAULT, pytest.approx(0.0, abs=TOLERANCE_V))
+
+
+@pytest.mark.parametrize("lie", ["stuck", "low", "shifted"])
+def test_false_read_back_at_rest_is_not_armed(lie: str) -> None:
+    """The own last write and the sensor contradict it; a person may answer for it."""
+    stage = UnrulyStage()
+    stage.do(rq.Stop())
+    stage.until("SAFE")
+    stage.rig.reads = LIES[lie]
+    stage.run(0.1)
+    stage.rig.steps_v.clear()
+    refused = stage.ask(rq.Arm())
+    written = list(stage.rig.steps_v)
+    stage.rig.reads = lambda drive_v: drive_v
+    stage.run(0.1)
+    accepted = stage.ask(rq.Arm())
+
+    assert "last write 0 V" in refused.why
+    assert "confirm-output" in refused.why
+    assert (refused.accepted, written, accepted.accepted) == (False, [], True)
+
+
+@pytest.mark.fault("A3")
+@pytest.mark.parametrize("fallen_to", [0.0, 0.85])
+def test_output_that_falls_by_itself_is_ramped_from_there(fallen_to: float) -> None:
+    """The sensor shows the fall: nothing is written before, and then from the read-back."""
+    stage = UnrulyStage()
+    stage.rig.fall(fallen_to * stage.rig.output_v, stage.t_ns)
+    stage.run(8.0)
+
+    assert max(stage.rig.steps_v) <= STEP_V + TOLERANCE_V
+    assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
