@@ -210,7 +210,7 @@ def _watch_stage(
 ) -> None:
     """Add the faults of the stage as a whole."""
     boundary, driven = stage.boundary, stage.state in DRIVEN
-    if boundary.reads_back and not (boundary.shadow or boundary.lent):
+    if boundary.reads_back and not (boundary.shadow or boundary.played):
         silent = stage.output.take_read_back(read_back_v, driven=driven)
         if silent is not None:
             detections.append(silent)

@@ -139,6 +139,8 @@ def _play_goes_on(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> bool
         return True
     if end.failed:
         stage.note(StageEvent(t_ns, "warning", "play", f"the play failed: {end.failed}"))
+    if stage.boundary.reads_back:
+        stage.resync(read_back_v, t_ns)
     stage.resume_output(t_ns)
     return False
 
