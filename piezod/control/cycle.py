@@ -177,7 +177,9 @@ def _watch_axis(
     detections: list[Detection],
 ) -> None:
     """Add the faults of one axis."""
-    axis, watch, driven = stage.axes[i], stage.watches[i], stage.state in DRIVEN
+    # After a play the stage is where a drive of the device has left it.
+    driven = stage.state in DRIVEN and not stage.boundary.returned
+    axis, watch = stage.axes[i], stage.watches[i]
     closed = stage.state is State.RUN and axis.mode in SENSED
     if sensor_flags or amplifier_flags or watch.bus.counting:  # most cycles: no flags, no counters
         detections += watch.bus.check(sensor_flags, amplifier_flags)

@@ -8,6 +8,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from math import isfinite, nan
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -240,14 +241,24 @@ def play_threads(
             continue
         if len(channels.devices) > 1:
             refusals[i] = _too_many(axis, pairs[axis].amplifier, channels.devices)
+    return PlayThreads(
+        players, refusals, partial(all_free, placements), channels.zero_um, clock, file
+    )
 
-    def idle() -> bool:
-        workers = (each.device for each in placements if isinstance(each.device, DeviceWorker))
-        # In this order: the last round of a worker may find that its device is lost.
-        idle = all(worker.idle for worker in workers)
-        return idle and all(each.link is None or each.link.there for each in placements)
 
-    return PlayThreads(players, refusals, idle, channels.zero_um, clock, file)
+def all_free(placements: Iterable[Placement]) -> bool:
+    """Return whether all devices are there, and no other thread uses one of them.
+
+    Only while the loop requests nothing.
+    """
+    return all(_is_free(each) for each in placements)
+
+
+def _is_free(placed: Placement) -> bool:
+    # In this order: the last round of a worker may find that its device is lost.
+    if isinstance(placed.device, DeviceWorker) and not placed.device.idle:
+        return False
+    return placed.link is None or placed.link.there
 
 
 def _too_many(axis: str, player: str, devices: Iterable[str]) -> str:

@@ -22,6 +22,7 @@ from tests.daemon.waiting import eventually
 from tests.drivers.modbus import play_bench as modbus_bench
 from tests.drivers.play_bench import PlayBench
 from tests.drivers.serial_line import lc400_play_bench, nv200_play_bench, pi_play_bench
+from tests.drivers.serial_line.scripted_line import TestTime
 
 FOLDER: Final = Path(__file__).parents[3] / "config" / "devices"
 BENCHES: Final[dict[str, Callable[[], PlayBench]]] = {
@@ -50,11 +51,23 @@ def configured(name: str) -> DaemonConfig:
     return config.model_copy(update={"rate_hz": RATE_HZ, "axes": {"x": axis}})
 
 
+class BenchClock:
+    """Implements `Clock` by the time of a bench; nobody sleeps."""
+
+    def __init__(self, time: TestTime) -> None:
+        self.now_ns = time.now_ns
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        """Fail: only the test advances the time."""
+        raise AssertionError(f"slept until {t_ns} ns")
+
+
 class PlayedByTest(PlayThreads):
     """Plays whose steps the test takes, in its own thread, while the worker has nothing to do."""
 
     def __init__(self, axis: PlayedAxis, bench: PlayBench) -> None:
-        super().__init__({0: (axis, WHO)}, {}, lambda: True, lambda _axis: 0.0, bench.time, Path())
+        clock, players = BenchClock(bench.time), {0: (axis, WHO)}
+        super().__init__(players, {}, lambda: True, lambda _axis: 0.0, clock, Path())
         self.axis, self.aborted = axis, False
         self.end: PlayOutcome | None = None
         self.table: AxisTable | None = None
@@ -109,7 +122,7 @@ class PlayStage(RigStage):
         link = ReconnectingDevice(
             self.bench.device, self.bench_identity(), first_wait_s=0.0005, longest_wait_s=0.001
         )
-        worker = OpenWorker(link, self.time, period_ns, period_ns // 2, pause_s=0.0005)
+        worker = OpenWorker(link, BenchClock(self.time), period_ns, period_ns // 2, pause_s=0.0005)
         self.link, self.worker = link, worker
         link.thread.start()
         worker.thread.start()
