@@ -171,6 +171,14 @@ class PlayStage(RigStage):
         self.runner.end = PlayOutcome(drive_v)
         return drive_v
 
+    def until_down(self) -> None:
+        """Run until the stage has been brought down, with or without a fault that stays."""
+        for _ in range(500):
+            if self.state in {"SAFE", "FAULT"}:
+                return
+            self.cycle()
+        raise AssertionError(f"the stage stays in {self.state} at {self.in_force_v:g} V")
+
     def silence(self, *, silent: bool) -> None:
         """Lose all replies from now on, or none; then the device is there."""
         self.bench.line.absent = silent

@@ -68,8 +68,7 @@ def test_a_stage_is_not_safe_while_nobody_knows_its_voltage(stage: PlayStage) ->
     stage.bench.rig.driven_v.clear()
     stage.silence(silent=False)
     first_v = stage.in_force_v
-    while stage.state not in {"SAFE", "FAULT"}:
-        stage.cycle()
+    stage.until_down()
 
     assert isnan(lost_v)
     assert {"A1", "B1"} & set(stage.faults())
@@ -85,8 +84,7 @@ def test_one_lost_abort_is_repeated(stage: PlayStage) -> None:
     stage.bench.rig.driven_v.clear()
     first_v = stage.in_force_v
     stage.silence(silent=False)
-    while stage.state in {"RAMP", "BLIND"}:
-        stage.cycle()
+    stage.until_down()
 
     assert_no_jump(stage, first_v)
     assert sum(event.text.endswith("to BLIND") for event in stage.events) <= 1
