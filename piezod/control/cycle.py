@@ -178,7 +178,9 @@ def _watch_axis(
     detections: list[Detection],
 ) -> None:
     """Add the faults of one axis."""
-    axis, watch, driven = stage.axes[i], stage.watches[i], stage.state in DRIVEN
+    # After a play the stage is where a drive of the device has left it.
+    driven = stage.state in DRIVEN and not stage.boundary.returned
+    axis, watch = stage.axes[i], stage.watches[i]
     closed = stage.state is State.RUN and axis.mode in SENSED
     if sensor_flags or amplifier_flags or watch.bus.counting:  # most cycles: no flags, no counters
         detections += watch.bus.check(sensor_flags, amplifier_flags)
@@ -213,7 +215,7 @@ def _watch_stage(
 ) -> None:
     """Add the faults of the stage as a whole."""
     boundary, driven = stage.boundary, stage.state in DRIVEN
-    if boundary.reads_back and not (boundary.shadow or boundary.lent):
+    if boundary.reads_back and not (boundary.shadow or boundary.played):
         silent = stage.output.take_read_back(read_back_v, driven=driven)
         if silent is not None:
             detections.append(silent)

@@ -51,6 +51,9 @@ class _IdealDevices:
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         pass
 
+    def forget(self) -> None:
+        pass
+
     def commands(self) -> Sequence[Sample]:
         return [Sample(0, nan, False)] * len(self._axes)
 

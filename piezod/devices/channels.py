@@ -17,6 +17,7 @@ from piezod.devices.outputs import ANY_VALUE, CalibratedOutput
 from piezod.devices.roles import AmplifierRole, SensorRole, places, sensor_role, wrong_role
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags, TellsStatus
 from piezod.devices.wiring import ChannelPair, wiring_of
+from piezod.devices.wrapper import DeviceWrapper
 
 
 class Channels:
@@ -180,6 +181,12 @@ class Channels:
             for one, axis in commanding:
                 self._commands[axis] = one.sample(raw)
         return samples
+
+    def forget(self) -> None:
+        """Drop what the wrappers of the devices have read before. Real-time safe."""
+        for device in self._devices.values():
+            if isinstance(device, DeviceWrapper):
+                device.forget()
 
     def commands(self) -> Sequence[Sample]:
         """Return the command of each axis from the last `read`. Real-time safe.

@@ -80,11 +80,12 @@ class PlayedAxis:
 
     Args:
         axis: Name of the axis.
-        devices: Devices by name, open.
+        devices: Devices by name, open and active.
         axes: Channels of each axis.
 
     Raises:
-        DeviceError: If its device does not play, or its sensor belongs to another device.
+        DeviceError: If its device does not play or does not report how, or its sensor belongs to
+            another device.
     """
 
     def __init__(
@@ -109,6 +110,8 @@ class PlayedAxis:
         self._place = wiring.inputs.index(pair.input or axis)
         self._to_v = CalibratedOutput(pair.to_v)
         self._to_um = CalibratedInput(wiring, pair.input or axis, pair.to_um, pair.light)
+        self.capabilities: PlayerCapabilities = self._device.player_capabilities()
+        """Capabilities of the device; asked here, before other threads use it, and only once."""
         ranges = self._device.capabilities().ranges
         if ranges:
             self._to_v.set_range(*ranges[self._output])
@@ -117,11 +120,6 @@ class PlayedAxis:
     def player(self) -> Player:
         """The device."""
         return self._device
-
-    @property
-    def capabilities(self) -> PlayerCapabilities:
-        """Capabilities of the device."""
-        return self._device.player_capabilities()
 
     @property
     def step_v(self) -> float:

@@ -75,6 +75,11 @@ class DeviceWrapper:
         """Return the flags of each channel. Real-time safe."""
         return self._device.status(now_ns) if self._has_status else self._no_flags
 
+    def forget(self) -> None:
+        """Drop what was read before: only what is read from now on counts. Real-time safe."""
+        if isinstance(self._device, DeviceWrapper):
+            self._device.forget()
+
     def _no_samples(self, now_ns: int) -> Sequence[Sample]:
         return [Sample(now_ns, nan, False)] * len(self._able.inputs)
 
@@ -113,5 +118,10 @@ class CombinedExchange(DeviceWrapper):
 
     def deactivate(self, now_ns: int) -> None:
         """Deactivate the device, and drop the stored values, which get old. Never raises."""
-        self._samples = self._values = None
+        self.forget()
         super().deactivate(now_ns)
+
+    def forget(self) -> None:
+        """Drop the stored values: they are from before. Real-time safe."""
+        self._samples = self._values = None
+        super().forget()

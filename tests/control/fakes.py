@@ -39,6 +39,9 @@ class FakeDevices:
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         """Do nothing."""
 
+    def forget(self) -> None:
+        """Do nothing."""
+
     def commands(self) -> Sequence[Sample]:
         """Return no command."""
         return [Sample(0, nan, False)] * len(self.samples)

@@ -5,6 +5,7 @@ from math import isnan
 
 import pytest
 
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Sample
 from piezod.devices.reconnecting import (
     SILENT_CYCLES,
@@ -13,6 +14,7 @@ from piezod.devices.reconnecting import (
     ReconnectingDevice,
 )
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.wiring import ChannelPair
 from piezod.devices.wrapper import CombinedExchange
 from piezod.errors import DeviceError, DeviceUnavailableError
 from tests.daemon.waiting import eventually
@@ -322,6 +324,18 @@ def test_samples_from_before_a_pause_are_dropped(link: FakeLink) -> None:
     combined.deactivate(2)
 
     assert combined.read(9) == [Sample(9, 1.0, True)]
+
+
+def test_what_an_exchange_has_read_before_a_loan_is_dropped(link: FakeLink) -> None:
+    """The devices of a stage forget as one, whatever wraps them."""
+    pair = ChannelPair("dev", "dev")
+    channels = Channels({"dev": CombinedExchange(link)}, {"x": pair})
+    channels.write([4.0], 1)
+    link.drive_v = [7.0]  # by somebody else, meanwhile
+    channels.forget()
+
+    assert channels.read(9) == [Sample(9, 1.0, True)]
+    assert channels.read_back(9) == [7.0]
 
 
 def cycle(reconnecting: ReconnectingDevice, now_ns: int) -> set[DeviceFlag]:

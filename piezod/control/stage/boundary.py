@@ -46,6 +46,10 @@ class StageDevices(TellsStatus, Protocol):
         """Count displacements from these zeros from now on, in µm."""
         ...
 
+    def forget(self) -> None:
+        """Drop what was read before: only what is read from now on counts. Real-time safe."""
+        ...
+
     def commands(self) -> Sequence[Sample]:
         """Return the command of each axis from its command input, in µm. Real-time safe."""
         ...
@@ -60,6 +64,7 @@ class DeviceBoundary:
         reads_back: Whether the amplifiers report the voltage in force.
         holds: Whether their outputs stay as they are when they are deactivated.
         reports_restart: Whether they report a restart before they take a write.
+        lag_cycles: Cycles by which their read-back may be late.
     """
 
     def __init__(
@@ -70,9 +75,10 @@ class DeviceBoundary:
         reads_back: bool,
         holds: bool,
         reports_restart: bool = False,
+        lag_cycles: int = 0,
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
-        self.reports_restart = reports_restart
+        self.reports_restart, self.lag_cycles = reports_restart, lag_cycles
         self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
         self._true_zero_um = [0.0] * n_axes
         self.open = False
@@ -105,6 +111,11 @@ class DeviceBoundary:
     def writes(self) -> bool:
         """Whether it may write: no other program, thread or doubt has the outputs."""
         return not (self.withheld or self.lent or self.returned)
+
+    def take_back(self) -> None:
+        """Take lent devices back. What was read before the end of the loan counts no more."""
+        self.lent, self.returned = False, True
+        self.devices.forget()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Return one sample of each axis; invalid samples if the driver fails."""

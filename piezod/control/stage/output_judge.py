@@ -128,6 +128,10 @@ class OutputJudge:
         self._false.discard(index)
         self._doubts[index], self._sources[index] = "", Source.AGREED
 
+    def forget(self) -> None:
+        """Forget where the axes have rested: something else has driven them since."""
+        self._rests = [_UNSEEN] * len(self._axes)
+
     def live_v(self, read_back_v: Sequence[float]) -> Sequence[float]:
         """Return the read-backs to wait for, in V; NaN for an axis whose read-back is false."""
         if not self._false:

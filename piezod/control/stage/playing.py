@@ -114,6 +114,8 @@ class StagePlay:
     ) -> PlayOutcome | Detection | None:
         """Take the devices back when the play has ended.
 
+        If the amplifiers read back, only a read-back from after the end tells the voltages in
+        force; the one that the runner reports counts as the last write.
         Call once per cycle while `DeviceBoundary.played`. Real-time safe.
 
         Args:
@@ -127,25 +129,22 @@ class StagePlay:
         if self._runner is not None and self._boundary.lent:
             self._outcome = self._runner.outcome()
             if self._outcome is not None:  # the next cycle reads and reads back
-                self._boundary.lent, self._boundary.returned = False, True
+                self._boundary.take_back()
             return None
         outcome = self._outcome
         if outcome is None:
             return None
-        in_force_v = [axis.law.in_force_v for axis in axes]
-        if self._boundary.reads_back:
-            in_force_v = list(read_back_v)
-        # The read-back of a device behind a worker may be from before the play.
-        if isfinite(outcome.drive_v) or not self._boundary.reads_back:
-            in_force_v[self._axis] = outcome.drive_v
-        if not all(map(isfinite, in_force_v)):
+        left_v = [axis.law.in_force_v for axis in axes]
+        left_v[self._axis] = outcome.drive_v
+        reads_back = self._boundary.reads_back
+        if not all(map(isfinite, read_back_v if reads_back else left_v)):
             self._silent_cycles += 1
-            if self._boundary.reads_back and self._silent_cycles < SILENT_CYCLES:
+            if reads_back and self._silent_cycles < SILENT_CYCLES + self._boundary.lag_cycles:
                 return None
             self._outcome = None
             return Detection(Fault.A1, self._axis, nan, nan)
-        for i, (axis, drive_v) in enumerate(zip(axes, in_force_v, strict=True)):
-            axis.track(drive_v)
-            self._boundary.took_over(i, drive_v)
+        if not reads_back:
+            axes[self._axis].track(outcome.drive_v)
+        self._boundary.written_v = left_v
         self._output.known, self._outcome, self._boundary.returned = True, None, False
         return outcome

@@ -15,6 +15,7 @@ from piezod.control.stage.named import axes_named, axis_names, unknown_axis, wit
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
+from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 
 AT_REST_PART = 0.01
@@ -40,6 +41,7 @@ def _disarm(stage: Stage, _: requests.Disarm, t_ns: int) -> Answer:
 
 
 def _stop(stage: Stage, _: requests.Stop, t_ns: int) -> Answer:
+    _note_delay(stage, "stop", t_ns)
     return _answer(stage.go(Event.STOP, t_ns))
 
 
@@ -62,7 +64,18 @@ def _reset(stage: Stage, request: requests.Reset, t_ns: int) -> Answer:
 
 
 def _estop(stage: Stage, _: requests.Estop, t_ns: int) -> Answer:
+    _note_delay(stage, "estop", t_ns)
     return _answer(stage.press_estop(t_ns))
+
+
+def _note_delay(stage: Stage, request: str, t_ns: int) -> None:
+    """Note that a request to stop is carried out later, because nothing can be sent now."""
+    if stage.state is State.BLIND:
+        text = (
+            "nothing can be sent to the amplifier: the stage aborts a play and ramps down when the "
+            "amplifier answers; `piezod faults` shows the cause"
+        )
+        stage.note(StageEvent(t_ns, "warning", request, text))
 
 
 def _shut_down(stage: Stage, _: requests.Shutdown, t_ns: int) -> Answer:

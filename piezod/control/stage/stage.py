@@ -257,10 +257,10 @@ class Stage:
     def _enter(self, state: State, before: State, t_ns: int) -> None:
         """Perform the actions of a new state."""
         boundary = self.boundary
+        written = before in DRIVEN and not (boundary.shadow or boundary.played)
         boundary.open, boundary.withheld = state in DRIVEN, False
         boundary.returned &= boundary.open
         self._enter_axes(state, t_ns)
-        written = before in DRIVEN and not boundary.shadow
         # From A3 on the memory follows voltages that the output may never have had.
         self._memory_known &= not self.register.axes_of(Fault.A3)
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:

@@ -8,6 +8,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from math import isfinite, nan
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -30,6 +31,9 @@ POLL_S: Final = 0.01
 """Period with which the progress is looked at, and so the longest delay of an abort, in s."""
 GRACE_NS: Final = 2 * NS_PER_S
 """A play has failed if it takes this much longer than its table, in ns."""
+IDLE_WITHIN_S: Final = 2.0
+"""A play fails if another thread uses its device for this long, in s: the device is lost then, or
+does not answer."""
 
 
 class PlayThreads:
@@ -38,7 +42,7 @@ class PlayThreads:
     Args:
         players: The player of each axis that has one, with the identity of its device, by index.
         refusals: Why each other axis has none, by index.
-        idle: Returns whether no other thread uses the devices.
+        idle: Returns whether the devices are there, and no other thread uses them.
         zero_um: Returns the displacement that counts as zero on an axis, in µm.
         clock: The clock of the loop.
         file: Where the record of the last play goes.
@@ -108,8 +112,12 @@ class _PlayThread(threading.Thread):
         self.outcome = PlayOutcome(nan, "the play did not end in order")
 
     def run(self) -> None:
+        if not self._becomes_idle():  # the device is not ours: nothing may be sent
+            why = f"for {IDLE_WITHIN_S:g} s the device was lost, or did not answer"
+            self.outcome = PlayOutcome(nan, why)
+            self._store(self._job.table, None, why)
+            return
         try:
-            self._wait_until_idle()
             self.outcome = self._play()
         except PlayCancelledError as cancelled:
             self.outcome = PlayOutcome(self._axis.abort(self._now_ns()))
@@ -128,12 +136,15 @@ class _PlayThread(threading.Thread):
         if self.aborted.is_set():
             raise PlayCancelledError("it was aborted")
 
-    def _wait_until_idle(self) -> None:
-        """Wait for the last round of a worker, which may still be under way."""
+    def _becomes_idle(self) -> bool:
+        """Wait for the last round of a worker; return whether it ends, and leaves the device."""
         seen = 0
-        while seen < 2:  # twice in a row: a worker may just be taking its last job
+        for _ in range(round(IDLE_WITHIN_S / POLL_S)):
             time.sleep(POLL_S)
             seen = seen + 1 if self._idle() else 0
+            if seen == 2:  # twice in a row: a worker may just be taking its last job
+                return True
+        return False
 
     def _play(self) -> PlayOutcome:
         taken = self._axis.load(self._job.table, self._now_ns(), self._check)
@@ -214,7 +225,7 @@ def play_threads(
 
     Args:
         config: Configuration of the stage.
-        channels: Its devices.
+        channels: Its devices, active.
         placements: Where the loop uses them.
         clock: The clock of the loop.
         file: Where the record of the last play goes.
@@ -230,12 +241,24 @@ def play_threads(
             continue
         if len(channels.devices) > 1:
             refusals[i] = _too_many(axis, pairs[axis].amplifier, channels.devices)
+    return PlayThreads(
+        players, refusals, partial(all_free, placements), channels.zero_um, clock, file
+    )
 
-    def idle() -> bool:
-        workers = (each.device for each in placements if isinstance(each.device, DeviceWorker))
-        return all(worker.idle for worker in workers)
 
-    return PlayThreads(players, refusals, idle, channels.zero_um, clock, file)
+def all_free(placements: Iterable[Placement]) -> bool:
+    """Return whether all devices are there, and no other thread uses one of them.
+
+    Only while the loop requests nothing.
+    """
+    return all(_is_free(each) for each in placements)
+
+
+def _is_free(placed: Placement) -> bool:
+    # In this order: the last round of a worker may find that its device is lost.
+    if isinstance(placed.device, DeviceWorker) and not placed.device.idle:
+        return False
+    return placed.link is None or placed.link.there
 
 
 def _too_many(axis: str, player: str, devices: Iterable[str]) -> str:

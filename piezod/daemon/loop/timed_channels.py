@@ -73,6 +73,10 @@ class TimedChannels:
         """Return the value that commanded each axis at its last read. Real-time safe."""
         return self._devices.commands()
 
+    def forget(self) -> None:
+        """Drop what was read before: only what is read from now on counts. Real-time safe."""
+        self._devices.forget()
+
     def activate(self, now_ns: int) -> None:
         """Make every device ready for cyclic calls."""
         self._devices.activate(now_ns)

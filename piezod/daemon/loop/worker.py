@@ -61,6 +61,7 @@ class _RoundResult(NamedTuple):
 
     Attributes:
         number: Counts rounds.
+        era: The era in which it began.
         samples: Sample of each input; none if the device was not read.
         read_back: Read-back value of each output.
         flags: Flags of each channel.
@@ -68,6 +69,7 @@ class _RoundResult(NamedTuple):
     """
 
     number: int
+    era: int
     samples: Sequence[Sample]
     read_back: Sequence[float]
     flags: Sequence[Flags]
@@ -111,7 +113,7 @@ class DeviceWorker(DeviceWrapper):
         self._deadline_ns = LATE_FACTOR * max(period_ns, round_ns, pace_ns)
         self._stuck_ns = max(STUCK_NS, self._deadline_ns)
         self._setpoint = _Setpoint(0, (), 0)
-        self._newest = _RoundResult(0, (), self._first_read_back(), self._no_flags, True)
+        self._newest = _RoundResult(0, 0, (), self._first_read_back(), self._no_flags, True)
         self._jobs: SimpleQueue[_Job] = SimpleQueue()
         self._closing = threading.Event()
         self._began_ns = 0
@@ -120,6 +122,7 @@ class DeviceWorker(DeviceWrapper):
         self.rounds = self.rounds_ns = 0
         """Number of rounds, and the time that they took, in ns."""
         # No locks: each attribute has one writer, and the tuples that pass between are immutable.
+        self._era = 0  # written by the loop: the rounds of an earlier era count no more
         # Used by the loop only.
         self._seen, self._delivered = self._newest, 0
         self._cycle_ns, self._late, self._stuck = -1, False, False
@@ -171,6 +174,15 @@ class DeviceWorker(DeviceWrapper):
         """Let the thread deactivate the device. Never raises. Real-time safe."""
         self._jobs.put(_Job.DEACTIVATE)
 
+    def forget(self) -> None:
+        """Drop the last round, and the one under way: only rounds that begin from now on count.
+
+        Until the first of them has ended, there are no samples, and the read-back is unknown.
+        Real-time safe.
+        """
+        self._era += 1
+        self._seen = self._seen._replace(samples=(), read_back=self._unknown)
+
     def close(self) -> None:
         """End the thread after its present round, and close the device. Never raises."""
         self._closing.set()
@@ -189,10 +201,11 @@ class DeviceWorker(DeviceWrapper):
         running_ns = now_ns - began_ns if began_ns else 0
         self._stuck = self.crash is not None or running_ns > self._stuck_ns
         self._late = self._stuck or running_ns > self._deadline_ns
-        if newest.number != self._seen.number:
+        if newest.number != self._seen.number and newest.era == self._era:
             self._seen = newest
         elif any(self._seen.flags):  # the passing flags of this round were reported already
-            self._seen = newest._replace(flags=[flags - PASSING for flags in newest.flags])
+            seen = self._seen
+            self._seen = seen._replace(flags=[flags - PASSING for flags in seen.flags])
         self._request_round()
 
     def _request_round(self) -> None:
@@ -239,6 +252,7 @@ class DeviceWorker(DeviceWrapper):
 
     def _round(self) -> None:
         samples: Sequence[Sample] = ()
+        era = self._era  # before the first exchange
         setpoint = self._setpoint  # once: the loop may replace it meanwhile
         if setpoint.number != self._sent:
             samples = self._send(setpoint)
@@ -252,7 +266,8 @@ class DeviceWorker(DeviceWrapper):
         if self._seen.number < self._newest.number:
             missed = [flags & PASSING for flags in self._newest.flags]
             flags = [new | old for new, old in zip(flags, missed, strict=True)]
-        self._newest = _RoundResult(self._newest.number + 1, samples, read_back, flags, self._taken)
+        number = self._newest.number + 1
+        self._newest = _RoundResult(number, era, samples, read_back, flags, self._taken)
 
     def _send(self, setpoint: _Setpoint) -> Sequence[Sample]:
         """Set the outputs if the setpoint is not too old and the device is active.

@@ -1,5 +1,6 @@
 """Requests and replies over a line, one at a time; a late reply is never taken for the next one."""
 
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, TypeAlias
@@ -7,6 +8,7 @@ from typing import Final, TypeAlias
 from piezod.devices.bus.byte_trace import shown
 from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError
 
 LengthOf: TypeAlias = Callable[[bytes], int]
 """Returns the length of the frame at the start of the received bytes: 0 if more bytes are needed,
@@ -29,6 +31,27 @@ class _StillOwedError(LineFault):
     """Raised if no request may be sent, because a late reply may still come."""
 
 
+class _OneThread:
+    """Lets one thread at a time use a line; entered by a second one, it raises. Real-time safe."""
+
+    def __init__(self, line: Line) -> None:
+        self._line, self._free = line, threading.Lock()
+        self._user = 0
+
+    def __enter__(self) -> None:
+        if not self._free.acquire(blocking=False):  # never waits
+            names = {thread.ident: thread.name for thread in threading.enumerate()}
+            raise DeviceError(
+                f"{self._line.where}: thread {names.get(threading.get_ident())} uses the line "
+                f"while thread {names.get(self._user)} waits for a reply, allowed: one thread at a "
+                "time; this is a mistake of the program: report it, with the log"
+            )
+        self._user = threading.get_ident()
+
+    def __exit__(self, *_: object) -> None:
+        self._free.release()
+
+
 class Conversation:
     """Sends requests and waits for replies, with a deadline.
 
@@ -37,6 +60,8 @@ class Conversation:
     or can no longer come: `PATIENCE` time-outs later. A frame that cannot be that reply, for
     example an unsolicited warning of the device, does not end this waiting.
 
+    One thread at a time has a conversation; a second one gets a `DeviceError`, and sends nothing.
+
     Args:
         line: The line; its owner opens and closes it.
         timeout_s: Time-out of a reply, in s.
@@ -44,6 +69,7 @@ class Conversation:
 
     def __init__(self, line: Line, timeout_s: float) -> None:
         self._line, self._timeout_ns = line, round(timeout_s * 1e9)
+        self._one_thread = _OneThread(line)
         self._notices = line if isinstance(line, NoticingLine) else None
         self._rest = b""  # received after the last frame
         # State after a time-out: how to recognise the owed reply, and when it counts as lost.
@@ -72,12 +98,13 @@ class Conversation:
         Raises:
             LineFault: As raised by the line.
         """
-        while self._owed is not None:
-            left_ns = self._owed_until_ns - self._line.now_ns()
-            if left_ns > 0:  # the wait also ends when bytes arrive
-                self._rest += self._line.receive(left_ns)
-            with suppress(_StillOwedError):
-                self._drop_earlier()
+        with self._one_thread:
+            while self._owed is not None:
+                left_ns = self._owed_until_ns - self._line.now_ns()
+                if left_ns > 0:  # the wait also ends when bytes arrive
+                    self._rest += self._line.receive(left_ns)
+                with suppress(_StillOwedError):
+                    self._drop_earlier()
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the faults that did not make an exchange fail."""
@@ -96,8 +123,9 @@ class Conversation:
         Raises:
             LineFault: If it was not sent, or a reply is still owed.
         """
-        self._drop_earlier()
-        self._line.send(message)
+        with self._one_thread:
+            self._drop_earlier()
+            self._line.send(message)
 
     def ask(
         self,
@@ -120,7 +148,19 @@ class Conversation:
         Raises:
             LineFault: `LATE_REPLY` if no reply came in time, with the bytes that came instead; or
                 as raised by the line.
+            DeviceError: If another thread is waiting for a reply.
         """
+        with self._one_thread:
+            return self._ask(request, length_of, is_reply, timeout_ns, fits)
+
+    def _ask(
+        self,
+        request: bytes,
+        length_of: LengthOf,
+        is_reply: Fits | None,
+        timeout_ns: int | None,
+        fits: Fits | None,
+    ) -> bytes:
         self.dropped = b""
         if self._owed is not None or self._rest:
             self._drop_earlier()

@@ -38,7 +38,8 @@ class PlayingBusDevice(BusDevice):
 
     A play that was begun counts as going on until its end or its stop is confirmed. Therefore
     writes are refused after a failure, too, until `abort` has reached the device, or the device was
-    opened and activated again: `activate` of the dialogue stops a play that it finds.
+    opened and activated again: `activate` of the dialogue stops a play that it finds. An abort that
+    was not confirmed is repeated by each reading; until it is, samples and read-back are unknown.
 
     Args:
         name: Name in messages.
@@ -51,7 +52,7 @@ class PlayingBusDevice(BusDevice):
         self._play = play
         self._player_able: PlayerCapabilities | None = None
         self._progress = Progress(PlayState.IDLE, 0)
-        self._may_play = False
+        self._may_play = self._stop_owed = False
         self._table: Table | None = None
         self._cycles = self._cycle_ns = self._overdue_ns = 0
 
@@ -125,7 +126,8 @@ class PlayingBusDevice(BusDevice):
         lead_in_ns = len(table.lead_in) * table.interval_ns
         self._overdue_ns = _limit_ns(now_ns, lead_in_ns + self._cycle_ns)
         # Before the request: whether it has reached the device is unknown after a failure.
-        self._may_play = True
+        self._may_play, self._stop_owed = True, False
+        self._written = [nan] * len(self._written)  # those of before are not in force any more
         self._fail("the start was not confirmed")
         self._do("start", self._play.start)
         self._progress = Progress(PlayState.PLAYING, 0)
@@ -188,9 +190,11 @@ class PlayingBusDevice(BusDevice):
         Raises:
             DeviceError: If it is not active.
         """
-        if not (self._active and self._may_play):
-            return super().read(now_ns)
-        return self._samples(self._try(self._play.sample, now_ns), now_ns)
+        if self._active and self._plays_on():
+            # What was sampled of a play that is to stop is not followed any more.
+            asked = None if self._stop_owed else self._try(self._play.sample, now_ns)
+            return self._samples(asked, now_ns)
+        return super().read(now_ns)
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the read-back value of each output. Real-time safe.
@@ -199,10 +203,10 @@ class PlayingBusDevice(BusDevice):
             DeviceError: If it is not open.
         """
         able = self._require_open()
-        if not (self._active and self._may_play):
-            return super().read_back(now_ns)
-        values = self._try(self._play.in_force, now_ns)
-        return [nan] * len(able.outputs) if values is None else values
+        if self._active and self._plays_on():
+            values = None if self._stop_owed else self._try(self._play.in_force, now_ns)
+            return [nan] * len(able.outputs) if values is None else values
+        return super().read_back(now_ns)
 
     def close(self) -> None:
         """Stop a play, release control and disconnect. Never raises."""
@@ -223,10 +227,18 @@ class PlayingBusDevice(BusDevice):
         """Stop a play that may be going on; without an answer it still may be."""
         values = self._try(self._play.stop)
         if values is None:
+            self._stop_owed = True
             self._fail(self.lost or self.last_fault)
             return (nan,) * len(self._require_open().outputs)
         self._may_play, self._progress = False, Progress(PlayState.IDLE, 0)
+        self._written = list(values)
         return tuple(values)
+
+    def _plays_on(self) -> bool:
+        """Return whether a play may be going on; stop it, if its stop was not confirmed."""
+        if self._may_play and self._stop_owed:
+            self._stop()
+        return self._may_play
 
     def _fail(self, reason: str) -> None:
         self._progress = Progress(PlayState.FAILED, self._progress.cycle, reason)

@@ -1,5 +1,6 @@
 """Plays of a stage: the devices are lent to a runner, and come back at a voltage that is known."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import nan
 
@@ -8,8 +9,11 @@ import pytest
 from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.control.stage.playing import PlayOutcome
+from piezod.devices.interface import Device, Identity
 from piezod.devices.played_axis import AxisTable
 from piezod.devices.player import AtEnd, PlayerCapabilities
+from piezod.devices.wrapper import DeviceWrapper
+from piezod.units import s_to_ns
 from tests.control.rig_stage import RigStage
 
 PERIOD_V = (20.0, 40.0, 60.0, 40.0)
@@ -53,23 +57,56 @@ class PlayedByHand:
         return outcome
 
 
+class SilentDevice(DeviceWrapper):
+    """A device whose read-back may be missing.
+
+    Args:
+        device: The device.
+        lag_ns: Time by which its read-back may be late, in ns.
+
+    Attributes:
+        silent: Whether it is missing.
+    """
+
+    def __init__(self, device: Device, lag_ns: int) -> None:
+        self._identity = device.open()
+        super().__init__(device)
+        self._able = self._able._replace(lag_ns=lag_ns)
+        self.silent = False
+
+    def open(self) -> Identity:
+        """Return who it is."""
+        return self._identity
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Return the voltages, if it is not silent."""
+        return self._unknown if self.silent else super().read_back(now_ns)
+
+
 class PlayingStage(RigStage):
     """A stage that has begun a play.
 
     Args:
         reads_back: Whether the amplifier reports its voltage.
         start_s: Instant at which the play begins, in s; None for as soon as possible.
+        lag_s: Time by which the read-back may be late, in s.
     """
 
-    def __init__(self, *, reads_back: bool = True, start_s: float | None = None) -> None:
-        self.runner = PlayedByHand()
-        super().__init__(reads_back=reads_back, plays=self.runner)
+    def __init__(
+        self, *, reads_back: bool = True, start_s: float | None = None, lag_s: float = 0.0
+    ) -> None:
+        self.runner, self._lag_ns = PlayedByHand(), s_to_ns(lag_s)
+        super().__init__(wrap=self._wrapped, reads_back=reads_back, plays=self.runner)
         self.cycle()
         self.do(rq.Arm(confirm_output=not reads_back), PLAY.model_copy(update={"start_s": start_s}))
         for _ in range(5000):
             if self.runner.tables:
                 break
             self.cycle()
+
+    def _wrapped(self, device: Device) -> Device:
+        self.device = SilentDevice(device, self._lag_ns)
+        return self.device
 
     def end_at(self, drive_v: float, failed: str = "") -> None:
         """Leave the rig at a voltage, and give the devices back."""
@@ -117,15 +154,50 @@ def test_request_aborts_a_play(request_: rq.Request) -> None:
     assert set(stage.faults()) <= {"D10", "E1"}
 
 
-def test_ramp_begins_where_the_device_says_that_it_stopped() -> None:
-    """A device behind a worker may read back a voltage from before the play: 20 V here."""
+def test_ramp_begins_at_the_read_back_after_the_play() -> None:
+    """It is later than what the runner reports, here 60 V: the output is at 20 V."""
     stage = PlayingStage()
     stage.channels.writes.clear()
     stage.do(rq.Estop())
     stage.runner.end(60.0)
     stage.until("FAULT")
 
-    assert stage.channels.writes[0][1][0] == pytest.approx(60.0, abs=0.8)
+    assert stage.channels.writes[0][1][0] == pytest.approx(20.0, abs=0.8)
+    assert any("read-back" in event.text for event in stage.events if event.kind == "output")
+
+
+@pytest.mark.parametrize("told_v", [60.0, nan])
+def test_no_voltage_counts_before_the_devices_read_back(told_v: float) -> None:
+    """Whatever the runner reports, without a read-back it is A1, and nothing is written."""
+    stage = PlayingStage()
+    stage.channels.writes.clear()
+    stage.do(rq.Stop())
+    stage.device.silent = True
+    stage.end_at(60.0)
+    stage.runner.end(told_v)
+    stage.until("BLIND")
+    before = list(stage.channels.writes)
+    stage.device.silent = False
+    stage.until("SAFE")
+    steps_v = [60.0, *(drive_v for _, (drive_v,) in stage.channels.writes)]
+
+    assert before == []
+    assert "A1" in stage.faults()
+    assert max(abs(b - a) for a, b in pairwise(steps_v)) < 0.8
+
+
+def test_a_read_back_that_comes_as_late_as_the_device_is_slow_is_no_fault() -> None:
+    """The first round of a slow device behind a worker takes several cycles."""
+    lag_s = 0.1
+    stage = PlayingStage(lag_s=lag_s)
+    stage.do(rq.Stop())
+    stage.device.silent = True
+    stage.end_at(60.0)
+    stage.run(lag_s)
+    stage.device.silent = False
+    stage.until("SAFE")
+
+    assert stage.faults() == []
 
 
 def test_failed_play_is_reported() -> None:

@@ -1,6 +1,7 @@
 """A play in its thread: load, start, wait, record; aborted, failed, or without an end."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from threading import Event
 from typing import Any, cast
@@ -12,7 +13,9 @@ from piezod.config.channels import LineCalibration
 from piezod.config.daemon import DaemonConfig
 from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.loop import play_thread
+from piezod.daemon.loop.placement import DevicePlace, Placement, RoundTrips
 from piezod.daemon.loop.play_thread import PlayThreads
+from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Device, Identity
 from piezod.devices.played_axis import AxisTable, PlayedAxis
@@ -25,6 +28,7 @@ from piezod.devices.player import (
     Progress,
     Table,
 )
+from piezod.devices.reconnecting import ReconnectingDevice
 from piezod.devices.wiring import ChannelPair, pairs_of, wiring_of
 from piezod.errors import DeviceError
 from piezod.hysteresis.memory import FloatArray
@@ -32,6 +36,7 @@ from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 from tests.daemon.waiting import eventually
+from tests.devices.fake_link import WHO, FakeLink
 
 TEN_VOLTS_PER_VOLT = LineCalibration(kind="line", gain=10.0)
 LIMITED = {
@@ -47,7 +52,7 @@ class FakePlayer:
     def __init__(self, at_end: AtEnd = AtEnd.HOLDS) -> None:
         self.state, self.reason, self.at_end = PlayState.LOADED, "", at_end
         self.loaded: Table | None = None
-        self.refuses = ""
+        self.refuses = self.refuses_capabilities = ""
         self.slow = ""
         """The exchange that does not end before it is cancelled: load or record."""
         self.under_way = ""
@@ -65,6 +70,8 @@ class FakePlayer:
         return [0.0]
 
     def player_capabilities(self) -> PlayerCapabilities:
+        if self.refuses_capabilities:
+            raise DeviceError(self.refuses_capabilities)
         return PlayerCapabilities(
             *(1000, 1000, 10**9, 100), False, (0.001,), 10, False, 100, True, 0, self.at_end
         )
@@ -101,7 +108,13 @@ class FakePlayer:
 class Played:
     """One play with a fake player, whose channels are calibrated 10 V per V and 3 µm per unit."""
 
-    def __init__(self, folder: Path, player: FakePlayer, table: AxisTable = TABLE) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        player: FakePlayer,
+        table: AxisTable = TABLE,
+        idle: Callable[[], bool] = lambda: True,
+    ) -> None:
         pair = ChannelPair(
             "dev",
             "dev",
@@ -114,7 +127,7 @@ class Played:
         self.threads = PlayThreads(
             {0: (axis, Identity("maker", "model", "7", "1.0"))},
             {1: "no player"},
-            lambda: True,
+            idle,
             lambda _axis: 1.0,
             self.clock,
             self.file,
@@ -266,6 +279,60 @@ def test_delay_of_the_thread_is_no_fault_of_the_device(tmp_path: Path) -> None:
     begun.set()
 
     assert not played.outcome().failed
+
+
+def test_device_that_is_not_free_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lost device, or one that does not answer, belongs to another thread: nothing is sent."""
+    monkeypatch.setattr(play_thread, "IDLE_WITHIN_S", 3 * play_thread.POLL_S)
+    player = FakePlayer()
+    played = Played(tmp_path, player, idle=lambda: False)
+    outcome = played.outcome()
+
+    assert np.isnan(outcome.drive_v)
+    assert "was lost, or did not answer" in outcome.failed
+    assert (player.loaded, player.state) == (None, PlayState.LOADED)
+
+
+def test_devices_are_free_when_they_are_there_and_no_round_is_under_way() -> None:
+    """A device that is being opened again belongs to the thread that opens it."""
+    link = FakeLink()
+    reconnecting = ReconnectingDevice(link, WHO)
+    worker = DeviceWorker(reconnecting, FakeClock(), 1, 1)
+    able = link.capabilities()
+    trips = RoundTrips(1, 1, 1, 1, 1)
+    placement = Placement(
+        "dev", DevicePlace.WORKER, trips, WHO, able, 1.0, worker, (), reconnecting
+    )
+    free = play_thread.all_free([placement])
+    worker.read(1)
+    requested = play_thread.all_free([placement])
+    worker.thread.start()
+    eventually(lambda: worker.idle)
+    ended = play_thread.all_free([placement])
+    link.pulled = True
+    worker.read(2)
+    eventually(lambda: not reconnecting.there)
+    lost = play_thread.all_free([placement])
+    worker.close()
+
+    assert (free, requested, ended, lost) == (True, False, True, False)
+
+
+def test_capabilities_are_asked_once(tmp_path: Path) -> None:
+    """Not by each play, in whose beginning a worker still uses the line; a refusal says why."""
+    player, mute = FakePlayer(), FakePlayer()
+    played = Played(tmp_path, player)
+    able = played.threads.capabilities(0)
+    player.refuses_capabilities = mute.refuses_capabilities = "no reply"
+    eventually(lambda: player.state is PlayState.PLAYING)
+    player.state = PlayState.ENDED
+
+    assert played.threads.capabilities(0) == able
+    assert not played.outcome().failed
+    with pytest.raises(DeviceError, match="no reply"):
+        Played(tmp_path, mute)
 
 
 def test_axis_without_player_says_why(tmp_path: Path) -> None:

@@ -340,3 +340,24 @@ def test_an_amplifier_follows_any_loop() -> None:
         assert worker.capabilities().max_rate_hz == rate_hz
         assert worker.capabilities().lag_ns == 3 * MS
         worker.close()
+
+
+def test_rounds_that_began_before_a_loan_has_ended_count_no_more(bench: Bench) -> None:
+    """Neither the last round, nor one that is under way then; only one that begins afterwards."""
+    bench.sampled()
+    eventually(lambda: bench.worker.idle)
+    bench.link.free.clear()
+    bench.begin()
+    eventually(lambda: bench.link.held)
+    bench.worker.forget()
+    last_v = bench.worker.read_back(bench.now_ns)
+    bench.link.free.set()
+    eventually(lambda: bench.worker.idle)
+    (sample,) = bench.begin()
+    under_way_v = bench.worker.read_back(bench.now_ns)
+
+    assert isnan(last_v[0])
+    assert isnan(under_way_v[0])
+    assert not sample.valid
+    assert bench.sampled().valid
+    assert list(bench.worker.read_back(bench.now_ns)) == [0.0]

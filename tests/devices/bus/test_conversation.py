@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from threading import Event, Thread
 from typing import NamedTuple
 
 import pytest
@@ -11,6 +12,8 @@ from hypothesis import strategies as st
 from piezod.devices.bus.conversation import MOST_BYTES, PATIENCE, Conversation
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError
+from tests.daemon.waiting import join
 from tests.devices.bus.played_line import MS, PlayedLine
 
 TIMEOUT_MS = 20
@@ -347,3 +350,41 @@ def test_dropped_bytes_are_kept_for_a_message() -> None:
     line.answer = lambda _: [(MS, b"1\n")]
     assert conversation.ask(b"?", lines) == b"1\n"
     assert conversation.dropped == b""
+
+
+class HeldLine(PlayedLine):
+    """A line that answers when the test lets it."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda request: [(MS, request[1:])])
+        self.waits, self.free = Event(), Event()
+
+    def receive(self, within_ns: int) -> bytes:
+        """Return what has come; if a reply is waited for, wait for the test, too."""
+        if within_ns:
+            self.waits.set()
+            assert self.free.wait(20.0)
+        return super().receive(within_ns)
+
+
+@pytest.mark.parametrize("use", ["ask", "tell", "wait_out"])
+def test_a_second_thread_sends_nothing(use: str) -> None:
+    """It gets an error with the names of both; the exchange of the first one goes on."""
+    line, replies = HeldLine(), list[bytes]()
+    conversation = talk(line)
+    first = Thread(target=lambda: replies.append(conversation.ask(b"?1\n", lines)), name="first")
+    calls = {
+        "ask": lambda: conversation.ask(b"?2\n", lines),
+        "tell": lambda: conversation.tell(b"!"),
+        "wait_out": conversation.wait_out,
+    }
+    first.start()
+    assert line.waits.wait(20.0)
+    with pytest.raises(DeviceError, match="MainThread uses the line while thread first waits"):
+        calls[use]()
+    line.free.set()
+    join(first)
+
+    assert replies == [b"1\n"]
+    assert line.sent == [b"?1\n"]
+    assert conversation.ask(b"?2\n", lines) == b"2\n"
