@@ -15,6 +15,8 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import ClientError, RefusedError
 from piezod.testing.injections import Injection, InjectionKind
 from piezod.units import NS_PER_S, s_to_ns
+from tests.control.judged_device import SENSOR_LIES
+from tests.control.own_output import OutputFault, OutputKind
 from tests.soak.machine import Machine
 from tests.soak.observer import Observer
 
@@ -23,6 +25,7 @@ RECOVERS_S: Final = 600.0
 """A stage can be armed again after this time without a disturbance, in s. A sensor with the wrong
 sign lets the stage creep so far that S9 lasts for minutes at rest."""
 LOOKS_S: Final = 60.0
+LASTS_S: Final = (0.05, 0.5, 3.0, 20.0)
 K = InjectionKind
 FAULTS: Final[tuple[tuple[InjectionKind, float, DeviceFlag], ...]] = (
     (K.STUCK, nan, DeviceFlag.OVERLOAD),
@@ -37,8 +40,6 @@ FAULTS: Final[tuple[tuple[InjectionKind, float, DeviceFlag], ...]] = (
     (K.LATE, 0.3 * NS_PER_S, DeviceFlag.OVERLOAD),
     (K.DUPLICATE, nan, DeviceFlag.OVERLOAD),
     (K.REFUSED, nan, DeviceFlag.OVERLOAD),
-    (K.STUCK_OUTPUT, nan, DeviceFlag.OVERLOAD),
-    (K.READ_BACK_OFFSET, 5.0, DeviceFlag.OVERLOAD),
     (K.LOST, nan, DeviceFlag.DISCONNECTED),
     (K.LOST, nan, DeviceFlag.BUS_OFF),
     (K.READ_RAISES, nan, DeviceFlag.OVERLOAD),
@@ -60,6 +61,30 @@ FAULTS: Final[tuple[tuple[InjectionKind, float, DeviceFlag], ...]] = (
         )
     ),
 )
+OUTPUT_FAULTS: Final[tuple[tuple[OutputKind, float], ...]] = (
+    (OutputKind.STUCK, nan),
+    (OutputKind.SCALED, 0.6),
+    (OutputKind.SCALED, 1.3),
+    (OutputKind.LATE, 0.3),
+    (OutputKind.LATE, 1.0),
+    (OutputKind.SLOW, 0.3),
+    (OutputKind.OFF, nan),
+    (OutputKind.ELSEWHERE, 40.0),
+    (OutputKind.ELSEWHERE, 120.0),
+    (OutputKind.FROZEN_READ_BACK, nan),
+    (OutputKind.FALSE_READ_BACK, 0.0),
+    (OutputKind.FALSE_READ_BACK, 60.0),
+    (OutputKind.FALSE_READ_BACK, 150.0),
+    (OutputKind.SHIFTED_READ_BACK, 5.0),
+    (OutputKind.SHIFTED_READ_BACK, 30.0),
+    (OutputKind.SCALED_READ_BACK, 0.6),
+    (OutputKind.SCALED_READ_BACK, 1.3),
+    (OutputKind.LATE_READ_BACK, 0.3),
+    (OutputKind.LATE_READ_BACK, 1.0),
+)
+REACHES_S: Final = 60.0
+"""Once a fault of the output is over, a person brings the stage to its safe voltage in this time,
+in s."""
 MODE: Final = "adaptive"
 OTHER_MODES: Final = ("feedforward", "trimmed", "uncompensated")
 
@@ -86,7 +111,7 @@ class Commands:
         self._machine, self._observer = machine, observer
         self._duration_s, self._ended = duration_s, ended
         self._draw = Random(seed)  # noqa: S311 - reproducible, not secret
-        self._quiet_ns = 0
+        self._quiet_ns = self._ending_ns = 0
         self._mode, self._unknown = MODE, False
         self.killed = False
         """Whether the loop of the last daemon was killed."""
@@ -108,18 +133,29 @@ class Commands:
             self._parameters: 0.5,
             self._stream: 0.7,
             self._nonsense: 0.5,
-            self._fault: 5,
+            self._fault: 4,
+            self._output_fault: 4,
             self._set_clock: 0.3,
             self._suspend: 0.3,
             self._stall: 0.5,
             self._restart: 0.2,
             self._kill: 0.2,
         }
+        self._around = (
+            *(self._goto, self._wave, self._stream, self._other_mode, self._hold, self._stop),
+            *(self._estop, self._condition, self._identify, self._rest_safe, self._safe_to_ready),
+            *(self._stall, self._restart, self._kill),
+        )
 
     @property
     def over(self) -> bool:
         """Whether it is time to end."""
         return self._ended() or self._machine.clock.elapsed_s >= self._duration_s
+
+    @property
+    def doubtful_end(self) -> bool:
+        """Whether the output failed while the daemon ended: then it may say that it was lost."""
+        return self._machine.rig.ends_ns(lies=False) >= self._ending_ns > 0
 
     async def __call__(self) -> None:
         """Operate the running daemon until it ends."""
@@ -166,7 +202,7 @@ class Commands:
         connection = machine.loop.loop
         while True:
             await asyncio.sleep(LOOKS_S)
-            machine.rig.end_faults(machine.clock.t_ns)
+            machine.rig.end_faults(machine.clock.t_ns - s_to_ns(LOOKS_S))
             learned = connection.learned.read(0)
             if learned is not None:
                 observer.learned(learned)
@@ -329,15 +365,72 @@ class Commands:
         await self._begin_wave()
         await asyncio.sleep(self._draw.uniform(0.0, 20.0))
         kind, value, flag = self._draw.choice(FAULTS)
-        duration_s = self._draw.choice((0.05, 0.5, 3.0, 20.0))
-        now_ns, rig = self._machine.clock.t_ns, self._machine.rig
+        duration_s = self._draw.choice(LASTS_S)
+        rig = self._machine.rig
+        if kind in SENSOR_LIES:  # output, read-back and sensor never lie together
+            await self._until_ns(rig.ends_ns(lies=False))
+        now_ns = self._machine.clock.t_ns
         end_ns = now_ns + s_to_ns(duration_s)
         rig.schedule.append(Injection(kind, now_ns, end_ns, 0, value, flag))
-        if kind is InjectionKind.READ_BACK_OFFSET:
-            rig.read_back_error_v = max(rig.read_back_error_v, abs(value))
         self.done[f"fault: {kind}"] += 1
         self._disturb(duration_s)
         await asyncio.sleep(self._draw.uniform(0.0, 30.0))
+
+    async def _output_fault(self) -> None:
+        """Let the output or its read-back fail around any command."""
+        clock, rig = self._machine.clock, self._machine.rig
+        await self._until_ns(rig.ends_ns(lies=True))
+        kind, value = self._draw.choice(OUTPUT_FAULTS)
+        delay_s, duration_s = self._draw.uniform(0.0, 6.0), self._draw.choice(LASTS_S)
+        start_ns = clock.t_ns + s_to_ns(delay_s)
+        rig.output.faults.append(OutputFault(kind, start_ns, start_ns + s_to_ns(duration_s), value))
+        self._disturb(delay_s + duration_s)
+        act = self._draw.choice(self._around)
+        self.done[f"fault: {kind}"] += 1
+        self.done[f"{act.__name__.strip('_')} with a fault of the output"] += 1
+        try:
+            await act()
+        except RefusedError as error:
+            self._note("with a fault of the output", error)
+        if self._draw.random() < 0.5:
+            await self._bring_down()
+
+    async def _rest_safe(self) -> None:
+        """Rest in SAFE, where nothing is written."""
+        await self._stop()
+        await asyncio.sleep(self._draw.uniform(5.0, 30.0))
+
+    async def _bring_down(self) -> None:
+        """Bring the stage to its safe voltage once the output is right again, as a person does."""
+        clock, rig = self._machine.clock, self._machine.rig
+        await self._until_ns(rig.ends_ns(lies=False))
+        end_ns = clock.t_ns + s_to_ns(REACHES_S)
+        down = self._draw.choice((self._stop, self._estop))
+        await down()
+        await asyncio.sleep(1.0)
+        while rig.is_driven(clock.t_ns):
+            status = await self._stage.status()
+            if clock.t_ns > end_ns:
+                output_v = rig.output.output_v(clock.t_ns)
+                raise RuntimeError(f"nobody can bring {output_v:.1f} V down in {status.state}")
+            try:
+                await self._down_from(status.state)
+            except RefusedError as error:
+                self._note("bring_down", error)
+            await asyncio.sleep(1.0)
+
+    async def _down_from(self, state: State) -> None:
+        match state:
+            case State.SAFE:
+                await self._stage.arm()
+            case State.FAULT | State.ESTOP:
+                await self._stage.reset(engineer=True)
+            case State.READY | State.RUN | State.IDENT | State.HOLD:
+                await self._stop()
+
+    async def _until_ns(self, end_ns: float) -> None:
+        while (left_ns := end_ns - self._machine.clock.t_ns) > 0:
+            await asyncio.sleep(left_ns / NS_PER_S)
 
     async def _set_clock(self) -> None:
         self._disturb(1.0)
@@ -367,6 +460,7 @@ class Commands:
         """Shut down; the end of the daemon cancels this."""
         self._observer.asked(State.RAMP, State.STOPPING, within_s=30.0)
         self._disturb(5.0)
+        self._ending_ns = self._machine.clock.t_ns
         await self._stage.shutdown()
         await asyncio.sleep(1000.0)
 

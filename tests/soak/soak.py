@@ -113,7 +113,7 @@ def _run(machine: Machine, commands: Commands) -> list[str]:
         in_order = machine.run_daemon(commands)
     except (ClientError, RuntimeError) as error:
         return [f"at {machine.clock.t_ns / 1e9:.2f} s: {error}"]
-    if in_order is commands.killed:
+    if in_order is commands.killed and not commands.doubtful_end:
         what = "ended in order" if in_order else "was lost"
         return [f"at {machine.clock.t_ns / 1e9:.2f} s: the daemon {what} unexpectedly"]
     return []
