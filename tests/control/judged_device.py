@@ -70,7 +70,8 @@ class JudgedDevice(FaultyDevice):
         self.stage: Stage | None = None
         """The stage that the loop runs; None without a loop, as for `piezod safe`."""
         self.violations: list[str] = []
-        """Writes that were too far from the output."""
+        """Writes that were too far from the output; of those in a row, the first."""
+        self._was_far = False
         self.largest_v = 0.0
         """Largest judged distance of a write from the output that did not move by itself, in V."""
         self.apart_v, self.apart = 0.0, 0
@@ -151,7 +152,8 @@ class JudgedDevice(FaultyDevice):
         self.near_v = min(self.near_v, allowed_v - distance_v)
         if self._away_v <= self._tolerance_v:
             self.largest_v = max(self.largest_v, distance_v)
-        if not distance_v <= allowed_v + ROUNDING_V and len(self.violations) < MOST_VIOLATIONS:
+        was_far, self._was_far = self._was_far, not distance_v <= allowed_v + ROUNDING_V
+        if self._was_far and not was_far and len(self.violations) < MOST_VIOLATIONS:
             state = "no loop" if self.stage is None else self.stage.state
             self.violations.append(
                 f"at {now_ns / NS_PER_S:.3f} s in {state}: {drive_v:.4g} V was written with "

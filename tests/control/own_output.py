@@ -4,7 +4,7 @@ Every write is acknowledged as by an amplifier that works. The physics of the de
 output, so that a sensor shows what is on the stage.
 """
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
 from enum import StrEnum
 from math import exp, isfinite
@@ -79,7 +79,7 @@ class OwnOutput:
     def __init__(self, inner: SensorAmplifier, range_v: tuple[float, float]) -> None:
         self._inner, self._range_v = inner, range_v
         self.faults: list[OutputFault] = []
-        self.steps_v: Counter[OutputKind] = Counter()
+        self.steps_v: dict[OutputKind, float] = {}
         self._asked_v = self._set_v = 0.0  # the last write; what the device was told
         self._fault: OutputFault | None = None
         self._settled_ns, self._active = 0, False
@@ -138,7 +138,7 @@ class OwnOutput:
         """Return the read-back, in V; a fault may change it."""
         output_v = self.output_v(now_ns)
         fault = self._present(now_ns, of_read_back=True)
-        if fault is not self._shown_fault:
+        if fault != self._shown_fault:
             self._shown_fault = fault
             self._shown.clear()
         self._shown.append((now_ns, output_v))
@@ -164,21 +164,25 @@ class OwnOutput:
         return output_v
 
     @property
+    def largest_step_v(self) -> float:
+        """Largest step that the output has made without a write, in V."""
+        return max(self.steps_v.values(), default=0.0)
+
+    @property
     def follows_by_gain(self) -> bool:
         """Whether the output follows each write at once, with a false gain."""
         return self._fault is not None and self._fault.kind is OutputKind.SCALED
 
     def _present(self, now_ns: int, *, of_read_back: bool) -> OutputFault | None:
-        for fault in reversed(self.faults):
-            if fault.start_ns <= now_ns < fault.end_ns:
-                if (fault.kind in OF_READ_BACK) is of_read_back:
-                    return fault
+        for kind, start_ns, end_ns, value in reversed(self.faults):
+            if start_ns <= now_ns < end_ns and (kind in OF_READ_BACK) is of_read_back:
+                return OutputFault(kind, start_ns, end_ns, value)
         return None
 
     def _settle(self, now_ns: int) -> None:
         """Let the output do by itself what it does up to now."""
         fault, before = self._present(now_ns, of_read_back=False), self._fault
-        if fault is not before:
+        if fault != before:
             if before is not None and before.kind is OutputKind.ELSEWHERE and self._active:
                 self._asked_v = before.value
             self._fault = fault
@@ -187,7 +191,7 @@ class OwnOutput:
         cause = fault or before
         if cause is not None and self._active:
             step_v = self._command(self._target_v(now_ns), now_ns)
-            self.steps_v[cause.kind] = max(self.steps_v[cause.kind], step_v)
+            self.steps_v[cause.kind] = max(self.steps_v.get(cause.kind, 0.0), step_v)
         self._settled_ns = now_ns
 
     def _target_v(self, now_ns: int) -> float:

@@ -386,6 +386,7 @@ class Commands:
         rig.output.faults.append(OutputFault(kind, start_ns, start_ns + s_to_ns(duration_s), value))
         self._disturb(delay_s + duration_s)
         act = self._draw.choice(self._around)
+        self._observer.output_faults += 1
         self.done[f"fault: {kind}"] += 1
         self.done[f"{act.__name__.strip('_')} with a fault of the output"] += 1
         try:
@@ -414,7 +415,7 @@ class Commands:
                 output_v = rig.output.output_v(clock.t_ns)
                 raise RuntimeError(f"nobody can bring {output_v:.1f} V down in {status.state}")
             try:
-                await self._down_from(status.state)
+                await self._down_from(State(status.state))
             except RefusedError as error:
                 self._note("bring_down", error)
             await asyncio.sleep(1.0)

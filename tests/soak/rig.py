@@ -10,7 +10,6 @@ from piezod.devices.wiring import construct, pairs_of
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
 from tests.control.judged_device import MOST_VIOLATIONS, ROUNDING_V, SENSOR_LIES, JudgedDevice
-from tests.control.own_output import OutputFault
 
 
 class LastingRig:
@@ -83,6 +82,8 @@ class CheckedRig(JudgedDevice):
         self.safe_v, self._gap_ns = axis.safe_v, 2 * period_ns
         self._before_v, self._t_ns = 0.0, -self._gap_ns
         self.writes = self.refused = 0
+        self.broken: list[str] = []
+        """Writes that are not finite, out of range, or too far from the one before."""
         self.closest_v = inf
         """Smallest distance of a step from the largest allowed one, in V."""
 
@@ -119,12 +120,14 @@ class CheckedRig(JudgedDevice):
         left_v = reach_v - abs(drive_v - self._before_v)
         if gap_ns <= self._gap_ns:
             self.closest_v = min(self.closest_v, left_v)
-        near = abs(drive_v - output_v) <= self.bound_v
-        follows = left_v >= 0.0 or near or gap_ns > self._gap_ns  # after a gap `_judge` decides
+        # After a gap, or if the output has left the write before, the output is what counts.
+        left = abs(self._before_v - output_v) > self.limits.read_back_tolerance_v
+        near = left and abs(drive_v - output_v) <= self.bound_v
+        follows = left_v >= 0.0 or near or gap_ns > self._gap_ns
         inside = self.limits.drive_min_v <= drive_v <= self.limits.drive_max_v
         broken = not (isfinite(drive_v) and inside and follows)
-        if broken and len(self.violations) < MOST_VIOLATIONS:
-            self.violations.append(
+        if broken and len(self.broken) < MOST_VIOLATIONS:
+            self.broken.append(
                 f"at {now_ns / NS_PER_S:.3f} s: {drive_v} V after {self._before_v} V, "
                 f"{gap_ns / NS_PER_S:g} s before; allowed: a step of {reach_v:g} V in "
                 f"{self.limits.drive_min_v:g} to {self.limits.drive_max_v:g} V"

@@ -39,13 +39,15 @@ PEOPLE: Final = tuple(Peer(uid, uid, f"user{uid}", "", Role.ENGINEER) for uid in
 WAY_DOWN: Final[dict[State, rq.Request]] = {
     **dict.fromkeys((*ARMED, State.HOLD), rq.Stop()),
     State.FAULT: rq.Reset(engineer=True),
+    State.SAFE: rq.Arm(),
 }
 MOVED: Final = frozenset({DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
 """Flags of an amplifier whose output need not be at the last write any more."""
 LOCAL_CYCLES: Final = 8
 """Cycles in local mode, within which the output settles."""
-WITHIN_S: Final = 12.0
-"""A ramp, the second that a fault must be gone, and the time after which a HOLD or a ramp fails."""
+WITHIN_S: Final = 20.0
+"""Two ramps, the second that a fault must be gone, and the time after which a HOLD or a ramp fails,
+in s."""
 
 
 class CommandedStage(FaultyStage):
@@ -169,16 +171,27 @@ class CommandedStage(FaultyStage):
         assert self.controller.state not in ARMED
 
     def recover(self) -> None:
-        """Reach SAFE as a person does, when nothing fails any more; in STOPPING the loop ends."""
+        """Reach the safe voltage as a person does, when nothing fails any more.
+
+        In SAFE the output may be elsewhere, because it came back by itself: arm and stop bring it
+        down. In STOPPING the loop ends.
+        """
         self.device.schedule.clear()
         self.judged.output.faults.clear()
         end_ns = self.t_ns + WITHIN_S * NS_PER_S
-        while self.controller.state not in {State.SAFE, State.STOPPING}:
+        while not self._is_down:
             assert self.t_ns < end_ns, f"still in {self.state} with {self.stage.register.no_entry}"
             if request := WAY_DOWN.get(self.controller.state):
                 self.controller.execute(request, self.t_ns)
             for _ in range(20):
                 self.cycle()
+
+    @property
+    def _is_down(self) -> bool:
+        """Whether the loop ends, or the stage is in SAFE and at its safe voltage."""
+        off_v = self.judged.output.output_v(self.t_ns) - self.config.axes["x"].safe_v
+        at_rest = self.controller.state is State.SAFE and abs(off_v) <= self.judged.bound_v
+        return at_rest or self.controller.state is State.STOPPING
 
     def _check_voltage(self, drive_v: float, first: int, output_v: float) -> None:
         """Check a voltage against the range, and against the one of the cycle before.

@@ -168,7 +168,7 @@ class AnyHistory(RuleBasedStateMachine):
         self.restart()
 
     def teardown(self) -> None:
-        """Whatever has happened, a person gets the stage back to SAFE."""
+        """Whatever has happened, a person gets the stage back to SAFE and its safe voltage."""
         self.stage.recover()
 
 
@@ -217,6 +217,54 @@ def test_voltage_of_another_cycle_moves_nothing(request_: rq.Request) -> None:
     stage.run_broken_law(before_v + 1.0, 1, 1)
 
     assert stage.x.drive_v == before_v
+
+
+def moved(position_um: float) -> CommandedStage:
+    """Return a stage at a position."""
+    stage = CommandedStage()
+    stage.cycle()
+    for request in (
+        rq.Arm(),
+        rq.SelectMode(mode=Mode.FEEDFORWARD),
+        rq.Goto(position_um=position_um),
+    ):
+        assert stage.command(PEOPLE[0], request)
+        stage.cycle()
+    stage.run(1.0)
+    return stage
+
+
+@pytest.mark.parametrize("kind", [OutputKind.FALSE_READ_BACK, OutputKind.FROZEN_READ_BACK])
+def test_nothing_is_driven_from_a_false_read_back(kind: OutputKind) -> None:
+    """The last write and the sensor say 0 V: whatever a person does, no write is at the other."""
+    stage = moved(15.0)
+    stage.fail_output(kind, 4000, 60.0)
+    stage.run(5.0)
+    for _ in range(3):
+        for request in (rq.Reset(engineer=True), rq.Arm(), rq.Goto(position_um=15.0), rq.Stop()):
+            stage.command(PEOPLE[0], request)
+            stage.run(1.0)
+
+    assert abs(stage.judged.output.output_v(stage.t_ns)) <= stage.judged.bound_v
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        rq.Stop(),
+        rq.Estop(),
+        rq.Goto(position_um=0.0),
+        rq.Wave(command_um={"x": Sine(kind="sine", low=0, high=25, frequency_hz=9)}, duration_s=1),
+    ],
+)
+def test_no_write_walks_away_from_an_output(request_: rq.Request) -> None:
+    """An output is stuck at 15 µm and obeys again: the stage makes no step, and comes down."""
+    stage = moved(15.0)
+    stage.fail_output(OutputKind.STUCK, 600, nan)
+    stage.command(PEOPLE[0], request_)
+    stage.run(5.0)
+
+    stage.recover()
 
 
 @pytest.mark.stress
