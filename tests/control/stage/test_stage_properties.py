@@ -129,7 +129,7 @@ class AnyHistory(RuleBasedStateMachine):
 
     @rule(
         kind=st.sampled_from(OutputKind),
-        cycles=st.sampled_from([1, 4, 30, 300]),
+        cycles=st.sampled_from([1, 4, 30, 300, 3000]),
         share=st.floats(0.0, 1.0),
         then=st.sampled_from([0, 20, 400]),
     )
@@ -139,6 +139,13 @@ class AnyHistory(RuleBasedStateMachine):
         self.stage.fail_output(kind, cycles, low + share * (high - low))
         for _ in range(then):
             self.stage.cycle()
+
+    @rule(person=st.sampled_from(PEOPLE))
+    def start_again(self, person: Peer) -> None:
+        """Somebody waits for the end of a stop, resets the faults and arms."""
+        for request in (rq.Stop(), rq.Reset(engineer=True), rq.Arm()):
+            self.command(person, request)
+            self.stage.run(3.0 if request.kind == "stop" else 0.1)
 
     @rule(drive_v=st.floats(), early_ns=st.sampled_from([0, 0, 1]), cycles=st.integers(1, 20))
     def miscalculate(self, drive_v: float, early_ns: int, cycles: int) -> None:
