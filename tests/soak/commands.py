@@ -3,7 +3,7 @@
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from math import inf, nan
+from functools import partial
 from random import Random
 from typing import Final
 
@@ -11,80 +11,21 @@ from piezod.client import AsyncStageClient
 from piezod.client.results import Status
 from piezod.config.faults import Fault
 from piezod.config.states import State
-from piezod.devices.status import DeviceFlag
 from piezod.errors import ClientError, RefusedError
-from piezod.testing.injections import Injection, InjectionKind
+from piezod.testing.injections import Injection
 from piezod.units import NS_PER_S, s_to_ns
 from tests.control.judged_device import SENSOR_LIES
-from tests.control.own_output import OutputFault, OutputKind
+from tests.control.own_output import OutputFault
+from tests.soak.faults import FAULTS, LASTS_S, OUTPUT_FAULTS
 from tests.soak.machine import Machine
 from tests.soak.observer import Observer
+from tests.soak.reach import bring_down
 
 LOW_UM, HIGH_UM = 1.0, 25.0
 RECOVERS_S: Final = 600.0
-"""A stage can be armed again after this time without a disturbance, in s. A sensor with the wrong
-sign lets the stage creep so far that S9 lasts for minutes at rest."""
+"""A stage can be armed again after this time without a disturbance, in s: a sensor with the wrong
+sign lets it creep so far that S9 lasts for minutes at rest."""
 LOOKS_S: Final = 60.0
-LASTS_S: Final = (0.05, 0.5, 3.0, 20.0)
-K = InjectionKind
-FAULTS: Final[tuple[tuple[InjectionKind, float, DeviceFlag], ...]] = (
-    (K.STUCK, nan, DeviceFlag.OVERLOAD),
-    (K.REPLACED, nan, DeviceFlag.OVERLOAD),
-    (K.REPLACED, inf, DeviceFlag.OVERLOAD),
-    (K.REPLACED, -500.0, DeviceFlag.OVERLOAD),
-    (K.OFFSET, 3.0, DeviceFlag.OVERLOAD),
-    (K.GAIN, -1.0, DeviceFlag.OVERLOAD),
-    (K.NOISE, 0.5, DeviceFlag.OVERLOAD),
-    (K.GARBAGE, 100.0, DeviceFlag.OVERLOAD),
-    (K.DROPPED, nan, DeviceFlag.OVERLOAD),
-    (K.LATE, 0.3 * NS_PER_S, DeviceFlag.OVERLOAD),
-    (K.DUPLICATE, nan, DeviceFlag.OVERLOAD),
-    (K.REFUSED, nan, DeviceFlag.OVERLOAD),
-    (K.LOST, nan, DeviceFlag.DISCONNECTED),
-    (K.LOST, nan, DeviceFlag.BUS_OFF),
-    (K.READ_RAISES, nan, DeviceFlag.OVERLOAD),
-    (K.WRITE_RAISES, nan, DeviceFlag.OVERLOAD),
-    *((K.SENSOR_FLAGGED, nan, flag) for flag in (DeviceFlag.LOW_LIGHT, DeviceFlag.SATURATED)),
-    *(
-        (K.FLAGGED, nan, flag)
-        for flag in (
-            DeviceFlag.OVERLOAD,
-            DeviceFlag.OVER_TEMPERATURE,
-            DeviceFlag.LOCAL_MODE,
-            DeviceFlag.WATCHDOG_TRIPPED,
-            DeviceFlag.SHORT_OR_OPEN,
-            DeviceFlag.RESTARTED,
-            DeviceFlag.GARBAGE,
-            DeviceFlag.BAD_CHECKSUM,
-            DeviceFlag.LATE_REPLY,
-            DeviceFlag.SLOW_REPLY,
-        )
-    ),
-)
-OUTPUT_FAULTS: Final[tuple[tuple[OutputKind, float], ...]] = (
-    (OutputKind.STUCK, nan),
-    (OutputKind.SCALED, 0.6),
-    (OutputKind.SCALED, 1.3),
-    (OutputKind.LATE, 0.3),
-    (OutputKind.LATE, 1.0),
-    (OutputKind.SLOW, 0.3),
-    (OutputKind.OFF, nan),
-    (OutputKind.ELSEWHERE, 40.0),
-    (OutputKind.ELSEWHERE, 120.0),
-    (OutputKind.FROZEN_READ_BACK, nan),
-    (OutputKind.FALSE_READ_BACK, 0.0),
-    (OutputKind.FALSE_READ_BACK, 60.0),
-    (OutputKind.FALSE_READ_BACK, 150.0),
-    (OutputKind.SHIFTED_READ_BACK, 5.0),
-    (OutputKind.SHIFTED_READ_BACK, 30.0),
-    (OutputKind.SCALED_READ_BACK, 0.6),
-    (OutputKind.SCALED_READ_BACK, 1.3),
-    (OutputKind.LATE_READ_BACK, 0.3),
-    (OutputKind.LATE_READ_BACK, 1.0),
-)
-REACHES_S: Final = 60.0
-"""Once a fault of the output is over, a person brings the stage to its safe voltage in this time,
-in s."""
 MODE: Final = "adaptive"
 OTHER_MODES: Final = ("feedforward", "trimmed", "uncompensated")
 
@@ -378,17 +319,16 @@ class Commands:
 
     async def _output_fault(self) -> None:
         """Let the output or its read-back fail around any command."""
-        clock, rig = self._machine.clock, self._machine.rig
+        rig = self._machine.rig
         await self._until_ns(rig.ends_ns(lies=True))
         kind, value = self._draw.choice(OUTPUT_FAULTS)
         delay_s, duration_s = self._draw.uniform(0.0, 6.0), self._draw.choice(LASTS_S)
-        start_ns = clock.t_ns + s_to_ns(delay_s)
+        start_ns = self._machine.clock.t_ns + s_to_ns(delay_s)
         rig.output.faults.append(OutputFault(kind, start_ns, start_ns + s_to_ns(duration_s), value))
         self._disturb(delay_s + duration_s)
         act = self._draw.choice(self._around)
         self._observer.output_faults += 1
-        self.done[f"fault: {kind}"] += 1
-        self.done[f"{act.__name__.strip('_')} with a fault of the output"] += 1
+        self.done.update((f"fault: {kind}", f"{act.__name__} with a fault of the output"))
         try:
             await act()
         except RefusedError as error:
@@ -402,32 +342,10 @@ class Commands:
         await asyncio.sleep(self._draw.uniform(5.0, 30.0))
 
     async def _bring_down(self) -> None:
-        """Bring the stage to its safe voltage once the output is right again, as a person does."""
-        clock, rig = self._machine.clock, self._machine.rig
-        await self._until_ns(rig.ends_ns(lies=False))
-        end_ns = clock.t_ns + s_to_ns(REACHES_S)
-        down = self._draw.choice((self._stop, self._estop))
-        await down()
-        await asyncio.sleep(1.0)
-        while rig.is_driven(clock.t_ns):
-            status = await self._stage.status()
-            if clock.t_ns > end_ns:
-                output_v = rig.output.output_v(clock.t_ns)
-                raise RuntimeError(f"nobody can bring {output_v:.1f} V down in {status.state}")
-            try:
-                await self._down_from(State(status.state))
-            except RefusedError as error:
-                self._note("bring_down", error)
-            await asyncio.sleep(1.0)
-
-    async def _down_from(self, state: State) -> None:
-        match state:
-            case State.SAFE:
-                await self._stage.arm()
-            case State.FAULT | State.ESTOP:
-                await self._stage.reset(engineer=True)
-            case State.READY | State.RUN | State.IDENT | State.HOLD:
-                await self._stop()
+        """Bring the stage to its safe voltage once the output is right again."""
+        await self._until_ns(self._machine.rig.ends_ns(lies=False))
+        stop = self._draw.choice((self._stop, self._estop))
+        await bring_down(self._machine, self._stage, stop, partial(self._note, "bring_down"))
 
     async def _until_ns(self, end_ns: float) -> None:
         while (left_ns := end_ns - self._machine.clock.t_ns) > 0:
