@@ -221,6 +221,7 @@ class FaultyStage(RigStage):
         holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
         reads_back: Whether the amplifier reports its voltage.
         tells_restart: Whether the amplifier reports a restart.
+        faulty: Makes the rig fail.
     """
 
     def __init__(
@@ -230,11 +231,12 @@ class FaultyStage(RigStage):
         holds: bool = False,
         reads_back: bool = True,
         tells_restart: bool = False,
+        faulty: Callable[[SensorAmplifier], FaultyDevice] = FaultyDevice,
     ) -> None:
         built: list[FaultyDevice] = []
 
         def wrapped(device: Device) -> Device:
-            built.append(FaultyDevice(cast("SensorAmplifier", device)))
+            built.append(faulty(cast("SensorAmplifier", device)))
             return built[0]
 
         super().__init__(

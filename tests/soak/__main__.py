@@ -70,19 +70,25 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 
 def summary(result: Result) -> str:
     """Return what was done, in some lines."""
-    observer, commands = result.observer, result.commands
+    observer, commands, rig = result.observer, result.commands, result.rig
     wall_s, cpu_s = result.took_s
     shares = {state: count / observer.cycles for state, count in observer.states.most_common()}
+    steps = sorted(rig.output.steps_v.items())
     return "\n".join(
         (
-            f"cycles {observer.cycles}, writes {result.writes}, daemons {observer.daemons}; "
+            f"cycles {observer.cycles}, writes {rig.writes}, daemons {observer.daemons}; "
             f"took {wall_s:.0f} s, {cpu_s:.0f} s of a processor, "
             f"{1e6 * cpu_s / observer.cycles:.0f} µs a cycle",
             "states " + ", ".join(f"{state} {share:.2%}" for state, share in shares.items()),
             "faults " + ", ".join(f"{each} {n}" for each, n in observer.seen.most_common()),
             "done " + ", ".join(f"{name} {n}" for name, n in sorted(commands.done.items())),
             "refused " + ", ".join(f"{name} {n}" for name, n in sorted(commands.refused.items())),
-            f"steps stayed {result.closest_v:.3g} V or more from the largest allowed one",
+            f"writes stayed {rig.closest_v:.3g} V or more from the largest step, and "
+            f"{rig.near_v:.3g} V from the largest distance to the output",
+            f"largest step by piezod {rig.largest_v:.4g} V; by the amplifier "
+            + (", ".join(f"{kind} {v:.4g} V" for kind, v in steps) or "none"),
+            f"writes that no witness could judge: {rig.apart} beyond the bound, the largest "
+            f"{rig.apart_v:.4g} V",
         )
     )
 

@@ -3,7 +3,7 @@
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from math import inf, nan
+from functools import partial
 from random import Random
 from typing import Final
 
@@ -11,55 +11,21 @@ from piezod.client import AsyncStageClient
 from piezod.client.results import Status
 from piezod.config.faults import Fault
 from piezod.config.states import State
-from piezod.devices.status import DeviceFlag
 from piezod.errors import ClientError, RefusedError
-from piezod.testing.injections import Injection, InjectionKind
+from piezod.testing.injections import Injection
 from piezod.units import NS_PER_S, s_to_ns
+from tests.control.judged_device import SENSOR_LIES
+from tests.control.own_output import OutputFault
+from tests.soak.faults import FAULTS, LASTS_S, OUTPUT_FAULTS
 from tests.soak.machine import Machine
 from tests.soak.observer import Observer
+from tests.soak.reach import bring_down
 
 LOW_UM, HIGH_UM = 1.0, 25.0
 RECOVERS_S: Final = 600.0
-"""A stage can be armed again after this time without a disturbance, in s. A sensor with the wrong
-sign lets the stage creep so far that S9 lasts for minutes at rest."""
+"""A stage can be armed again after this time without a disturbance, in s: a sensor with the wrong
+sign lets it creep so far that S9 lasts for minutes at rest."""
 LOOKS_S: Final = 60.0
-K = InjectionKind
-FAULTS: Final[tuple[tuple[InjectionKind, float, DeviceFlag], ...]] = (
-    (K.STUCK, nan, DeviceFlag.OVERLOAD),
-    (K.REPLACED, nan, DeviceFlag.OVERLOAD),
-    (K.REPLACED, inf, DeviceFlag.OVERLOAD),
-    (K.REPLACED, -500.0, DeviceFlag.OVERLOAD),
-    (K.OFFSET, 3.0, DeviceFlag.OVERLOAD),
-    (K.GAIN, -1.0, DeviceFlag.OVERLOAD),
-    (K.NOISE, 0.5, DeviceFlag.OVERLOAD),
-    (K.GARBAGE, 100.0, DeviceFlag.OVERLOAD),
-    (K.DROPPED, nan, DeviceFlag.OVERLOAD),
-    (K.LATE, 0.3 * NS_PER_S, DeviceFlag.OVERLOAD),
-    (K.DUPLICATE, nan, DeviceFlag.OVERLOAD),
-    (K.REFUSED, nan, DeviceFlag.OVERLOAD),
-    (K.STUCK_OUTPUT, nan, DeviceFlag.OVERLOAD),
-    (K.READ_BACK_OFFSET, 5.0, DeviceFlag.OVERLOAD),
-    (K.LOST, nan, DeviceFlag.DISCONNECTED),
-    (K.LOST, nan, DeviceFlag.BUS_OFF),
-    (K.READ_RAISES, nan, DeviceFlag.OVERLOAD),
-    (K.WRITE_RAISES, nan, DeviceFlag.OVERLOAD),
-    *((K.SENSOR_FLAGGED, nan, flag) for flag in (DeviceFlag.LOW_LIGHT, DeviceFlag.SATURATED)),
-    *(
-        (K.FLAGGED, nan, flag)
-        for flag in (
-            DeviceFlag.OVERLOAD,
-            DeviceFlag.OVER_TEMPERATURE,
-            DeviceFlag.LOCAL_MODE,
-            DeviceFlag.WATCHDOG_TRIPPED,
-            DeviceFlag.SHORT_OR_OPEN,
-            DeviceFlag.RESTARTED,
-            DeviceFlag.GARBAGE,
-            DeviceFlag.BAD_CHECKSUM,
-            DeviceFlag.LATE_REPLY,
-            DeviceFlag.SLOW_REPLY,
-        )
-    ),
-)
 MODE: Final = "adaptive"
 OTHER_MODES: Final = ("feedforward", "trimmed", "uncompensated")
 
@@ -86,7 +52,7 @@ class Commands:
         self._machine, self._observer = machine, observer
         self._duration_s, self._ended = duration_s, ended
         self._draw = Random(seed)  # noqa: S311 - reproducible, not secret
-        self._quiet_ns = 0
+        self._quiet_ns = self._ending_ns = 0
         self._mode, self._unknown = MODE, False
         self.killed = False
         """Whether the loop of the last daemon was killed."""
@@ -108,18 +74,29 @@ class Commands:
             self._parameters: 0.5,
             self._stream: 0.7,
             self._nonsense: 0.5,
-            self._fault: 5,
+            self._fault: 4,
+            self._output_fault: 4,
             self._set_clock: 0.3,
             self._suspend: 0.3,
             self._stall: 0.5,
             self._restart: 0.2,
             self._kill: 0.2,
         }
+        self._around = (
+            *(self._goto, self._wave, self._stream, self._other_mode, self._hold, self._stop),
+            *(self._estop, self._condition, self._identify, self._rest_safe, self._safe_to_ready),
+            *(self._stall, self._restart, self._kill),
+        )
 
     @property
     def over(self) -> bool:
         """Whether it is time to end."""
         return self._ended() or self._machine.clock.elapsed_s >= self._duration_s
+
+    @property
+    def doubtful_end(self) -> bool:
+        """Whether the output failed while the daemon ended: then it may say that it was lost."""
+        return self._machine.rig.ends_ns(lies=False) >= self._ending_ns > 0
 
     async def __call__(self) -> None:
         """Operate the running daemon until it ends."""
@@ -166,7 +143,7 @@ class Commands:
         connection = machine.loop.loop
         while True:
             await asyncio.sleep(LOOKS_S)
-            machine.rig.end_faults(machine.clock.t_ns)
+            machine.rig.end_faults(machine.clock.t_ns - s_to_ns(LOOKS_S))
             learned = connection.learned.read(0)
             if learned is not None:
                 observer.learned(learned)
@@ -329,15 +306,50 @@ class Commands:
         await self._begin_wave()
         await asyncio.sleep(self._draw.uniform(0.0, 20.0))
         kind, value, flag = self._draw.choice(FAULTS)
-        duration_s = self._draw.choice((0.05, 0.5, 3.0, 20.0))
-        now_ns, rig = self._machine.clock.t_ns, self._machine.rig
+        duration_s = self._draw.choice(LASTS_S)
+        rig = self._machine.rig
+        if kind in SENSOR_LIES:  # output, read-back and sensor never lie together
+            await self._until_ns(rig.ends_ns(lies=False))
+        now_ns = self._machine.clock.t_ns
         end_ns = now_ns + s_to_ns(duration_s)
         rig.schedule.append(Injection(kind, now_ns, end_ns, 0, value, flag))
-        if kind is InjectionKind.READ_BACK_OFFSET:
-            rig.read_back_error_v = max(rig.read_back_error_v, abs(value))
         self.done[f"fault: {kind}"] += 1
         self._disturb(duration_s)
         await asyncio.sleep(self._draw.uniform(0.0, 30.0))
+
+    async def _output_fault(self) -> None:
+        """Let the output or its read-back fail around any command."""
+        rig = self._machine.rig
+        await self._until_ns(rig.ends_ns(lies=True))
+        kind, value = self._draw.choice(OUTPUT_FAULTS)
+        delay_s, duration_s = self._draw.uniform(0.0, 6.0), self._draw.choice(LASTS_S)
+        start_ns = self._machine.clock.t_ns + s_to_ns(delay_s)
+        rig.output.faults.append(OutputFault(kind, start_ns, start_ns + s_to_ns(duration_s), value))
+        self._disturb(delay_s + duration_s)
+        act = self._draw.choice(self._around)
+        self._observer.output_faults += 1
+        self.done.update((f"fault: {kind}", f"{act.__name__} with a fault of the output"))
+        try:
+            await act()
+        except RefusedError as error:
+            self._note("with a fault of the output", error)
+        if self._draw.random() < 0.5:
+            await self._bring_down()
+
+    async def _rest_safe(self) -> None:
+        """Rest in SAFE, where nothing is written."""
+        await self._stop()
+        await asyncio.sleep(self._draw.uniform(5.0, 30.0))
+
+    async def _bring_down(self) -> None:
+        """Bring the stage to its safe voltage once the output is right again."""
+        await self._until_ns(self._machine.rig.ends_ns(lies=False))
+        stop = self._draw.choice((self._stop, self._estop))
+        await bring_down(self._machine, self._stage, stop, partial(self._note, "bring_down"))
+
+    async def _until_ns(self, end_ns: float) -> None:
+        while (left_ns := end_ns - self._machine.clock.t_ns) > 0:
+            await asyncio.sleep(left_ns / NS_PER_S)
 
     async def _set_clock(self) -> None:
         self._disturb(1.0)
@@ -367,6 +379,7 @@ class Commands:
         """Shut down; the end of the daemon cancels this."""
         self._observer.asked(State.RAMP, State.STOPPING, within_s=30.0)
         self._disturb(5.0)
+        self._ending_ns = self._machine.clock.t_ns
         await self._stage.shutdown()
         await asyncio.sleep(1000.0)
 

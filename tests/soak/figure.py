@@ -29,14 +29,14 @@ def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
         title: Headline.
         bounds_pct: Largest allowed error of a minute, in % of the range.
     """
-    figure = new_figure(10.0, 10.5, title, "")
-    panels: Sequence[Axes] = figure.subplots(5, 1, sharex=True)
+    figure = new_figure(10.0, 12.5, title, "")
+    panels: Sequence[Axes] = figure.subplots(6, 1, sharex=True)
     hours = [row.hour for row in rows]
 
     def draw(axes: Axes, value: Callable[[Row], float], colour: str, label: str) -> None:
         axes.plot(hours, [value(row) for row in rows], color=colour, linewidth=1.0, label=label)
 
-    error, drift, memory, files, faults = panels
+    error, drift, steps, memory, files, faults = panels
     draw(error, lambda row: row.error_max_pct, GREY, "largest of a minute")
     draw(error, lambda row: row.error_rms_pct, PURPLE, "rms of a minute")
     error.axhline(bounds_pct, color=VERMILLION, linewidth=0.8, label="bound of the rms")
@@ -45,6 +45,9 @@ def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
     drift.axhline(100.0 * DRIFT_LIMIT, color=VERMILLION, linewidth=0.8, label="bound")
     drift.set(title="Learned model: difference of its drives from the identified one")
     drift.set(ylabel="% of range", ylim=(0, None))
+    draw(steps, lambda row: row.amplifier_step_v, GREY, "by the amplifier")
+    draw(steps, lambda row: row.piezod_step_v, PURPLE, "by piezod")
+    steps.set(title="Largest step on the stage since the start", ylabel="V", ylim=(0, None))
     draw(memory, lambda row: row.rss_mb, BLUE, "")
     memory.set(title="Resident memory of the process", ylabel="MB")
     draw(files, lambda row: row.descriptors, BLUE, "descriptors")
@@ -52,8 +55,9 @@ def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
     draw(files, lambda row: row.files, GREY, "files of the stage")
     files.set(title="Descriptors, threads, files", ylim=(0, None))
     draw(faults, lambda row: row.faults, VERMILLION, "faults")
+    draw(faults, lambda row: row.output_faults, ORANGE, "injected faults of the output")
     draw(faults, lambda row: row.daemons, BLUE, "starts of the daemon")
     faults.set(title="Since the start", ylim=(0, None), xlabel="simulated time (h)")
-    for axes in (error, drift, files, faults):
+    for axes in (error, drift, steps, files, faults):
         legend_above(axes)
     return figure

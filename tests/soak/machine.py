@@ -16,8 +16,10 @@ from typing import Any, TextIO, TypeVar
 from unittest.mock import patch
 
 from piezod.config.daemon import DaemonConfig
-from piezod.control.assembly import assemble
+from piezod.control.assembly import make_stage
+from piezod.control.controller import StageController
 from piezod.control.warm_up import warm_up
+from piezod.control.watch.loop import LoopWatch
 from piezod.daemon import accepted_config
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.lock import Lock, device_lock
@@ -202,9 +204,10 @@ class VirtualRun(LoopRun):
         note_identities(paths.identities, channels.identities)
         self._output = output = LastOutputWriter(paths.output_map, len(self.config.axes))
         timed = TimedChannels(channels, clock, output)
-        self._controller = assemble(
+        machine.rig.stage = stage = make_stage(
             self.config, timed, channels.capabilities(), lambda: output.forget(clock.t_ns)
         )
+        self._controller = StageController(stage, LoopWatch(stage.period_ns, strict=False))
         noted_v = [each.drive_v for each in read_last_output(paths.output_map)]
         take_over(self._controller, shared, channels, known, noted_v)
         self._watch()
@@ -250,7 +253,7 @@ class VirtualRun(LoopRun):
     def _end(self, code: int) -> None:
         if self._code is None:
             self._code = code
-            self._machine.loop = None
+            self._machine.loop = self._machine.rig.stage = None
             if self._lock is not None:
                 self._lock.release()
 

@@ -20,6 +20,7 @@ from piezod.hysteresis import LearnedModel
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S
+from tests.control.judged_device import JudgedDevice
 
 MOST_VIOLATIONS = 100
 ROW_NS = 60 * NS_PER_S
@@ -66,6 +67,9 @@ class Row(NamedTuple):
         run_share: Share of the cycles in RUN.
         faults: Faults that appeared since the start.
         daemons: Daemons since the start.
+        output_faults: Injected faults of output and read-back since the start.
+        piezod_step_v: Largest distance of a write from the output since the start, in V.
+        amplifier_step_v: Largest step of the output by itself since the start, in V.
     """
 
     hour: float
@@ -81,6 +85,9 @@ class Row(NamedTuple):
     run_share: float
     faults: int
     daemons: int
+    output_faults: int
+    piezod_step_v: float
+    amplifier_step_v: float
 
 
 class Observer:
@@ -100,7 +107,9 @@ class Observer:
         """Cycles in each state."""
         self.seen: Counter[Fault] = Counter()
         """How often each fault appeared."""
-        self.cycles = self.daemons = 0
+        self.cycles = self.daemons = self.output_faults = 0
+        self.device: JudgedDevice | None = None
+        """The device, whose steps the rows have."""
         self.drift_pct = nan
         self._model = model
         self._state: State | None = None
@@ -242,6 +251,9 @@ class Observer:
             run_share=self._row_runs / self._row_cycles,
             faults=self.seen.total(),
             daemons=self.daemons,
+            output_faults=self.output_faults,
+            piezod_step_v=self.device.largest_v if self.device else 0.0,
+            amplifier_step_v=self.device.output.largest_step_v if self.device else 0.0,
         )
 
 

@@ -105,7 +105,7 @@ def test_every_write_is_checked(
     for cycle, drive_v in enumerate(written_v):
         rig.write((drive_v,), cycle * 50_000_000)
 
-    assert len(rig.violations) == broken
+    assert len(rig.broken) == broken
 
 
 def record(
@@ -212,7 +212,7 @@ def test_error_counts_after_some_motion(tmp_path: Path, wrong_s: int, found: boo
 
 def rows(count: int, **changed: float) -> list[Row]:
     """Return quiet minutes; a given field rises to its value in the last one."""
-    quiet = Row(0.0, 200.0, 20, 4, 10, 1.0, 1000, 5.0, 0.1, 0.3, 0.9, 0, 1)
+    quiet = Row(0.0, 200.0, 20, 4, 10, 1.0, 1000, 5.0, 0.1, 0.3, 0.9, 0, 1, 0, 2.5, 0.0)
     return [
         quiet._replace(
             hour=(i + 1) / 60,

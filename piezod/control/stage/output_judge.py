@@ -40,16 +40,16 @@ class _Mean(NamedTuple):
 
     Attributes:
         off_um: The mean, in µm; NaN if a position was not credible.
-        count: Number of cycles, `AVERAGED` at most.
+        cycles: Number of cycles, `AVERAGED` at most.
     """
 
     off_um: float
-    count: int
+    cycles: int
 
     def with_one(self, off_um: float) -> "_Mean":
         """Return the mean with the value of one more cycle."""
-        count = min(self.count + 1, AVERAGED)
-        return _Mean(self.off_um + (off_um - self.off_um) / count, count)
+        cycles = min(self.cycles + 1, AVERAGED)
+        return _Mean(self.off_um + (off_um - self.off_um) / cycles, cycles)
 
 
 class _Rest(NamedTuple):
@@ -233,10 +233,10 @@ class OutputJudge:
         way_um = sensor.gain_um_per_v * (read_back_v - rest.read_back_v) - predicted_um
         # While nothing was driven, nothing was averaged: then the present position counts.
         mean = self._means[index]
-        mean = mean if mean.count else _NO_MEAN.with_one(position_um - expected_um)
+        mean = mean if mean.cycles else _NO_MEAN.with_one(position_um - expected_um)
         least_um = max(
             LEAST_WAY * sensor.width_um,
-            LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(min(mean.count, rest.mean.count), 1)),
+            LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(min(mean.cycles, rest.mean.cycles), 1)),
             LEAST_WAY_PART * abs(predicted_um),
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns

@@ -5,13 +5,13 @@ answer. Each cycle and each request is checked at once, so that a failure shows 
 """
 
 from collections.abc import Callable, Coroutine
-from math import isfinite, nan
+from math import isfinite
 from typing import Any, Final, cast
 
 from piezod.config import requests as rq
 from piezod.config.endpoints import Role
 from piezod.config.states import State
-from piezod.control.in_force import Claim
+from piezod.control.guard import Limits
 from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
@@ -29,6 +29,8 @@ from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from piezod.units import NS_PER_S
+from tests.control.judged_device import JudgedDevice
+from tests.control.own_output import OutputFault, OutputKind
 from tests.control.rig_stage import ON_TIME, FaultyStage, quick_config
 from tests.control.surface_rig import with_model
 
@@ -37,13 +39,15 @@ PEOPLE: Final = tuple(Peer(uid, uid, f"user{uid}", "", Role.ENGINEER) for uid in
 WAY_DOWN: Final[dict[State, rq.Request]] = {
     **dict.fromkeys((*ARMED, State.HOLD), rq.Stop()),
     State.FAULT: rq.Reset(engineer=True),
+    State.SAFE: rq.Arm(),
 }
 MOVED: Final = frozenset({DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
 """Flags of an amplifier whose output need not be at the last write any more."""
 LOCAL_CYCLES: Final = 8
 """Cycles in local mode, within which the output settles."""
-WITHIN_S: Final = 12.0
-"""A ramp, the second that a fault must be gone, and the time after which a HOLD or a ramp fails."""
+WITHIN_S: Final = 20.0
+"""Two ramps, the second that a fault must be gone, and the time after which a HOLD or a ramp fails,
+in s."""
 
 
 class CommandedStage(FaultyStage):
@@ -54,17 +58,21 @@ class CommandedStage(FaultyStage):
     """
 
     def __init__(self, model: str = "stops") -> None:
-        super().__init__(with_model(quick_config(), model))
-        limits = self.config.axes["x"].limits
+        config = with_model(quick_config(), model)
+        limits = config.axes["x"].limits
         self._range_v = limits.drive_min_v, limits.drive_max_v
-        self._tolerance_v = self.stage.axes[0].law.limits.read_back_tolerance_v
+        period_ns = round(NS_PER_S / config.rate_hz)
+        of_drive = Limits(limits.drive_min_v, limits.drive_max_v, limits.slew_v_per_s)
+        super().__init__(config, faulty=lambda inner: JudgedDevice(inner, of_drive, period_ns))
+        assert isinstance(self.device, JudgedDevice)
+        self.judged = self.device
+        """The rig, whose output may fail."""
+        self.judged.stage = self.stage
         self._step_v = limits.slew_v_per_s / self.config.rate_hz * (1.0 + 1e-12)
         self.moves_freshly = True
         """Whether voltages are planned for their cycle; others must not move anything."""
         self._taken_over = False
         """Whether a new loop runs its first cycle: it does not know the last write."""
-        self._moved_ns = -1
-        """Instant at which the amplifier reported last that its output has moved."""
         now_s: Callable[[], float] = lambda: self.t_ns / NS_PER_S  # noqa: E731 - a clock
         self.lease = Lease(now_s)
         self._service = ServiceState(
@@ -103,9 +111,7 @@ class CommandedStage(FaultyStage):
         first, before = len(self.channels.writes), self.controller.state
         goes_on = self.stage.hold_cause() is HoldCause.LATENESS and before is State.HOLD
         t_ns = self.t_ns + self.period_ns * (1 + timing.skipped)
-        (output_v,) = self.device.inner.read_back(t_ns)
-        if not MOVED.isdisjoint(self.device.status(t_ns)[-1]):
-            self._moved_ns = t_ns
+        output_v = self.judged.output.output_v(t_ns)
         record = super().cycle(timing)
         after = State(record.state)
         if after in ARMED and after is not before:
@@ -116,7 +122,14 @@ class CommandedStage(FaultyStage):
         assert len(writes) <= int(after in DRIVEN and not record.shadow)
         for _, (drive_v,) in writes:
             self._check_voltage(drive_v, first, output_v)
+        assert not self.judged.violations, self.judged.violations
         return record
+
+    def fail_output(self, kind: OutputKind, cycles: int, value: float) -> None:
+        """Let the output or its read-back fail from the next cycle on."""
+        start_ns = self.t_ns + 1
+        end_ns = start_ns + cycles * self.period_ns
+        self.judged.output.faults.append(OutputFault(kind, start_ns, end_ns, value))
 
     def run_broken_law(self, drive_v: float, early_ns: int, cycles: int) -> None:
         """Run cycles in which the control law asks for this voltage, planned too early."""
@@ -151,27 +164,39 @@ class CommandedStage(FaultyStage):
         """Let a new loop take over from one that was killed, 50 ms later."""
         self.t_ns += NS_PER_S // 20
         self.kill_loop()
-        self._taken_over = True
+        self.judged.stage, self._taken_over = self.stage, True
+        self.judged.forget()
         self.cycle()
         self._taken_over = False
         assert self.controller.state not in ARMED
 
     def recover(self) -> None:
-        """Reach SAFE as a person does, when nothing fails any more; in STOPPING the loop ends."""
+        """Reach the safe voltage as a person does, when nothing fails any more.
+
+        In SAFE the output may be elsewhere, because it came back by itself: arm and stop bring it
+        down. In STOPPING the loop ends.
+        """
         self.device.schedule.clear()
+        self.judged.output.faults.clear()
         end_ns = self.t_ns + WITHIN_S * NS_PER_S
-        while self.controller.state not in {State.SAFE, State.STOPPING}:
+        while not self._is_down:
             assert self.t_ns < end_ns, f"still in {self.state} with {self.stage.register.no_entry}"
             if request := WAY_DOWN.get(self.controller.state):
                 self.controller.execute(request, self.t_ns)
             for _ in range(20):
                 self.cycle()
 
+    @property
+    def _is_down(self) -> bool:
+        """Whether the loop ends, or the stage is in SAFE and at its safe voltage."""
+        off_v = self.judged.output.output_v(self.t_ns) - self.config.axes["x"].safe_v
+        at_rest = self.controller.state is State.SAFE and abs(off_v) <= self.judged.bound_v
+        return at_rest or self.controller.state is State.STOPPING
+
     def _check_voltage(self, drive_v: float, first: int, output_v: float) -> None:
         """Check a voltage against the range, and against the one of the cycle before.
 
-        The first write after a gap, and that of a new loop, is checked against the output of the
-        rig itself: the last write may have been refused.
+        The rig judges whether it is near the output.
 
         Args:
             drive_v: The voltage that was written, in V.
@@ -180,51 +205,22 @@ class CommandedStage(FaultyStage):
         """
         assert isfinite(drive_v)
         before_ns, (before_v,) = self.channels.writes[first - 1] if first else (-1, (output_v,))
-        credible_v = output_v, *self._false_v(output_v, before_ns, before_v)
+        shown_v = self.judged.shown_v if isfinite(self.judged.shown_v) else output_v
         # An output that is found outside the range returns at the slew rate, and goes no farther.
-        assert self._outside_v(drive_v) <= max(map(self._outside_v, (*credible_v, before_v)))
+        found_v = output_v, before_v, shown_v
+        assert self._outside_v(drive_v) <= max(map(self._outside_v, found_v))
         follows = len(self.records) > 1 and before_ns == self.records[-2].t_ns
         if follows and not self._taken_over:
             # A write that was not taken is not in force: the one before it is kept.
             moves = self.moves_freshly or not self.records[-2].written
-            assert abs(drive_v - before_v) <= (self._step_v if moves else 0.0)
-        else:
-            off_v = min(abs(drive_v - each_v) for each_v in credible_v)
-            assert off_v <= self._step_v + self._tolerance_v, (drive_v, credible_v)
+            step_v = abs(drive_v - before_v)
+            taken_over = abs(drive_v - output_v) <= self.judged.bound_v and moves
+            assert taken_over or step_v <= (self._step_v if moves else 0.0)
 
     def _outside_v(self, drive_v: float) -> float:
         """Return how far a voltage is outside the range, in V."""
         low_v, high_v = self._range_v
         return max(low_v - drive_v, drive_v - high_v, 0.0)
-
-    def _false_v(self, output_v: float, before_ns: int, before_v: float) -> tuple[float, ...]:
-        """Return the voltages that the daemon must take for the one of the output, in V.
-
-        It can know better unless the read-back of this cycle or of the one before was false. Then
-        it may believe that read-back, or the last write. A lost amplifier is still at its last
-        write if the sensor excludes the read-back only, unless it has reported since that write
-        that its output has moved.
-        """
-        shown_ns = {record.t_ns for record in self.records[-2:]}
-        lies_v = [
-            output_v + one.value
-            for one in self.device.schedule
-            if one.kind is InjectionKind.READ_BACK_OFFSET
-            and any(one.start_ns <= t_ns < one.end_ns for t_ns in shown_ns)
-        ]
-        if not lies_v:
-            return ()
-        sensor = self.stage.watches[0].sensor
-        position_um = sensor.sample.position_um if sensor.sample.valid else nan
-
-        def excluded(at_v: float) -> bool:
-            return Claim(at_v, *sensor.allowed_um(at_v)).excludes(position_um)
-
-        kept = abs(before_v - output_v) <= self._tolerance_v and not excluded(output_v)
-        kept = kept and self._moved_ns < before_ns
-        if kept and len(self.records) > 1 and self.records[-2].state is State.BLIND:
-            lies_v = [each_v for each_v in lies_v if not excluded(each_v)]
-        return *lies_v, before_v
 
     def _mine_now(self, person: Peer) -> bool:
         holder = self.lease.document

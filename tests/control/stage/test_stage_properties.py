@@ -21,6 +21,7 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.service.stage_service import Peer
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind as Kind
+from tests.control.own_output import OutputKind
 from tests.control.rig_stage import ON_TIME
 from tests.control.stage.commanded_stage import MOVED, PEOPLE, CommandedStage
 from tests.control.surface_rig import VARIANTS
@@ -60,6 +61,19 @@ TIMINGS: Final = [
     CycleTiming(0, 0, 10_000, HOUR_NS, 0),
 ]
 SIZES: Final = (nan, inf, -inf, 1e9, -1.0, 0.5, 30.0)
+OF_OUTPUT: Final = {Kind.STUCK_OUTPUT, Kind.READ_BACK_OFFSET}
+"""Faults that `OutputKind` has, too."""
+OUTPUT_VALUES: Final = {
+    OutputKind.SCALED: (0.5, 1.5),
+    OutputKind.LATE: (0.01, 0.5),
+    OutputKind.SLOW: (0.01, 0.5),
+    OutputKind.ELSEWHERE: (0.0, 150.0),
+    OutputKind.FALSE_READ_BACK: (0.0, 150.0),
+    OutputKind.SHIFTED_READ_BACK: (-30.0, 30.0),
+    OutputKind.SCALED_READ_BACK: (0.5, 1.5),
+    OutputKind.LATE_READ_BACK: (0.01, 0.5),
+}
+"""Smallest and largest value of each kind that has one."""
 SETPOINTS_UM: Final = st.floats(0.0, 30.0) | st.sampled_from([nan, inf, -1.0])
 
 
@@ -99,7 +113,7 @@ class AnyHistory(RuleBasedStateMachine):
             self.stage.cycle(timing)
 
     @rule(
-        kind=st.sampled_from(Kind),
+        kind=st.sampled_from([kind for kind in Kind if kind not in OF_OUTPUT]),
         cycles=st.sampled_from([1, 4, 30, 300]),
         value=st.sampled_from(SIZES),
         flag=st.sampled_from(DeviceFlag),
@@ -107,11 +121,31 @@ class AnyHistory(RuleBasedStateMachine):
     def fail(self, kind: Kind, cycles: int, value: float, flag: DeviceFlag) -> None:
         """The device fails for a while."""
         size = abs(value) * 1e6 if kind is Kind.LATE and abs(value) < inf else value
-        if kind in {Kind.LATE, Kind.READ_BACK_OFFSET} and not abs(size) < inf:
+        if kind is Kind.LATE and not abs(size) < inf:
             size = 0.0
         self.stage.fail(kind, cycles, value=size, flag=flag)
         for _ in range(min(cycles, 20)):
             self.stage.cycle()
+
+    @rule(
+        kind=st.sampled_from(OutputKind),
+        cycles=st.sampled_from([1, 4, 30, 300, 3000]),
+        share=st.floats(0.0, 1.0),
+        then=st.sampled_from([0, 20, 400]),
+    )
+    def fail_output(self, kind: OutputKind, cycles: int, share: float, then: int) -> None:
+        """The output or its read-back is not at the last write for a while."""
+        low, high = OUTPUT_VALUES.get(kind, (0.0, 0.0))
+        self.stage.fail_output(kind, cycles, low + share * (high - low))
+        for _ in range(then):
+            self.stage.cycle()
+
+    @rule(person=st.sampled_from(PEOPLE))
+    def start_again(self, person: Peer) -> None:
+        """Somebody waits for the end of a stop, resets the faults and arms."""
+        for request in (rq.Stop(), rq.Reset(engineer=True), rq.Arm()):
+            self.command(person, request)
+            self.stage.run(3.0 if request.kind == "stop" else 0.1)
 
     @rule(drive_v=st.floats(), early_ns=st.sampled_from([0, 0, 1]), cycles=st.integers(1, 20))
     def miscalculate(self, drive_v: float, early_ns: int, cycles: int) -> None:
@@ -136,11 +170,12 @@ class AnyHistory(RuleBasedStateMachine):
         """The daemon ends; the next one starts."""
         self.stage.command(PEOPLE[1], rq.Shutdown())
         self.stage.device.schedule.clear()
+        self.stage.judged.output.faults.clear()
         self.stage.until("STOPPING", 30.0)
         self.restart()
 
     def teardown(self) -> None:
-        """Whatever has happened, a person gets the stage back to SAFE."""
+        """Whatever has happened, a person gets the stage back to SAFE and its safe voltage."""
         self.stage.recover()
 
 
@@ -170,7 +205,7 @@ def test_new_loop_begins_at_the_output() -> None:
     stage.fail(Kind.REFUSED, 4, flag=DeviceFlag.OVERLOAD)
     for _ in range(4):
         stage.cycle()
-    (output_v,) = stage.device.inner.read_back(stage.t_ns)
+    output_v = stage.judged.output.output_v(stage.t_ns)
 
     stage.restart()
 
@@ -189,6 +224,54 @@ def test_voltage_of_another_cycle_moves_nothing(request_: rq.Request) -> None:
     stage.run_broken_law(before_v + 1.0, 1, 1)
 
     assert stage.x.drive_v == before_v
+
+
+def moved(position_um: float) -> CommandedStage:
+    """Return a stage at a position."""
+    stage = CommandedStage()
+    stage.cycle()
+    for request in (
+        rq.Arm(),
+        rq.SelectMode(mode=Mode.FEEDFORWARD),
+        rq.Goto(position_um=position_um),
+    ):
+        assert stage.command(PEOPLE[0], request)
+        stage.cycle()
+    stage.run(1.0)
+    return stage
+
+
+@pytest.mark.parametrize("kind", [OutputKind.FALSE_READ_BACK, OutputKind.FROZEN_READ_BACK])
+def test_nothing_is_driven_from_a_false_read_back(kind: OutputKind) -> None:
+    """The last write and the sensor say 0 V: whatever a person does, no write is at the other."""
+    stage = moved(15.0)
+    stage.fail_output(kind, 4000, 60.0)
+    stage.run(5.0)
+    for _ in range(3):
+        for request in (rq.Reset(engineer=True), rq.Arm(), rq.Goto(position_um=15.0), rq.Stop()):
+            stage.command(PEOPLE[0], request)
+            stage.run(1.0)
+
+    assert abs(stage.judged.output.output_v(stage.t_ns)) <= stage.judged.bound_v
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        rq.Stop(),
+        rq.Estop(),
+        rq.Goto(position_um=0.0),
+        rq.Wave(command_um={"x": Sine(kind="sine", low=0, high=25, frequency_hz=9)}, duration_s=1),
+    ],
+)
+def test_no_write_walks_away_from_an_output(request_: rq.Request) -> None:
+    """An output is stuck at 15 µm and obeys again: the stage makes no step, and comes down."""
+    stage = moved(15.0)
+    stage.fail_output(OutputKind.STUCK, 600, nan)
+    stage.command(PEOPLE[0], request_)
+    stage.run(5.0)
+
+    stage.recover()
 
 
 @pytest.mark.stress
