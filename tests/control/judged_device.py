@@ -19,11 +19,10 @@ from collections.abc import Sequence
 from math import inf, isnan, nan
 from typing import Final
 
-from piezod.control.stage.takeover import Claim
-
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS, Source
 from piezod.control.guard import Limits
+from piezod.control.in_force import Claim
 from piezod.control.stage.stage import Stage
 from piezod.devices.interface import Identity
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier

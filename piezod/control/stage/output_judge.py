@@ -5,7 +5,7 @@ answer: a read-back that is false does not hold back the writes until it agrees 
 """
 
 from collections.abc import Callable, Sequence
-from math import isfinite, nan, sqrt
+from math import isfinite, isnan, nan, sqrt
 from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
@@ -39,7 +39,7 @@ class _Mean(NamedTuple):
     """Mean of the position, less the one that the model expects, over the last cycles.
 
     Attributes:
-        off_um: The mean, in µm; NaN if a position was not credible.
+        off_um: The mean, in µm.
         cycles: Number of cycles, `AVERAGED` at most.
     """
 
@@ -47,7 +47,9 @@ class _Mean(NamedTuple):
     cycles: int
 
     def with_one(self, off_um: float) -> "_Mean":
-        """Return the mean with the value of one more cycle."""
+        """Return the mean with the value of one more cycle; without it, if that is NaN."""
+        if isnan(off_um):
+            return self
         cycles = min(self.cycles + 1, AVERAGED)
         return _Mean(self.off_um + (off_um - self.off_um) / cycles, cycles)
 
@@ -121,7 +123,7 @@ class OutputJudge:
         if rests:
             wrong = self._register.present & _WRONG and self._is_wrong(index)
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
-            mean = before.with_one(nan if wrong else position_um - expected_um)
+            mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
             self._rests[index] = _Rest(read_back_v, expected_um, mean)
         self._rested[index], self._means[index] = rests, _NO_MEAN
         self._agreed_ns[index] = t_ns
@@ -234,13 +236,14 @@ class OutputJudge:
         # While nothing was driven, nothing was averaged: then the present position counts.
         mean = self._means[index]
         mean = mean if mean.cycles else _NO_MEAN.with_one(position_um - expected_um)
+        averaged = min(mean.cycles, rest.mean.cycles)
         least_um = max(
             LEAST_WAY * sensor.width_um,
-            LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(min(mean.cycles, rest.mean.cycles), 1)),
+            LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(averaged, 1)),
             LEAST_WAY_PART * abs(predicted_um),
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
-        if not (settled and abs(way_um) > least_um):  # also without a model
+        if not (settled and averaged and abs(way_um) > least_um):  # also without a model
             return nan
         return (mean.off_um - rest.mean.off_um) / way_um
 
