@@ -89,6 +89,10 @@ class Cia401Dialogue:
                 raise
             what = f"{fault}: check node number, power supply, bit rate and both terminations"
             raise DeviceUnavailableError(what) from fault
+        if self._reads_only:
+            setup.check_words(access, objects.INPUT, self._channels.inputs)
+        if options.read_back == "sdo":
+            setup.check_words(access, objects.OUTPUT, self._channels.outputs)
         self._has_watchdog = setup.has_watchdog(access, self._channels.safe_codes)
         self._max_rate_hz = max_rate_hz(options.bus, self._frame_sizes())
         return identity
