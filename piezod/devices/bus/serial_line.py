@@ -241,7 +241,8 @@ class SerialLine:
 def _refusal(port: str, error: Exception) -> DeviceUnavailableError:
     number = getattr(error, "errno", None)
     if number == errno.ENOENT:
-        what = f"no port {port}: plug it in, or name another one of /dev/serial/by-id"
+        what = f"no port {port}: plug it in, or name another one of /dev/serial/by-id; if it "
+        what += "vanishes again, brltty may have taken it (docs: serial devices, brltty)"
         return DeviceUnavailableError(what)
     if number == errno.EACCES:
         what = f"no access to {port}: the user has to be in the group that it belongs to"
