@@ -56,7 +56,7 @@ def keep(config: DaemonConfig, folder: Path, name: str) -> Path:
             text["axes"][axis]["model"] = str(copy)
     path = folder / f"{name}.yaml"
     with naming(path):
-        path.write_text(json.dumps(text, indent=1), encoding="utf-8")
+        path.write_text(json.dumps(text, indent=1, ensure_ascii=False), encoding="utf-8")
     return path
 
 
