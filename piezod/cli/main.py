@@ -61,6 +61,7 @@ OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Daemon of a stage": (init, run_daemon, safe, web, gcs, ioc, install_service),
 }
 """Commands that need no running daemon, by their heading in help."""
+_UTF8_MODE: Final = "PYTHONUTF8"
 SEVERAL: Final = "Several stages"
 """Heading of the commands for all stages of this machine."""
 for heading, verbs in OWN_VERBS.items():
@@ -89,8 +90,19 @@ def _piezod(
     """Drive a piezo stage along its command, with its hysteresis compensated."""
 
 
+def _require_utf8() -> None:
+    """Start this process again in Python's UTF-8 mode if its locale has only ASCII.
+
+    Otherwise an umlaut in a path could neither be stored in a file nor be sent.
+    """
+    if sys.getfilesystemencoding() == "ascii" and os.environ.get(_UTF8_MODE) != "1":
+        command = [sys.executable, *sys.orig_argv[1:]]
+        os.execve(sys.executable, command, {**os.environ, _UTF8_MODE: "1"})  # noqa: S606 - itself
+
+
 def run() -> None:
     """Run the command with the arguments of this process and exit; the entry point of `piezod`."""
+    _require_utf8()
     # The matrices of a fit are small, and several threads would mostly wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # pydantic would search all installed packages for plugins; our models need none.

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from piezod.cli.processor_quota import processor_quota
 from piezod.client.places import running_stages
 from piezod.config.yaml_loader import load_yaml
 from piezod.daemon.loop.processor import free_processors
@@ -14,6 +15,21 @@ def processor_warnings(file: Path) -> list[str]:
     Args:
         file: Configuration of the stage, valid.
     """
+    return _quota_warnings() + _sharing_warnings(file)
+
+
+def _quota_warnings() -> list[str]:
+    if (quota := processor_quota()) is None:
+        return []
+    still_ms = (quota.period_s - quota.used_s) * 1e3
+    return [
+        f"the control group here has a quota of {quota.processors:g} processors (cpu.max; "
+        f"systemd CPUQuota=, docker --cpus): a loop that has used it up stands still for up to "
+        f"{max(still_ms, 0):.0f} ms (L2, L7); give the stage no quota, but a processor: loop.cpu"
+    ]
+
+
+def _sharing_warnings(file: Path) -> list[str]:
     if file.stem in running_stages():
         return []  # `piezod status` shows the processor that its loop has
     cpu = load_yaml(file).data.get("loop", {}).get("cpu")

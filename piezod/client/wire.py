@@ -94,7 +94,9 @@ def http_request(
     ]
     content: object = lines
     if body is not None:
-        content = json.dumps(body, ensure_ascii=False, allow_nan=False).encode()
+        content = json.dumps(body, ensure_ascii=False, allow_nan=False).encode(
+            errors="backslashreplace"
+        )
     if content is not None:
         headers.append(("Content-Type", _JSON if lines is None else _NDJSON))
     timeouts = zip(("connect", "read", "write", "pool"), timeout_s, strict=True)
@@ -137,7 +139,10 @@ def setpoint_line(setpoints_um: Mapping[str, float]) -> bytes:
         RefusedError: If a setpoint is not finite.
     """
     try:
-        return json.dumps(dict(setpoints_um), allow_nan=False).encode() + b"\n"
+        return (
+            json.dumps(dict(setpoints_um), allow_nan=False).encode(errors="backslashreplace")
+            + b"\n"
+        )
     except ValueError as error:
         what = f"setpoints must be finite (got {dict(setpoints_um)})"
         raise RefusedError(what, code="value") from error

@@ -122,13 +122,19 @@ def stage_paths(config: Path, environ: Mapping[str, str] = os.environ) -> StageP
         environ: The environment variables.
 
     Raises:
-        ConfigError: If a folder cannot have the file's name.
+        ConfigError: If a folder cannot have the file's name, or a path is no UTF-8 text.
     """
     name = config.stem
     if not name or name.startswith("."):
         what = f"its name is that of the stage and must not begin with a dot (got {name!r})"
         raise ConfigError(Problem(str(config), 0, 0, "", what))
-    return StagePaths(name, _runtime(name, environ), _state(name, environ))
+    paths = StagePaths(name, _runtime(name, environ), _state(name, environ))
+    for path in (config.absolute(), paths.runtime, paths.state):
+        # Bytes that are no text, which Python holds as half of a surrogate pair.
+        if any("\ud800" <= character <= "\udfff" for character in str(path)):
+            what = f"the path {path} is no UTF-8 text, and cannot be stored in a file: rename it"
+            raise ConfigError(Problem(str(config), 0, 0, "", what))
+    return paths
 
 
 def _runtime(name: str, environ: Mapping[str, str]) -> Path:

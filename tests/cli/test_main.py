@@ -306,3 +306,19 @@ def test_second_interrupt_at_the_end(folder: Path) -> None:
     )
 
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, b"", b"interrupted\n")
+
+
+def test_locale_of_ascii_is_no_limit(tmp_path: Path) -> None:
+    """In a locale without UTF-8 an umlaut in a path is read, and printed, as it is."""
+    file = tmp_path / "Prüfstand µ.yaml"
+    file.write_text("rate_hz: 0\n", encoding="utf-8")
+    ascii_only = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    ended = subprocess.run(
+        [sys.executable, "-m", "piezod", "check", str(file)],
+        env={**os.environ, **ascii_only},
+        capture_output=True,
+        check=False,
+    )
+
+    assert ended.returncode == 78
+    assert str(file) in ended.stderr.decode()

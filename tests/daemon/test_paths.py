@@ -51,6 +51,14 @@ def _in(folder: Path) -> dict[str, str]:
     return {"XDG_RUNTIME_DIR": str(folder), "XDG_STATE_HOME": str(folder / "state")}
 
 
+@pytest.mark.parametrize("path", [b"st\xfcck.yaml", b"/st\xfcck/stage.yaml"])
+def test_path_that_is_no_text_is_refused(path: bytes) -> None:
+    """A path that is no UTF-8 could not be stored in the files of the stage; an umlaut can."""
+    with pytest.raises(ConfigError, match="rename it"):
+        stage_paths(Path(os.fsdecode(path)), {})
+    assert stage_paths(Path("stück.yaml"), {}).name == "stück"
+
+
 def test_folders_are_private(tmp_path: Path) -> None:
     """No other user may enter the folders."""
     paths = stage_paths(CONFIG, _in(tmp_path))

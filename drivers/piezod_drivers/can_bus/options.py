@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, Self, TypeAlias
 from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
-from piezod.devices.bus.serial_line import SerialLine
+from piezod.devices.bus.serial_line import SerialLine, SettleMs
 from piezod_drivers.can_bus.frame import max_frame_bits
 from piezod_drivers.can_bus.frame_bus import FrameBus
 from piezod_drivers.can_bus.library_bus import SOCKETCAN, LibraryBus
@@ -42,6 +42,7 @@ class BusOptions(ConfigModel):
         default=1_000_000,
         description="Bits per second of the port of an slcan adapter; USB adapters ignore it.",
     )
+    settle_ms: SettleMs = 0.0
     port: Annotated[int, Quantity(1024, 65_535)] = Field(
         default=43_113, description="Number of the UDP port, for udp_multicast."
     )
@@ -60,7 +61,8 @@ class BusOptions(ConfigModel):
 def make_bus(options: BusOptions) -> FrameBus:
     """Construct the bus that the options describe; nothing is opened."""
     if options.interface == SLCAN:
-        return SlcanBus(SerialLine(options.channel, options.baud), options.bit_rate)
+        line = SerialLine(options.channel, options.baud, settle_s=options.settle_ms * 1e-3)
+        return SlcanBus(line, options.bit_rate)
     settings: dict[str, Any] = {}
     if options.interface == UDP_MULTICAST:
         # Hop limit 0: no packet leaves this machine, so that a test never reaches a real network.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Final
 
+from piezod.devices.bus.conversation import BOOT_NS
 from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
@@ -36,7 +37,9 @@ class SlcanBus:
     """Implements `FrameBus` over a line to an slcan adapter.
 
     `open` closes the adapter's channel first. This resets its CAN controller, so frames of an
-    earlier connection are gone before the channel opens again.
+    earlier connection are gone before the channel opens again. An adapter may boot when its port is
+    opened: the commands of `open` are repeated until it acknowledges them, or for `BOOT_NS`. The
+    echo of a sent frame is not taken for a frame of the bus.
 
     Args:
         line: The line to the adapter.
@@ -52,6 +55,8 @@ class SlcanBus:
         self._frames: deque[Frame] = deque(maxlen=_MOST_FRAMES)
         self._noticed: set[DeviceFlag] = set()
         self._refused, self._refusals = False, 0
+        self._echoes = self._says_other = False
+        self._unechoed: deque[bytes] = deque(maxlen=_MOST_FRAMES)
 
     @property
     def where(self) -> str:
@@ -66,10 +71,10 @@ class SlcanBus:
         """
         self._line.open()
         try:
-            # The first CR ends an incomplete command that an earlier program may have left.
-            self._close_channel(b"\r" + CLOSE, _ANSWER_NS)
-            self._command(BIT_RATES[self._bit_rate], f"a bit rate of {self._bit_rate} bit/s")
-            self._command(OPEN, "to open its channel")
+            end_ns = self._line.now_ns() + BOOT_NS
+            # Some adapters acknowledge nothing, others do not yet hear anything.
+            while not self._configure() and self._line.now_ns() < end_ns:
+                continue
         except LineFault as fault:
             self.close()
             raise DeviceUnavailableError(f"{self.where}: {fault}") from fault
@@ -77,6 +82,7 @@ class SlcanBus:
             self.close()
             raise
         self._frames.clear()
+        self._unechoed.clear()
         self._noticed.clear()
         self._refused, self._refusals = False, 0
 
@@ -101,14 +107,17 @@ class SlcanBus:
         if self._refused:
             self._refused = False
             raise LineFault(DeviceFlag.NOT_SENT, f"{self.where}: the adapter's queue is full")
+        line = encode(frame)
         try:
-            self._line.send(encode(frame))
+            self._line.send(line)
         except LineFault as fault:
             # The adapter refuses half a command together with the next one: neither is sent.
             if fault.flag is DeviceFlag.PARTIAL_WRITE:
                 self._noticed.add(fault.flag)
                 raise LineFault(DeviceFlag.NOT_SENT, str(fault)) from fault
             raise
+        if self._echoes:
+            self._unechoed.append(line[:-1])
 
     def receive(self, within_ns: int) -> Frame | None:
         """Return the next frame, None if none came in time. Real-time safe.
@@ -147,6 +156,8 @@ class SlcanBus:
         for text in self._lines.feed(data):
             if text in _ACKNOWLEDGEMENTS:
                 self._refusals = 0
+            elif self._unechoed and text == self._unechoed[0]:
+                self._unechoed.popleft()
             elif (frame := decode(text)) is not None:
                 self._frames.append(frame)
             elif text == BEL:
@@ -154,6 +165,21 @@ class SlcanBus:
                 self._refusals += 1
             else:
                 self._noticed.add(DeviceFlag.GARBAGE)
+
+    def _configure(self) -> bool:
+        """Set the bit rate and open the channel; return whether the adapter surely did so."""
+        # The first CR ends an incomplete command that an earlier program may have left.
+        self._close_channel(b"\r" + CLOSE, _ANSWER_NS)
+        self._echoes = self._says_other = False
+        bit_rate = f"a bit rate of {self._bit_rate} bit/s"
+        acknowledged = self._command(BIT_RATES[self._bit_rate], bit_rate)
+        acknowledged &= self._command(OPEN, "to open its channel")
+        # What an adapter says after booting may begin with an empty line, like an acknowledgement.
+        end_ns = self._line.now_ns() + _QUIET_NS
+        while acknowledged and (left_ns := end_ns - self._line.now_ns()) > 0:
+            for line in self._lines.feed(self._line.receive(left_ns)):
+                self._look_at(line)
+        return acknowledged and not self._says_other
 
     def _close_channel(self, command: bytes, within_ns: int) -> None:
         """Close the channel and wait until the adapter is silent.
@@ -169,15 +195,26 @@ class SlcanBus:
         # The rest of a line belongs to the closed channel.
         self._lines.clear()
 
-    def _command(self, command: bytes, what: str) -> None:
-        """Send a command; some adapters acknowledge none, all refuse an impossible one."""
+    def _command(self, command: bytes, what: str) -> bool:
+        """Send a command; return whether it was acknowledged.
+
+        Some adapters acknowledge none, all refuse an impossible one.
+        """
         self._line.send(command)
         end_ns = self._line.now_ns() + _ANSWER_NS
         while (left_ns := end_ns - self._line.now_ns()) > 0:
-            for answer in self._lines.feed(self._line.receive(left_ns)):
-                if answer == BEL:
-                    raise DeviceUnavailableError(f"{self.where}: the adapter refuses {what}")
-                # An empty line is the acknowledgement; other lines are frames of an earlier
-                # connection.
-                if answer == b"":
-                    return
+            lines = self._lines.feed(self._line.receive(left_ns))
+            if BEL in lines:
+                raise DeviceUnavailableError(f"{self.where}: the adapter refuses {what}")
+            for line in lines:
+                self._look_at(line, command[:-1])
+            if b"" in lines:
+                return True
+        return False
+
+    def _look_at(self, line: bytes, command: bytes = b"") -> None:
+        """Note whether the adapter echoes a command, or says what is no answer and no frame."""
+        if line and line == command:
+            self._echoes = True
+        elif line not in _ACKNOWLEDGEMENTS and decode(line) is None:
+            self._says_other = True

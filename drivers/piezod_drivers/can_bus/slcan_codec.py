@@ -4,7 +4,7 @@ The commands are those of the LAWICEL CAN232 manual, from public sources (python
 the README of mac-can/SLCAN): `tiiildd…` is a frame with an identifier of 11 bits, `T…` one with 29
 bits, `r…` and `R…` are remote frames, `S0` to `S8` set the bit rate, `O` opens the channel and `C`
 closes it. Each command ends with CR. An adapter acknowledges with CR (some put `z` or `Z` before it
-for a frame) and refuses with BEL.
+for a frame) and refuses with BEL. Some end their lines with CR LF, and some echo each command.
 """
 
 from binascii import hexlify, unhexlify
@@ -14,6 +14,7 @@ from piezod_drivers.can_bus.frame import EXTENDED_IDS, MAX_DATA_BYTES, STANDARD_
 
 CR: Final = b"\r"
 BEL: Final = b"\x07"
+LF: Final = b"\n"
 _BEL_CR: Final = BEL + CR
 OPEN: Final = b"O\r"
 CLOSE: Final = b"C\r"
@@ -90,7 +91,7 @@ class SlcanLines:
         A BEL inside a line is garbage, not a refusal.
         """
         # A BEL has no CR behind it; with one it becomes a line of its own.
-        lines = (self._rest + data).replace(BEL, _BEL_CR).split(CR)
+        lines = (self._rest + data).replace(LF, b"").replace(BEL, _BEL_CR).split(CR)
         # Cut, because a device at the wrong bit rate may never send a CR.
         self._rest = lines.pop()[-_LONGEST_LINE:]
         return lines

@@ -25,7 +25,11 @@ def make_transactions(options: ModbusOptions) -> Transactions:
         return TcpTransactions(TcpLine(options.host, options.tcp_port), timeout_s)
     assert options.port is not None  # noqa: S101 - the model has checked it
     line = SerialLine(
-        options.port, options.baud, parity=options.parity, stop_bits=options.stop_bits
+        options.port,
+        options.baud,
+        parity=options.parity,
+        stop_bits=options.stop_bits,
+        settle_s=options.settle_ms * 1e-3,
     )
     units = [unit.unit for unit in options.every_unit]
     return RtuTransactions(line, timeout_s, units, options.silence_s)

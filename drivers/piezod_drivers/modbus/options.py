@@ -7,6 +7,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.devices.bus.serial_line import SettleMs
 from piezod_drivers.modbus.profiles import PROFILES
 from piezod_drivers.modbus.register import Register
 
@@ -107,6 +108,7 @@ class ModbusOptions(UnitOptions):
         description="Modbus RTU: silence before each request, ms; left out: as in the standard, "
         "3.5 characters, and 1.75 ms above 19200 bit/s.",
     )
+    settle_ms: SettleMs = 0.0
     timeout_ms: Annotated[float, Quantity(1, 5000, "ms")] = Field(
         default=50.0, description="Longest wait for each reply, ms."
     )

@@ -72,6 +72,10 @@ class RegisterDialogue:
             LineFault: If an exchange fails.
         """
         self._transactions.open()
+        with self._transactions.opening():
+            return self._identify_and_read()
+
+    def _identify_and_read(self) -> Identity:
         identities = []
         for unit in self._options.every_unit:
             setup, profile = DeviceSetup(self._transactions, unit.unit), profile_of(unit)

@@ -29,6 +29,7 @@ class TcpTransactions(LineTransactions):
     def __init__(self, line: Line, timeout_s: float) -> None:
         super().__init__(line, timeout_s)
         self._number, self._tag = 0, b""
+        self._other_number: int | None = None
 
     def ask(self, unit: int, requests: Sequence[ModbusRequest], first: int = 0) -> bytes:
         """Send one request and return its reply. Real-time safe.
@@ -41,7 +42,17 @@ class TcpTransactions(LineTransactions):
         # The length counts the unit and the request.
         frame = _HEADER.pack(number, 0, len(request.pdu) + 1, unit) + request.pdu
         self._tag = frame[:2]
-        reply = self._conversation.ask(frame, _length_tcp, self._is_reply)
+        self._other_number = None
+        try:
+            reply = self._conversation.ask(frame, _length_tcp, self._is_reply)
+        except LineFault as fault:
+            if self._other_number is None:
+                raise
+            what = f"{fault}; the request had transaction number {number}, a reply had "
+            what += f"{self._other_number}: a device or gateway that does not repeat the number is "
+            raise LineFault(
+                fault.flag, what + "not supported, a late reply would be unnoticed"
+            ) from fault
         if reply[6] != unit:
             what = f"unit {reply[6]} replied instead of {self.name_of(unit)}"
             raise LineFault(DeviceFlag.GARBAGE, what)
@@ -58,7 +69,10 @@ class TcpTransactions(LineTransactions):
         return True
 
     def _is_reply(self, frame: bytes) -> bool:
-        return frame.startswith(self._tag)
+        if frame.startswith(self._tag):
+            return True
+        self._other_number = int.from_bytes(frame[:2], "big")
+        return False
 
 
 def _length_tcp(got: bytes) -> int:

@@ -1,6 +1,7 @@
 """One request and its reply at a time, independent of the frames around them."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from typing import Protocol
 
 from piezod.devices.bus.conversation import Conversation
@@ -39,6 +40,10 @@ class Transactions(Protocol):
         Raises:
             LineFault: If there is no reply in time, or the device refuses.
         """
+        ...
+
+    def opening(self) -> AbstractContextManager[None]:
+        """Repeat the first request of a block as long as the device may boot."""
         ...
 
     def is_free(self, unit: int, requests: Sequence[ModbusRequest]) -> bool:
@@ -87,6 +92,10 @@ class LineTransactions:
     def close(self) -> None:
         """Disconnect. Never raises."""
         self._line.close()
+
+    def opening(self) -> AbstractContextManager[None]:
+        """Repeat the first request of a block as long as the device may boot."""
+        return self._conversation.opening()
 
     def now_ns(self) -> int:
         """Return the instant on the line's clock. Real-time safe."""

@@ -7,7 +7,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.devices.bus.line import Line
-from piezod.devices.bus.serial_line import SerialLine
+from piezod.devices.bus.serial_line import SerialLine, SettleMs
 from piezod.devices.bus.tcp_line import TcpLine
 
 Port: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
@@ -29,6 +29,7 @@ class _Settings(ConfigModel):
     baud: Baud = Field(default=115_200, description="Bits per second, as set on the device.")
     rtscts: bool = Field(default=False, description="Whether RTS and CTS control the flow.")
     timeout_ms: TimeoutMs = Field(default=30.0, description="Longest wait for each reply, ms.")
+    settle_ms: SettleMs = 0.0
 
     def baud_or(self, usual: int) -> int:
         """Return `baud` if it is configured, else the usual value of the device's model."""
@@ -83,4 +84,5 @@ def make_line(options: PortOptions | LineOptions, baud: int | None = None) -> Li
         assert options.tcp_port is not None  # noqa: S101 - the model has checked it
         return TcpLine(options.host, options.tcp_port)
     assert options.port is not None  # noqa: S101 - likewise
-    return SerialLine(options.port, baud or options.baud, rtscts=options.rtscts)
+    settle_s = options.settle_ms * 1e-3
+    return SerialLine(options.port, baud or options.baud, rtscts=options.rtscts, settle_s=settle_s)

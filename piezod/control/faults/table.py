@@ -211,7 +211,8 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     FaultRule(Fault.L1, "cycle late, periods skipped", LOOP, NONE, L0, "info",
               "if it happens often, `piezod status` shows which real-time set-up is missing"),
     FaultRule(Fault.L2, "more than a tenth of the cycles lose periods", LOOP, HOLD, L0, "error",
-              "lower rate_hz, or give the loop a processor and real-time priority"),
+              "lower rate_hz, or give the loop a processor and real-time priority; `piezod check` "
+              "shows a quota"),
     FaultRule(Fault.L3, "loop hung", LOOP, RAMP, L2, "error",
               "report it, with the log"),
     FaultRule(Fault.L4, "wall clock was set", LOOP, WARN, L0, "info",
@@ -222,7 +223,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     FaultRule(Fault.L6, "garbage collection in the loop", LOOP, WARN, L0, "warning",
               "report it: the loop should have none"),
     FaultRule(Fault.L7, "loop often late", LOOP, WARN, L0, "warning",
-              "lower rate_hz, or take load off the processor"),
+              "lower rate_hz, or take load off the processor; `piezod check` shows a quota"),
     FaultRule(Fault.L8, "memory not resident when the loop needed it", LOOP, WARN, L0, "warning",
               "free memory: end other programs, or add memory to the computer"),
     FaultRule(Fault.L9, "real-time privileges missing", LOOP, NONE, L0, "info",

@@ -45,7 +45,7 @@ def dump(content: Any) -> bytes:
         text = json.dumps(content, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     except ValueError:
         return dump(_finite(content))
-    return text.encode()
+    return text.encode(errors="backslashreplace")  # bytes of a path that are no text
 
 
 def _finite(value: Any) -> Any:

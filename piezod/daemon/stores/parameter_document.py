@@ -103,7 +103,7 @@ def _check_kind(data: object) -> None:
 
 def _text(document: ParameterDocument, digest: str) -> bytes:
     data = document.model_copy(update={"sha256": digest}).model_dump(mode="json")
-    return (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode(errors="backslashreplace")
 
 
 def _with_tuples(data: Any) -> Any:

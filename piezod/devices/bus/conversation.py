@@ -1,8 +1,9 @@
 """Requests and replies over a line, one at a time; a late reply is never taken for the next one."""
 
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Final, TypeAlias
 
 from piezod.devices.bus.byte_trace import shown
@@ -23,6 +24,11 @@ SLOW: Final = 0.8
 MOST_BYTES: Final = 65_536
 """Number of bytes without a frame above which they count as garbage."""
 
+BOOT_NS: Final = 3_000_000_000
+"""Longest time after a request without a reply that a device may need to boot, in ns. A board whose
+serial port resets it is silent for up to 2 s, in its boot loader."""
+_QUIET_NS: Final = 100_000_000
+"""After a silence of this length a device that boots has sent what it sends by itself."""
 MOST_KEPT: Final = 200
 """Number of dropped bytes that are kept for a message."""
 
@@ -62,6 +68,10 @@ class Conversation:
 
     One thread at a time has a conversation; a second one gets a `DeviceError`, and sends nothing.
 
+    Some devices boot when their port is opened: they answer nothing meanwhile, and then send a
+    banner. Therefore the first request of `with opening():` is repeated, with the port open,
+    until it is answered or `BOOT_NS` have passed; what comes in between is dropped.
+
     Args:
         line: The line; its owner opens and closes it.
         timeout_s: Time-out of a reply, in s.
@@ -78,6 +88,7 @@ class Conversation:
         self._owed_until_ns = 0
         self._owed_why = ""
         self._noticed: set[DeviceFlag] = set()
+        self._may_boot = False
         self.dropped = b""
         """Bytes that came during the last exchange, or before it, and were no reply."""
 
@@ -89,6 +100,18 @@ class Conversation:
         """
         self._rest = b""
         self._noticed.clear()
+
+    @contextmanager
+    def opening(self) -> Iterator[None]:
+        """Repeat the first request of this block as long as the device may boot.
+
+        Not for use in the loop: the request may take `BOOT_NS` and ten time-outs longer.
+        """
+        self._may_boot = True
+        try:
+            yield
+        finally:
+            self._may_boot = False
 
     def wait_out(self) -> None:
         """Wait until a late reply comes or can no longer come. Not for use in the loop.
@@ -135,7 +158,7 @@ class Conversation:
         timeout_ns: int | None = None,
         fits: Fits | None = None,
     ) -> bytes:
-        """Send a request and return the frame that answers it. Real-time safe.
+        """Send a request and return the frame that answers it. Real-time safe after opening.
 
         Args:
             request: Bytes to send.
@@ -151,7 +174,11 @@ class Conversation:
             DeviceError: If another thread is waiting for a reply.
         """
         with self._one_thread:
-            return self._ask(request, length_of, is_reply, timeout_ns, fits)
+            again = partial(self._ask, request, length_of, is_reply, timeout_ns, fits)
+            if not self._may_boot:
+                return again()
+            self._may_boot = False
+            return self._ask_booting(again, timeout_ns or self._timeout_ns)
 
     def _ask(
         self,
@@ -187,6 +214,47 @@ class Conversation:
             what += f": what came does not fit: {shown(self.dropped)}"
         self._owed_why = what
         raise LineFault(DeviceFlag.LATE_REPLY, what)
+
+    def _ask_booting(self, again: Callable[[], bytes], wait_ns: int) -> bytes:
+        """Repeat a request while it is not answered and the device may still boot.
+
+        Args:
+            again: Sends the request and returns its reply.
+            wait_ns: Time-out of the reply, in ns.
+        """
+        repeated, end_ns = False, self._line.now_ns() + wait_ns + BOOT_NS
+        while True:
+            try:
+                frame = again()
+                break
+            except LineFault as fault:
+                if fault.flag is not DeviceFlag.LATE_REPLY or self._line.now_ns() >= end_ns:
+                    raise
+            repeated = True
+            # A tag need not differ between repetitions, so a late reply is waited for in any case.
+            late_ns = self._line.now_ns() + PATIENCE * wait_ns
+            self._drop_until_quiet(late_ns, max(late_ns, end_ns))
+        if repeated:
+            # The device may have kept the earlier requests, and answers them now.
+            now_ns = self._line.now_ns()
+            self._drop_until_quiet(now_ns, now_ns + BOOT_NS, spoke=True)
+            self._noticed.clear()
+        return frame
+
+    def _drop_until_quiet(self, from_ns: int, end_ns: int, *, spoke: bool = False) -> None:
+        """Drop what comes, until the device has sent something and fallen silent.
+
+        Args:
+            from_ns: Earliest end.
+            end_ns: Latest end, also if the device sends nothing or never falls silent.
+            spoke: Whether it has sent something already.
+        """
+        while (now_ns := self._line.now_ns()) < end_ns:
+            until_ns = max(from_ns, now_ns + _QUIET_NS) if spoke else end_ns
+            if not self._line.receive(until_ns - now_ns):
+                break
+            spoke = True
+        self._rest, self._owed = b"", None
 
     def _wait_for(
         self, length_of: LengthOf, belongs: Fits | None, stray: DeviceFlag, wait_ns: int

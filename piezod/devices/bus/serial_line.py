@@ -10,18 +10,32 @@ import time
 from contextlib import suppress
 from fcntl import ioctl
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
+from pydantic import Field
+
+from piezod.config.fields import Quantity
 from piezod.devices.bus.byte_trace import trace_received, trace_sent
 from piezod.devices.bus.line import LineFault
 from piezod.devices.bus.port_holder import holder_of
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError, PortHeldError
+from piezod.units import NS_PER_S
 
 if TYPE_CHECKING:
     from serial import Serial
 
 Parity: TypeAlias = Literal["N", "E", "O"]
+SettleMs: TypeAlias = Annotated[
+    float,
+    Quantity(0, 30_000, "ms"),
+    Field(
+        description="Time after each opening of the port in which nothing is sent, and what comes "
+        "is dropped, ms: for a board that boots when its port is opened."
+    ),
+]
+"""Option of every driver with a serial port; 0 by default, because most devices answer at once, and
+each start, reconnection and `piezod safe` waits that long."""
 
 _MOST_BYTES: Final = 65_536
 _SEND_NS: Final = 50_000_000
@@ -39,6 +53,10 @@ class SerialLine:
     (low-latency mode). Bytes that are still unsent when a reply is overdue are dropped: an old
     setpoint must not leave later.
 
+    The kernel raises DTR and RTS when a port is opened, which resets some boards. It cannot be kept
+    from it, but it keeps them raised when the port is closed: only the first opening after the
+    adapter was plugged in has the edge that resets.
+
     Args:
         port: Path of the port, preferably from /dev/serial/by-id.
         baud: Bits per second; 8 data bits.
@@ -46,6 +64,8 @@ class SerialLine:
         xonxoff: Whether the device uses XON/XOFF flow control.
         parity: None, even or odd.
         stop_bits: 1 or 2.
+        settle_s: Time after each opening in which nothing is sent, and what comes is dropped, in s:
+            for a device that boots when its port is opened.
     """
 
     def __init__(
@@ -57,9 +77,11 @@ class SerialLine:
         xonxoff: bool = False,
         parity: Parity = "N",
         stop_bits: Literal[1, 2] = 1,
+        settle_s: float = 0.0,
     ) -> None:
         self._port, self._baud, self._rtscts, self._xonxoff = port, baud, rtscts, xonxoff
         self._parity, self._stop_bits = parity, stop_bits
+        self._settle_ns = round(settle_s * NS_PER_S)
         self._serial: Serial | None = None
         self._fd = -1
         self._readable = self._writable = select.poll()
@@ -72,11 +94,13 @@ class SerialLine:
         return self._port
 
     def open(self) -> None:
-        """Open the port with empty buffers; an open port is closed first.
+        """Open the port with empty buffers and wait until the device has settled.
+
+        An open port is closed first.
 
         Raises:
             PortHeldError: If another program holds it.
-            DeviceUnavailableError: If it is absent, or no serial port.
+            DeviceUnavailableError: If it is absent, no serial port, or lost meanwhile.
         """
         from serial import Serial  # noqa: PLC0415 - only an opened port needs the library
 
@@ -94,6 +118,7 @@ class SerialLine:
             )
             self._fd = self._serial.fileno()
             self._refuse_others()
+            self._keep_raised()
             path = str(Path(self._port).resolve())
         except (OSError, termios.error, ValueError, OverflowError) as error:
             self.close()
@@ -107,6 +132,7 @@ class SerialLine:
         if self._path not in {"", path}:
             self._noticed.add(DeviceFlag.OTHER_PATH)
         self._path = path
+        self._settle()
 
     def close(self) -> None:
         """Close the port; unsent bytes are dropped. Never raises."""
@@ -180,6 +206,22 @@ class SerialLine:
         if os.major(os.fstat(self._fd).st_rdev) not in _PTY_MAJORS:
             ioctl(self._fd, termios.TIOCEXCL)
 
+    def _settle(self) -> None:
+        """Drop what a device sends while it boots."""
+        settled_ns = self.now_ns() + self._settle_ns
+        try:
+            while (left_ns := settled_ns - self.now_ns()) > 0:
+                self.receive(left_ns)
+        except LineFault as fault:
+            self.close()
+            raise DeviceUnavailableError(str(fault)) from fault
+
+    def _keep_raised(self) -> None:
+        """Make the kernel keep DTR and RTS raised when the port is closed."""
+        settings = termios.tcgetattr(self._fd)
+        settings[2] &= ~termios.HUPCL
+        termios.tcsetattr(self._fd, termios.TCSANOW, settings)
+
     def _send_rest(self, data: bytes, sent: int) -> None:
         end_ns = time.monotonic_ns() + _SEND_NS
         while (left_ns := end_ns - time.monotonic_ns()) > 0:
@@ -199,7 +241,8 @@ class SerialLine:
 def _refusal(port: str, error: Exception) -> DeviceUnavailableError:
     number = getattr(error, "errno", None)
     if number == errno.ENOENT:
-        what = f"no port {port}: plug it in, or name another one of /dev/serial/by-id"
+        what = f"no port {port}: plug it in, or name another one of /dev/serial/by-id; if it "
+        what += "vanishes again, brltty may have taken it (docs: serial devices, brltty)"
         return DeviceUnavailableError(what)
     if number == errno.EACCES:
         what = f"no access to {port}: the user has to be in the group that it belongs to"

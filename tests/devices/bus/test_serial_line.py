@@ -3,11 +3,13 @@
 import errno
 import os
 import pty
+import select
 import termios
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 
@@ -112,6 +114,57 @@ def test_bytes_before_opening_are_dropped(cable: Cable) -> None:
     line.close()
 
     assert got == b""
+
+
+def test_nothing_of_a_settling_device_is_kept(cable: Cable) -> None:
+    """Bytes that come while the device settles are dropped, and `open` waits for that time."""
+    settle_s = 0.2
+    line = SerialLine(str(cable.path), 9600, settle_s=settle_s)
+    talking = Thread(target=_talk_once_opened, args=(cable.device,))
+    talking.start()
+    begin_ns = line.now_ns()
+    line.open()
+    took_ns = line.now_ns() - begin_ns
+    talking.join()
+    got = line.receive(0)
+    line.close()
+
+    assert took_ns >= settle_s * 1e9
+    assert got == b""
+
+
+def _talk_once_opened(device: int) -> None:
+    """Send a banner as soon as the port has been opened."""
+    ended, poll = Event(), select.poll()
+    poll.register(device, select.POLLIN)
+    while any(events & select.POLLHUP for _, events in poll.poll(0)):
+        ended.wait(0.001)
+    os.write(device, b"firmware 1.3.5 ready\r\n")
+
+
+def test_port_that_goes_while_its_device_settles_is_absent(cable: Cable) -> None:
+    """It is reported as an absent device, and released."""
+    line = SerialLine(str(cable.path), 9600, settle_s=60.0)
+    line_closed = Thread(target=_pull_once_opened, args=(cable,))
+    line_closed.start()
+    with pytest.raises(DeviceUnavailableError):
+        line.open()
+    line_closed.join()
+
+
+def _pull_once_opened(cable: Cable) -> None:
+    _talk_once_opened(cable.device)
+    cable.pull()
+
+
+def test_closing_leaves_dtr_raised(cable: Cable, line: SerialLine) -> None:
+    """The kernel keeps DTR raised when the port is closed: its edge resets some boards."""
+    end = os.open(cable.path, os.O_RDWR | os.O_NOCTTY)
+    control = termios.tcgetattr(end)[2]
+    os.close(end)
+
+    assert line.where == str(cable.path)
+    assert not control & termios.HUPCL
 
 
 @pytest.fixture

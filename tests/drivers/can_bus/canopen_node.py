@@ -3,7 +3,8 @@
 The library answers SDO, obeys NMT and sends heartbeats. Its user has to give process data a meaning
 and to send them.
 
-Usage: python canopen_node.py GROUP PORT; ends when its standard input ends.
+Usage: python canopen_node.py GROUP PORT [sizeless]; ends when its standard input ends. With
+"sizeless" its SDO replies leave out the size of an object, as CiA 301 allows.
 """
 
 import sys
@@ -66,6 +67,18 @@ class Device:
         network.subscribe(0x080, self._send_inputs)
         self._node.nmt.send_command(0)  # boot-up, then pre-operational
 
+    def leave_sizes_out(self) -> None:
+        """Say of no object how many bytes of a reply are its own."""
+        send = self._node.sdo.send_response
+
+        def send_sizeless(reply: bytearray) -> None:
+            if reply[0] & 0xE2 == 0x42:
+                n_bytes = 4 - (reply[0] >> 2 & 3)
+                reply[0], reply[4 + n_bytes :] = 0x42, b"\xaa" * (4 - n_bytes)
+            send(reply)
+
+        self._node.sdo.send_response = send_sizeless
+
     def _mapping(self, index: int) -> list[tuple[int, int]]:
         count = self._number(index, 0)
         entries = [self._number(index, i + 1) for i in range(count)]
@@ -90,9 +103,11 @@ class Device:
 def main() -> None:
     """Run the node until standard input ends."""
     network = canopen.Network()
-    group, port = sys.argv[1:]
+    group, port, *ways = sys.argv[1:]
     network.connect(interface="udp_multicast", channel=group, port=int(port), hop_limit=0, fd=False)
-    Device(network)
+    device = Device(network)
+    if "sizeless" in ways:
+        device.leave_sizes_out()
     print("ready", flush=True)
     sys.stdin.read()
     network.disconnect()

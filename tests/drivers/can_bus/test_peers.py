@@ -23,11 +23,11 @@ from tests.drivers.can_bus.profiles import CANOPEN, CANOPEN_PDO, GROUP
 CODES_PER_V = 3276.7
 
 
-@pytest.fixture(scope="module")
-def peer() -> Iterator[str]:
+@pytest.fixture(scope="module", params=[(), ("sizeless",)], ids=["sized", "sizeless"])
+def peer(request: pytest.FixtureRequest) -> Iterator[str]:
     """Serve a node of the canopen library in another process; return its place."""
     port = free_port()
-    command = [sys.executable, canopen_node.__file__, GROUP, str(port)]
+    command = [sys.executable, canopen_node.__file__, GROUP, str(port), *request.param]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:

@@ -1,7 +1,6 @@
 """Frames as text, and the slcan adapter."""
 
 import re
-from collections import deque
 from typing import Any
 
 import pytest
@@ -11,10 +10,10 @@ from hypothesis import strategies as st
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.emulation.ends import Adapter
 from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS, Frame
 from piezod_drivers.can_bus.slcan_bus import SlcanBus
 from piezod_drivers.can_bus.slcan_codec import BEL, SlcanLines, decode, encode
+from tests.drivers.can_bus.slcan_adapter import QueueingAdapter
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 
 DATA = st.binary(max_size=8)
@@ -117,44 +116,14 @@ def test_memory_is_bounded() -> None:
     assert len(lines.feed(b"\r")[0]) <= 32
 
 
-class _Behind:
-    """Implements `Emulator`: an adapter with a queue for frames that it cannot send.
-
-    Attributes:
-        on_bus: Frames that have been on the bus.
-        stuck: Whether no frame is sent.
-        silent: Whether it acknowledges nothing.
-    """
-
-    def __init__(self) -> None:
-        self.adapter = Adapter()
-        self.on_bus: list[Frame] = []
-        self.queue: deque[Frame] = deque()
-        self.stuck = self.silent = False
-        self.commands: list[bytes] = []
-
-    def receive(self, data: bytes) -> list[bytes]:
-        if b"C\r" in data:
-            self.queue.clear()
-        frames, answers = self.adapter.take(data)
-        self.commands.append(data)
-        self.queue.extend(frames)
-        while self.queue and not self.stuck:
-            self.on_bus.append(self.queue.popleft())
-        return [answers] if answers and not self.silent else []
-
-    def due(self) -> list[bytes]:
-        return []
-
-
 @pytest.fixture
-def behind() -> _Behind:
+def behind() -> QueueingAdapter:
     """Return an adapter."""
-    return _Behind()
+    return QueueingAdapter()
 
 
 @pytest.fixture
-def line(behind: _Behind) -> EmulatedLine:
+def line(behind: QueueingAdapter) -> EmulatedLine:
     """Return the line to the adapter."""
     return EmulatedLine(behind, TestTime())
 
@@ -167,14 +136,14 @@ def bus(line: EmulatedLine) -> SlcanBus:
     return bus
 
 
-def test_opening_sets_the_bit_rate(bus: SlcanBus, behind: _Behind) -> None:
+def test_opening_sets_the_bit_rate(bus: SlcanBus, behind: QueueingAdapter) -> None:
     """Opening closes the channel, sets the bit rate and opens the channel."""
     assert b"".join(behind.commands) == b"\rC\rS6\rO\r"
     bus.open(())
     assert b"".join(behind.commands).endswith(b"\rC\rS6\rO\r")
 
 
-def test_frames_go_both_ways(bus: SlcanBus, behind: _Behind, line: EmulatedLine) -> None:
+def test_frames_go_both_ways(bus: SlcanBus, behind: QueueingAdapter, line: EmulatedLine) -> None:
     """Frames pass both ways, and acknowledgements are no frames."""
     bus.send(A)
     line.comes(behind.adapter.give(B) + behind.adapter.give(A))
@@ -194,7 +163,7 @@ def test_nothing_comes_in_time(bus: SlcanBus) -> None:
 
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
-def test_old_setpoint_never_leaves(bus: SlcanBus, behind: _Behind) -> None:
+def test_old_setpoint_never_leaves(bus: SlcanBus, behind: QueueingAdapter) -> None:
     """Opening the bus again discards the frames that the adapter could not send."""
     behind.stuck = True
     bus.send(A)
@@ -207,7 +176,9 @@ def test_old_setpoint_never_leaves(bus: SlcanBus, behind: _Behind) -> None:
     assert behind.on_bus == [B]
 
 
-def test_old_setpoint_of_another_process_never_leaves(behind: _Behind, line: EmulatedLine) -> None:
+def test_old_setpoint_of_another_process_never_leaves(
+    behind: QueueingAdapter, line: EmulatedLine
+) -> None:
     """Opening also discards frames of a process that died with the channel open."""
     behind.receive(b"O\r")
     behind.stuck = True
@@ -222,7 +193,7 @@ def test_old_setpoint_of_another_process_never_leaves(behind: _Behind, line: Emu
 
 @pytest.mark.sees("canopen", "B9")
 @pytest.mark.sees("can_dbc", "B9")
-def test_refused_frame_is_reported(bus: SlcanBus, behind: _Behind) -> None:
+def test_refused_frame_is_reported(bus: SlcanBus, behind: QueueingAdapter) -> None:
     """After a refused frame the next one fails and is not sent."""
     behind.adapter.off_bus = True
     bus.send(A)
@@ -237,7 +208,7 @@ def test_refused_frame_is_reported(bus: SlcanBus, behind: _Behind) -> None:
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 def test_adapter_that_refuses_again_and_again_is_off_the_bus(
-    bus: SlcanBus, behind: _Behind
+    bus: SlcanBus, behind: QueueingAdapter
 ) -> None:
     """Three refused frames in a row lose the bus; an accepted frame resets the count."""
     for refused, flag in ((2, DeviceFlag.NOT_SENT), (3, DeviceFlag.BUS_OFF)):
@@ -266,7 +237,7 @@ def test_garbage_is_reported(bus: SlcanBus, line: EmulatedLine) -> None:
 class _BufferedLine(EmulatedLine):
     """A line that sends only when the caller waits, and drops unsent bytes when closed."""
 
-    def __init__(self, behind: _Behind) -> None:
+    def __init__(self, behind: QueueingAdapter) -> None:
         super().__init__(behind, TestTime())
         self._unsent: list[bytes] = []
 
@@ -287,7 +258,7 @@ class _BufferedLine(EmulatedLine):
 
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
-def test_closing_closes_the_channel(behind: _Behind) -> None:
+def test_closing_closes_the_channel(behind: QueueingAdapter) -> None:
     """The adapter receives the close command before the port is released."""
     line = _BufferedLine(behind)
     bus = SlcanBus(line, 500_000)
@@ -311,7 +282,7 @@ class _SlowLine(EmulatedLine):
             super().comes(bytes((byte,)), MS if i else after_ns)
 
 
-def test_late_adapter_has_refused_nothing(behind: _Behind) -> None:
+def test_late_adapter_has_refused_nothing(behind: QueueingAdapter) -> None:
     """A late reply to the close command is not taken for a refused frame."""
     bus = SlcanBus(_SlowLine(behind, TestTime(), 200 * MS), 500_000)
     bus.open(())
@@ -335,7 +306,9 @@ def test_unplugged_adapter_is_reported(bus: SlcanBus, line: EmulatedLine) -> Non
     bus.close()
 
 
-def test_adapter_that_acknowledges_nothing_is_used(line: EmulatedLine, behind: _Behind) -> None:
+def test_adapter_that_acknowledges_nothing_is_used(
+    line: EmulatedLine, behind: QueueingAdapter
+) -> None:
     """An adapter that never acknowledges can be opened."""
     behind.silent = True
     bus = SlcanBus(line, 500_000)

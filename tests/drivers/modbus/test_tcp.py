@@ -108,3 +108,15 @@ def test_a_long_stream_of_nothing_is_searched_once() -> None:
     """Zeros, which look like a header everywhere, take no longer than other bytes."""
     line = PlayedLine(lambda request: [(MS, bytes(60_000) + reply_to(request, 5))])
     assert tcp(line).ask(1, [REQUEST])[2:] == b"\0\0\0\5"
+
+
+def test_gateway_that_numbers_its_replies_itself_is_told_as_such() -> None:
+    """Its replies are not taken, since a late one could not be told; the fault has both numbers."""
+    line = PlayedLine(lambda request: [(MS, b"\x01\x2c" + reply_to(request, 5)[2:])])
+    transactions = tcp(line)
+    with pytest.raises(LineFault, match="had transaction number 1, a reply had 300"):
+        transactions.ask(1, [REQUEST])
+    line.answer = lambda _request: []
+    with pytest.raises(LineFault) as silent:
+        transactions.ask(1, [REQUEST])
+    assert "transaction number" not in str(silent.value)

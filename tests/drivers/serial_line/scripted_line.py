@@ -28,6 +28,10 @@ class TestTime:
         return self.t_ns
 
 
+MANY: Final = 20
+"""More often than a first request is repeated."""
+
+
 @dataclass(frozen=True)
 class Step:
     """An expected request of a script, and its replies.

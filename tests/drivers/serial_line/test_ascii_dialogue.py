@@ -9,7 +9,7 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.ascii_line.emulator import V_PER_UM, NanopositionerEmulator
 from tests.drivers.serial_line.ascii_rig import device, started
 from tests.drivers.serial_line.linear_rig import UM_PER_V, bench
-from tests.drivers.serial_line.scripted_line import MS, ScriptedLine, exchange
+from tests.drivers.serial_line.scripted_line import MANY, MS, ScriptedLine, exchange
 
 IDENTIFY = {"send": "*IDN?", "reply": r"(?P<maker>[^,]+),(?P<model>[^,]+),(?P<serial>[^,]*)"}
 
@@ -162,7 +162,7 @@ def test_identity_comes_from_the_groups_of_its_answer() -> None:
 
 def test_another_device_is_refused() -> None:
     """A device whose identity does not match the pattern is refused."""
-    line = ScriptedLine(exchange(b"*IDN?\n", b"hello\n"))
+    line = ScriptedLine(*MANY * [exchange(b"*IDN?\n", b"hello\n")])
 
     with pytest.raises(DeviceError, match="another device"):
         device(line, identify=IDENTIFY).open()
@@ -172,7 +172,7 @@ def test_another_device_is_refused() -> None:
 def test_silence_means_an_absent_device() -> None:
     """A device that does not reply to `identify` is unavailable."""
     with pytest.raises(DeviceUnavailableError):
-        device(ScriptedLine(exchange(b"*IDN?\n")), identify=IDENTIFY).open()
+        device(ScriptedLine(*MANY * [exchange(b"*IDN?\n")]), identify=IDENTIFY).open()
 
 
 def test_start_and_stop_are_sent_around_the_run() -> None:

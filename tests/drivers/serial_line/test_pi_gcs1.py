@@ -14,7 +14,7 @@ from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR
 from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
-from tests.drivers.serial_line.scripted_line import EmulatedLine, ScriptedLine, exchange
+from tests.drivers.serial_line.scripted_line import MANY, EmulatedLine, ScriptedLine, exchange
 
 OPTIONS = Gcs1Options(port="/dev/ttyS0")
 
@@ -112,7 +112,7 @@ def test_faults_of_the_line() -> None:
 
 def test_silent_device() -> None:
     """A port without reply is an unavailable device."""
-    line = ScriptedLine(exchange(b"ERR?\n"))
+    line = ScriptedLine(*MANY * [exchange(b"ERR?\n")])
     device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
     with pytest.raises(DeviceUnavailableError, match="no reply"):
         device.open()

@@ -19,6 +19,7 @@ from tests.drivers.serial_line.pi_gcs2_bench import (
     scripted,
 )
 from tests.drivers.serial_line.scripted_line import (
+    MANY,
     MS,
     T0_NS,
     US,
@@ -263,7 +264,7 @@ def test_an_error_while_opening(steps: tuple[Step, ...]) -> None:
 
 def test_silent_device() -> None:
     """A port without reply is an unavailable device."""
-    line = ScriptedLine(exchange(b"ERR?\n"))
+    line = ScriptedLine(*MANY * [exchange(b"ERR?\n")])
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
         scripted(line).open()
     assert line.now_ns() > T0_NS

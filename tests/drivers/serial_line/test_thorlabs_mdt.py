@@ -18,7 +18,14 @@ from piezod_drivers.serial_line.thorlabs_mdt.emulator import (
 )
 from piezod_drivers.serial_line.thorlabs_mdt.options import MdtOptions
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, ScriptedLine, Step, exchange
+from tests.drivers.serial_line.scripted_line import (
+    MANY,
+    MS,
+    EmulatedLine,
+    ScriptedLine,
+    Step,
+    exchange,
+)
 
 B3 = MdtModel("MDT693B", "XYZ", "2.09")
 B1 = MdtModel("MDT694B", "X", "2.09")
@@ -243,7 +250,7 @@ def test_the_first_firmware_of_a_b_model() -> None:
 
 def test_silent_device() -> None:
     """A port without reply is an unavailable device, and the port is closed."""
-    line = ScriptedLine(exchange(b"~\r"))
+    line = ScriptedLine(*MANY * [exchange(b"~\r")])
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
         device_on(line).open()
     assert not line.opened
@@ -252,7 +259,7 @@ def test_silent_device() -> None:
 @pytest.mark.parametrize(
     ("steps", "what"),
     [
-        ([exchange(b"~\r", b"hello")], "does not reply like an MDT"),
+        (MANY * [exchange(b"~\r", b"hello")], "does not reply like an MDT"),
         (
             [exchange(b"~\r", b">"), exchange(b"ID?\r", b"BPC>"), exchange(b"I\r", b"?>")],
             "is no MDT693",

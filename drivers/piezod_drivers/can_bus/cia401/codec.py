@@ -70,9 +70,10 @@ def unpack(data: bytes, n_words: int) -> tuple[int, ...]:
     """Return the words of process data. Real-time safe.
 
     Raises:
-        LineFault: `GARBAGE` if the data has another length.
+        LineFault: `GARBAGE` if the data is shorter. Bytes behind the words count for nothing: CiA
+            301 allows a PDO to be longer than its mapping.
     """
-    if len(data) != 2 * n_words:
+    if len(data) < 2 * n_words:
         what = f"process data has {len(data)} bytes, {2 * n_words} are mapped"
         raise LineFault(DeviceFlag.GARBAGE, what)
-    return _DATA[n_words].unpack(data)
+    return _DATA[n_words].unpack_from(data)

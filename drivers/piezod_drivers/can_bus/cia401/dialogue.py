@@ -50,7 +50,7 @@ class Cia401Dialogue:
         self._supervision = Supervision(options, bus.now_ns)
         has_outputs = bool(channels.outputs)
         self._reads_back_by_pdo = options.read_back == "pdo" and has_outputs
-        self._reads_only = bool(options.outputs) and not has_outputs
+        self._reads_only = channels.reads_only
         reads_inputs = bool(channels.inputs) and not self._reads_only
         self._expects_tpdo = reads_inputs or self._reads_back_by_pdo
         self._read_inputs = read_requests(options.node, objects.INPUT, channels.inputs)
@@ -89,6 +89,8 @@ class Cia401Dialogue:
                 raise
             what = f"{fault}: check node number, power supply, bit rate and both terminations"
             raise DeviceUnavailableError(what) from fault
+        for index, numbers in self._channels.read_by_sdo:
+            setup.check_words(access, index, numbers)
         self._has_watchdog = setup.has_watchdog(access, self._channels.safe_codes)
         self._max_rate_hz = max_rate_hz(options.bus, self._frame_sizes())
         return identity

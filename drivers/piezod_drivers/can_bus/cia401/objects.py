@@ -61,6 +61,9 @@ RESET_COMMUNICATION: Final = 130
 """Commands of the network master (NMT)."""
 
 WORD_BITS: Final = 16
+WORD_BYTES: Final = WORD_BITS // 8
+SEGMENT_BYTES: Final = 7
+"""Number of data bytes of a segment of an SDO transfer."""
 MOST_WORDS: Final = 4
 """Highest number of words in a PDO."""
 

@@ -99,21 +99,21 @@ def prepare(access: SdoAccess, pdos: Sequence[Pdo]) -> list[PdoLayout]:
 
 
 def _current(access: SdoAccess, pdo: Pdo) -> Pdo | None:
-    if access.number(pdo.settings, 1) & objects.DISABLED:
+    if access.number(pdo.settings, 1, 4) & objects.DISABLED:
         return None
-    transmission = access.number(pdo.settings, 2)
+    transmission = access.number(pdo.settings, 2, 1)
     return pdo._replace(transmission=transmission, entries=_entries(access, pdo))
 
 
 def _entries(access: SdoAccess, pdo: Pdo) -> tuple[int, ...]:
-    count = access.number(pdo.mapping)
+    count = access.number(pdo.mapping, 0, 1)
     # Eight at most: a PDO carries four words, and a wrong number must not cause 255 requests.
-    return tuple(access.number(pdo.mapping, i + 1) for i in range(min(count, 8)))
+    return tuple(access.number(pdo.mapping, i + 1, 4) for i in range(min(count, 8)))
 
 
 def _configure(access: SdoAccess, pdo: Pdo) -> None:
     # The identifier that the node uses is kept.
-    identifier = access.number(pdo.settings, 1)
+    identifier = access.number(pdo.settings, 1, 4)
     enabled = identifier & ~objects.DISABLED
     try:
         # Order of CiA 301: disable the PDO, clear the mapping, write its entries and their number.
@@ -141,7 +141,7 @@ def _set_transmission(access: SdoAccess, pdo: Pdo) -> None:
     try:
         access.write(pdo.settings, 2, pdo.transmission, 1)
     except SdoRefusedError as error:
-        fixed = access.number(pdo.settings, 2)
+        fixed = access.number(pdo.settings, 2, 1)
         # The types 254 and 255 differ in who defines the events; both act on arrival (CiA 301).
         if fixed != pdo.transmission and not {fixed, pdo.transmission} <= objects.ON_ARRIVAL:
             what = f"{error}; its transmission type is fixed at {fixed}"
@@ -163,8 +163,8 @@ def _layout(access: SdoAccess, pdo: Pdo) -> PdoLayout:
     # Outputs of others in the same PDO must be sent with the values that they have now.
     foreign = set(entries) - set(pdo.entries)
     fill = tuple(
-        access.number(entry >> 16, entry >> 8 & 0xFF) if entry in foreign else 0
+        access.number(entry >> 16, entry >> 8 & 0xFF, objects.WORD_BYTES) if entry in foreign else 0
         for entry in entries
     )
     positions = tuple(entries.index(entry) for entry in pdo.entries)
-    return PdoLayout(access.number(pdo.settings, 1) & _ID_MASK, positions, fill)
+    return PdoLayout(access.number(pdo.settings, 1, 4) & _ID_MASK, positions, fill)

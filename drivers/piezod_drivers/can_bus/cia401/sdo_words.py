@@ -1,6 +1,6 @@
 """Reads single channels by SDO in the loop."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from piezod.devices.bus.line import LineFault
@@ -12,8 +12,14 @@ from piezod_drivers.can_bus.frame import Frame
 SDO_BYTES: Final = 8
 # Command bytes of SDO (CiA 301).
 _READ: Final = 0x40  # request: upload an object
-_ANSWER: Final = 0x4B  # reply: two bytes of it, in this frame
+_NEXT: Final = 0x60  # request: the first segment of it
 _ABORT: Final = 0x80
+_REPLY: Final = 0xE0
+_REPLY_UPLOAD: Final = 0x40
+_EXPEDITED: Final = 0x02  # the bytes are in this frame
+_SIZED: Final = 0x01  # the reply has their number
+_ONE_WORD: Final = 2 << 2 | _EXPEDITED | _SIZED  # two of four bytes are unused
+_LAST: Final = 0x01
 
 
 class SdoReadRequest(NamedTuple):
@@ -23,11 +29,13 @@ class SdoReadRequest(NamedTuple):
         frames: The request.
         address: Index and sub-index of the object; the reply repeats them.
         answers: Identifier of the reply.
+        next: The request for the first segment, for a node that sends the word in segments.
     """
 
     frames: tuple[Frame]
     address: bytes
     answers: frozenset[int]
+    next: tuple[Frame]
 
     def is_answered_by(self, frame: Frame) -> bool:
         """Return whether a frame with the reply's identifier has this object."""
@@ -43,11 +51,12 @@ def read_requests(node: int, index: int, numbers: Sequence[int]) -> list[SdoRead
         numbers: Sub-index of each channel.
     """
     answers = frozenset({objects.SDO_ANSWER + node})
+    segment = Frame(objects.SDO_REQUEST + node, bytes((_NEXT, *bytes(7))))
     requests = []
     for number in numbers:
         address = bytes((*index.to_bytes(2, "little"), number))
         frame = Frame(objects.SDO_REQUEST + node, bytes((_READ, *address, 0, 0, 0, 0)))
-        requests.append(SdoReadRequest((frame,), address, answers))
+        requests.append(SdoReadRequest((frame,), address, answers, (segment,)))
     return requests
 
 
@@ -62,16 +71,51 @@ def read_words(cycle: CanConversation, requests: Sequence[SdoReadRequest]) -> li
 
 
 def _read_word(cycle: CanConversation, request: SdoReadRequest) -> int:
-    (data,) = cycle.ask(request.frames, request.answers, request.is_answered_by).values()
+    data = _ask(cycle, request, request.frames, request.is_answered_by)
+    head = data[0] & ~_REPLY
+    if data[0] & _REPLY == _REPLY_UPLOAD:
+        if head in {_ONE_WORD, _EXPEDITED}:  # without a size, that of the object holds
+            return data[4] | data[5] << 8
+        if not head & _EXPEDITED:
+            n_bytes = int.from_bytes(data[4:], "little") if head & _SIZED else objects.WORD_BYTES
+            if n_bytes == objects.WORD_BYTES:
+                return _read_segment(cycle, request)
+    what = f"the node's reply for object {_name_of(request)} does not carry two bytes"
+    raise LineFault(DeviceFlag.GARBAGE, f"{what}: {data.hex(' ')}")
+
+
+def _read_segment(cycle: CanConversation, request: SdoReadRequest) -> int:
+    """Read a word that the node sends in a segment of its own."""
+    data = _ask(cycle, request, request.next, _is_segment)
+    # The size may be left out, which looks like seven bytes.
+    n_bytes = objects.SEGMENT_BYTES - (data[0] >> 1 & 7)
+    if not data[0] & _LAST or n_bytes not in {objects.WORD_BYTES, objects.SEGMENT_BYTES}:
+        what = f"the node's segment for object {_name_of(request)} does not carry two bytes"
+        raise LineFault(DeviceFlag.GARBAGE, f"{what}: {data.hex(' ')}")
+    return data[1] | data[2] << 8
+
+
+def _ask(
+    cycle: CanConversation,
+    request: SdoReadRequest,
+    frames: tuple[Frame],
+    check: Callable[[Frame], bool],
+) -> bytes:
+    (data,) = cycle.ask(frames, request.answers, check).values()
     if len(data) != SDO_BYTES:
         raise LineFault(DeviceFlag.GARBAGE, "an SDO reply of the node does not have eight bytes")
     if data[0] == _ABORT:
-        address = request.address
-        which = f"0x{address[1]:02X}{address[0]:02X}:{address[2]}"
         code = int.from_bytes(data[4:], "little")
-        what = f"the node refuses to read object {which}: abort code 0x{code:08X}"
+        what = f"the node refuses to read object {_name_of(request)}: abort code 0x{code:08X}"
         raise LineFault(DeviceFlag.WRONG_REQUEST, what)
-    # Only an expedited reply of two bytes has this command byte, and analogue objects have 16 bits.
-    if data[0] != _ANSWER:
-        raise LineFault(DeviceFlag.GARBAGE, "an SDO reply of the node does not carry two bytes")
-    return data[4] | data[5] << 8
+    return data
+
+
+def _is_segment(frame: Frame) -> bool:
+    """Return whether a frame can be a first segment, or a refusal."""
+    return frame.is_plain and frame.data[:1] != b"" and frame.data[0] & _REPLY in {0, _ABORT}
+
+
+def _name_of(request: SdoReadRequest) -> str:
+    low, high, number = request.address
+    return f"0x{high:02X}{low:02X}:{number}"

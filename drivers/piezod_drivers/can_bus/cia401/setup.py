@@ -22,7 +22,7 @@ def identify(access: SdoAccess) -> Identity:
     """
     try:
         # The low word is the device profile, the high word lists kinds of inputs and outputs.
-        kind = access.number(objects.DEVICE_TYPE) & _WORD_MASK
+        kind = access.number(objects.DEVICE_TYPE, 0, 4) & _WORD_MASK
         vendor, product, revision, serial = (_identity_number(access, i) for i in range(1, 5))
     except SdoRefusedError as error:
         raise DeviceError(f"{error}, but every CANopen node has this object") from error
@@ -32,6 +32,25 @@ def identify(access: SdoAccess) -> Identity:
     name = access.text(objects.NAME) or f"product 0x{product:08X}"
     software = access.text(objects.SOFTWARE) or f"revision 0x{revision:08X}"
     return Identity(f"vendor 0x{vendor:08X}", name, str(serial), software)
+
+
+def check_words(access: SdoAccess, index: int, numbers: Sequence[int]) -> None:
+    """Check that the loop can read channels by SDO.
+
+    Args:
+        access: The node.
+        index: Index of the object that has the words.
+        numbers: Sub-index of each channel.
+
+    Raises:
+        DeviceError: If the node does not let one be read, or it has not 16 bits.
+        LineFault: If it does not reply.
+    """
+    try:
+        for number in numbers:
+            access.require_word(index, number)
+    except SdoRefusedError as error:
+        raise DeviceError(f"{error}: check the numbers of the channels") from error
 
 
 def has_watchdog(access: SdoAccess, safe_codes: Sequence[tuple[int, int]]) -> bool:
@@ -74,14 +93,12 @@ def arm_watchdog(
     """
     try:
         for output, code in safe_codes:
-            n_bytes = len(access.read(objects.ERROR_VALUE, output))  # 2 or 4, nodes differ
-            access.write(objects.ERROR_VALUE, output, code, n_bytes)
-            n_bytes = len(access.read(objects.ERROR_MODE, output))
             # The value before the mode: the node must never hold mode 1 with an old error value.
-            access.write(objects.ERROR_MODE, output, 1, n_bytes)
+            access.write_sized(objects.ERROR_VALUE, output, code, (2, 4))  # nodes differ
+            access.write_sized(objects.ERROR_MODE, output, 1, (1,))
         # A node may refuse a new time, or not return from it, while it supervises a host: after a
         # crash of this one, or for another master. It stops with the time 0 for the same host.
-        supervised = access.number(objects.CONSUMER_HEARTBEAT, 1) & _HOST_MASK
+        supervised = access.number(objects.CONSUMER_HEARTBEAT, 1, 4) & _HOST_MASK
         access.write(objects.CONSUMER_HEARTBEAT, 1, supervised, 4)
         access.write(objects.CONSUMER_HEARTBEAT, 1, host << 16 | watchdog_ms, 4)
     except SdoRefusedError as error:
@@ -121,7 +138,7 @@ def start_heartbeat(access: SdoAccess, heartbeat_ms: int) -> bool:
 
 def _identity_number(access: SdoAccess, number: int) -> int:
     try:
-        return access.number(objects.IDENTITY, number)
+        return access.number(objects.IDENTITY, number, 4)
     except SdoRefusedError as error:
         if error.is_missing:
             return 0

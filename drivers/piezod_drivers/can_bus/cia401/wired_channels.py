@@ -5,6 +5,7 @@ from typing import Final
 
 from piezod.devices.interface import Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod_drivers.can_bus.cia401 import objects
 from piezod_drivers.can_bus.cia401.codec import Scale
 from piezod_drivers.can_bus.cia401.options import Cia401Options, NodeInput
 
@@ -23,6 +24,8 @@ class WiredChannels:
         outputs: Number of each output on the node.
         ranges: Lowest and highest value of each output, in its unit.
         safe_codes: Number and safe code of each output that has one.
+        reads_only: Whether the node has outputs, and none of them is in use.
+        read_by_sdo: Index of the object, and numbers, of the channels that the loop reads by SDO.
         input_flags: Flags of each input since the last call of `measured`.
     """
 
@@ -33,6 +36,10 @@ class WiredChannels:
         self.outputs = [channel.number for channel in outputs]
         self.ranges = [channel.range for channel in outputs]
         self.safe_codes = [(c.number, c.safe_code) for c in outputs if c.safe_code is not None]
+        self.reads_only = bool(options.outputs) and not outputs
+        self.read_by_sdo = [(objects.INPUT, self.inputs)] if self.reads_only else []
+        if options.read_back == "sdo":
+            self.read_by_sdo.append((objects.OUTPUT, self.outputs))
         self.input_flags: list[Flags] = []
         self._input_scales = [_scale(channel) for channel in inputs]
         self._output_scales = [_scale(channel) for channel in outputs]

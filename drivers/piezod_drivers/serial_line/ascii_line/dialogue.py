@@ -91,11 +91,12 @@ class AsciiDialogue:
         self._flags = NO_FLAGS
         if self._options.identify is None:
             return Identity(UNKNOWN, f"device at {self._line.where}", UNKNOWN, UNKNOWN)
-        identity_exchange = compiled_exchange(self._options.identify)
+        self._conversation.wait_out()
         try:
-            found = self._exchange(identity_exchange, {}, any_reply=True)
+            with self._conversation.opening():
+                found = self._exchange(compiled_exchange(self._options.identify), {})
         except LineFault as fault:
-            if fault.flag is DeviceFlag.GARBAGE:
+            if fault.flag is DeviceFlag.LATE_REPLY and self._conversation.dropped:
                 raise DeviceError(f"{self._line.where} is another device: {fault}") from fault
             raise
         values_read = [found.get(name, "").strip() or UNKNOWN for name in Identity._fields]
@@ -197,16 +198,12 @@ class AsciiDialogue:
                 what = f"{name} was set to {value:g}, reads back {values_read[name]:g}: not obeyed"
                 raise LineFault(DeviceFlag.LOCAL_MODE, what)
 
-    def _exchange(
-        self, exchange: Exchange, values: Mapping[str, float], *, any_reply: bool = False
-    ) -> Found:
+    def _exchange(self, exchange: Exchange, values: Mapping[str, float]) -> Found:
         """Send a command and return the texts of the groups in its reply. Real-time safe.
 
         Args:
             exchange: The command and its reply.
             values: Values for the command.
-            any_reply: Whether a reply that does not match ends the wait, because another device
-                sent it.
 
         Raises:
             LineFault: If the reply is missing or does not match.
@@ -230,7 +227,7 @@ class AsciiDialogue:
         # With a running number a line that does not fit is a late reply, and the wait goes on.
         # Without it, it counts as garbage.
         is_reply = fits if exchange.tagged else None
-        line = self._ask(request, is_reply, None if any_reply else fits)
+        line = self._ask(request, is_reply, fits)
         return match_reply(self._lines.text(line), reply, self._errors)
 
     def _ask(self, request: bytes, is_reply: Fits | None = None, fits: Fits | None = None) -> bytes:

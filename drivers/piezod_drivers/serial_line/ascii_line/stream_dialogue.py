@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from math import nan
 from typing import Final
 
+from piezod.devices.bus.conversation import BOOT_NS
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -61,8 +62,9 @@ class AsciiStreamDialogue:
         self._line.open()
         self._noticed.clear()
         self._rest, synchronous = b"", False
-        # Twice the time-out: the first line is incomplete, so two have to come.
-        end_ns = self._line.now_ns() + 2 * self._timeout_ns
+        # Twice the time-out: the first line is incomplete, so two have to come. Before them the
+        # device may boot.
+        end_ns = self._line.now_ns() + BOOT_NS + 2 * self._timeout_ns
         while (left_ns := end_ns - self._line.now_ns()) > 0:
             self._rest += self._line.receive(left_ns)
             lines = self._complete_lines()

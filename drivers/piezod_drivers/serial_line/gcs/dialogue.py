@@ -262,7 +262,8 @@ class GcsDialogue(ABC):
         self.conversation.restart()
         self.conversation.wait_out()
         read_until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
-        self.conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=self.slow_ns)
+        with self.conversation.opening():
+            self.conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=self.slow_ns)
 
     def _axes(self) -> Sequence[str]:
         reply = GcsReply(self.syntax.axes(), whole=True)

@@ -168,7 +168,10 @@ class MicroEpsilonDialogue:
         def length_of(got: bytes) -> int:
             return len(got) if identity.parse_identity(codec.text_of(got, word_bytes)) else 0
 
-        frame = self._conversation.ask(identity.REQUEST, length_of, is_reply=lambda _frame: True)
+        with self._conversation.opening():
+            frame = self._conversation.ask(
+                identity.REQUEST, length_of, is_reply=lambda _frame: True
+            )
         sensor = identity.parse_identity(codec.text_of(frame, word_bytes))
         assert sensor is not None  # noqa: S101 - `length_of` has found it
         return sensor, frame

@@ -75,7 +75,8 @@ class Lc400Dialogue:
         self.player.forget()
         request = codec.read_array(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         length_of = codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS)
-        frame = self._conversation.ask(request, length_of, is_reply=lambda _frame: True)
+        with self._conversation.opening():
+            frame = self._conversation.ask(request, length_of, is_reply=lambda _frame: True)
         firmware = codec.text_of(frame)
         self._conversation.forget_noticed()
         self.um_per_count = [self._range_um(i) / FULL_SCALE for i in self.inputs]

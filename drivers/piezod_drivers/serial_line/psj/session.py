@@ -1,5 +1,6 @@
 """Requests to an amplifier of piezosystem jena and its replies, one at a time."""
 
+from contextlib import AbstractContextManager
 from functools import partial
 from typing import Final
 
@@ -31,6 +32,10 @@ class PsjSession:
     def restart(self) -> None:
         """Forget earlier exchanges; call it whenever the line was opened."""
         self._conversation.restart()
+
+    def opening(self) -> AbstractContextManager[None]:
+        """Repeat the first request of a block as long as the device may boot."""
+        return self._conversation.opening()
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the flags of faults that no call has raised. Real-time safe."""

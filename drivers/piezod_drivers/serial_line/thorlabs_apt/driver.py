@@ -21,7 +21,8 @@ def channels(options: AptOptions) -> ChannelUnits:
 
 
 def _create(options: AptOptions, wiring: Wiring, _seed: int) -> BusDevice:
-    line = CubeLine(options.port, options.baud, rtscts=options.rtscts)
+    settle_s = options.settle_ms * 1e-3
+    line = CubeLine(options.port, options.baud, rtscts=options.rtscts, settle_s=settle_s)
     name = f"{options.model} at {options.port}"
     if options.is_amplifier:
         return BusDevice(name, AmplifierDialogue(options, wiring, line))

@@ -53,7 +53,8 @@ class AptSession:
         self.line.wanted = Id.GET_INFO
         request = codec.short(Id.REQ_INFO)
         # `FilteredLine` passes only complete messages of the wanted identifier.
-        frame = self._conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
+        with self._conversation.opening():
+            frame = self._conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
         hardware = codec.hardware_of(frame)
         if hardware.model != self._options.model:
             found, wanted = hardware.model, self._options.model

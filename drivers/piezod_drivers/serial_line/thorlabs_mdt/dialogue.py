@@ -191,9 +191,16 @@ class MdtDialogue:
 
     def _detect_prompt(self) -> bytes:
         """Send an unknown command; half a command that was sent before becomes part of it."""
-        reply = self._ask_until_quiet(_NO_COMMAND)
-        if not reply:
-            raise LineFault(DeviceFlag.LATE_REPLY, f"no reply within {_FIRST_NS / 1e6:g} ms")
+        conversation = self._conversation
+        try:
+            with conversation.opening():
+                reply = conversation.ask(_NO_COMMAND, _length_to_prompt, timeout_ns=_FIRST_NS)
+        except LineFault as fault:
+            if fault.flag is DeviceFlag.LATE_REPLY and conversation.dropped:
+                what = f"{self._line.where} does not reply like an MDT: {fault}"
+                raise DeviceError(what) from fault
+            raise
+        reply += read_until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
         if prompt := prompt_in(reply):
             return prompt
         raise DeviceError(f"{self._line.where} does not reply like an MDT: {reply[:80]!r}")
@@ -231,6 +238,10 @@ class MdtDialogue:
         self._line.send(request)
         reply = self._line.receive(_FIRST_NS)
         return reply + read_until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
+
+
+def _length_to_prompt(got: bytes) -> int:
+    return len(got) if prompt_in(got) else 0
 
 
 def _sets_all_axes(identity: Identity, prompt: bytes) -> bool:
