@@ -60,6 +60,10 @@ class SerialLine:
     ) -> None:
         self._port, self._baud, self._rtscts, self._xonxoff = port, baud, rtscts, xonxoff
         self._parity, self._stop_bits = parity, stop_bits
+        # Imported now and not by `open`: a line is opened again long after the start.
+        from serial import Serial  # noqa: PLC0415 - who only checks a file needs no library
+
+        self._library = Serial
         self._serial: Serial | None = None
         self._fd = -1
         self._readable = self._writable = select.poll()
@@ -78,11 +82,9 @@ class SerialLine:
             PortHeldError: If another program holds it.
             DeviceUnavailableError: If it is absent, or no serial port.
         """
-        from serial import Serial  # noqa: PLC0415 - only an opened port needs the library
-
         self.close()
         try:
-            self._serial = Serial(
+            self._serial = self._library(
                 self._port,
                 self._baud,
                 parity=self._parity,
