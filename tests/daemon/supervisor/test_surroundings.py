@@ -1,12 +1,13 @@
-"""A stage that has lost what is around it: it goes on, and `piezod stop` ends at the safe voltage."""
+"""A stage loses what is around it: it goes on, and `piezod stop` ends at the safe voltage."""
 
+import fcntl
+import json
 import os
 import pty
 import shutil
 import signal
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+import termios
 from pathlib import Path
 from subprocess import Popen
 from typing import Any
@@ -16,8 +17,9 @@ import pytest
 import piezod
 import piezod_drivers
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import Daemon, StartedDaemon, configuration, is_alive
+from tests.daemon.daemons import Daemon, StartedDaemon, configuration
 from tests.daemon.waiting import eventually
+from tests.hosted_rig import hosted, writes
 
 DRIVEN_V = 40.0
 
@@ -48,8 +50,6 @@ def assert_stops(daemon: Daemon) -> None:
 
 
 def _drive_v(status: str) -> float:
-    import json
-
     found: float = json.loads(status)["axes"]["x"]["drive_v"]
     return found
 
@@ -68,7 +68,7 @@ def test_runtime_folder_is_made_again(start: StartDaemon, tmp_path: Path) -> Non
     before = daemon.paths.identities.read_bytes()
     copy = daemon.paths.runtime / "config-a" / "rig.yaml"
     daemon.status()
-    eventually(lambda: daemon.paths.spare_socket.exists())
+    eventually(daemon.paths.spare_socket.exists)
     shutil.rmtree(daemon.paths.runtime)
 
     assert_stops(daemon)
@@ -121,35 +121,85 @@ def test_no_socket_is_left(start: StartDaemon, tmp_path: Path) -> None:
 
 
 class OnTerminal(StartedDaemon):
-    """A daemon on a terminal of its own."""
+    """A daemon on a terminal of its own; `master` is the other end of the terminal."""
 
     def another(self) -> Any:
-        """Start `piezod run`; `master` is the other end of its terminal."""
-        pid, self.master = pty.fork()
-        if pid == 0:
-            command = (sys.executable, "-m", "piezod", "run", str(self.config))
-            os.execve(sys.executable, command, self.environ)
+        """Start `piezod run`."""
+        self.master, terminal = pty.openpty()
+        command = (sys.executable, "-m", "piezod", "run", str(self.config))
         self.log.touch()
-        return _Pid(pid)
+        try:
+            return Popen(
+                command,
+                stdin=terminal,
+                stdout=terminal,
+                stderr=terminal,
+                env=self.environ,
+                start_new_session=True,
+                preexec_fn=_take_terminal,  # noqa: PLW1509 - a system call, no lock
+            )
+        finally:
+            os.close(terminal)
 
 
-class _Pid:
-    """A child process by its number."""
+def _take_terminal() -> None:
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
-    def __init__(self, pid: int) -> None:
-        self.pid, self._code = pid, None
 
-    def poll(self) -> int | None:
-        if self._code is None:
-            done, status = os.waitpid(self.pid, os.WNOHANG)
-            self._code = os.waitstatus_to_exitcode(status) if done else None
-        return self._code
+def test_terminal_is_closed(tmp_path: Path) -> None:
+    """Neither the signal of the terminal nor a log without a reader stops the stage."""
+    with OnTerminal(configuration(tmp_path)) as daemon:
+        driven(daemon)
+        os.close(daemon.master)
 
-    def wait(self, within_s: float = 90.0) -> int:
-        return int(eventually(lambda: (self.poll() is not None, self.poll()), within_s)[1])
+        assert_stops(daemon)
+        daemon.signal(signal.SIGTERM)
+        assert daemon.exit_code() == 0
 
-    def kill(self) -> None:
-        os.kill(self.pid, signal.SIGKILL)
 
-    def send_signal(self, number: int) -> None:
-        os.kill(self.pid, number)
+class Installed(StartedDaemon):
+    """A daemon that runs from an installation of its own."""
+
+    def __init__(self, config: Path, installation: Path) -> None:
+        installation.mkdir()
+        for package in (piezod, piezod_drivers):
+            folder = Path(str(package.__file__)).parent
+            (installation / folder.name).symlink_to(folder)
+        super().__init__(config, PYTHONPATH=str(installation))
+
+
+def remove(installation: Path) -> None:
+    """Remove an installation, and let nobody find another one."""
+    for package in installation.iterdir():
+        package.unlink()
+        package.mkdir()
+        (package / "__init__.py").touch()
+
+
+def test_installation_is_replaced(tmp_path: Path) -> None:
+    """A recording, metrics and telemetry need nothing of it; neither does the stop."""
+    with Installed(configuration(tmp_path), tmp_path / "new") as daemon:
+        driven(daemon)
+        remove(tmp_path / "new")
+
+        daemon.do("recordings/start")
+        assert daemon.ask("GET", "metrics").status_code == 200
+        daemon.do("recordings/stop")
+        assert_stops(daemon)
+        daemon.do("shutdown")
+        assert daemon.exit_code() == 0, daemon.text
+
+
+@pytest.mark.fault("P3")
+def test_loop_dies_after_the_installation_was_replaced(tmp_path: Path) -> None:
+    """The rescuer was there before, and brings the stage to its safe voltage."""
+    with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
+        rig = f"{{driver: emulated, options: {{socket: {tmp_path}/rig.sock, deadline_ms: 500}}}}"
+        with Installed(configuration(tmp_path, rig=rig), tmp_path / "new") as daemon:
+            driven(daemon)
+            remove(tmp_path / "new")
+            os.kill(daemon.loop_pid, signal.SIGKILL)
+
+            assert daemon.exit_code() == 1, daemon.text
+            assert "ramped down" in daemon.text
+        assert writes(tmp_path / "trace.csv")[-1].drive_v == 0.0
