@@ -10,6 +10,7 @@ from pathlib import Path
 from select import select
 from typing import Any, Final
 
+from piezod import __version__
 from piezod.config.requests import Shutdown
 from piezod.daemon import accepted_config
 from piezod.daemon.durations import ramp_s
@@ -81,7 +82,7 @@ class LoopRun:
 
         Raises:
             ConfigError: If the configuration is not valid; the text has every problem.
-            PiezodError: If the process ended without an answer.
+            PiezodError: If the process ended without an answer, or is of another version.
             OSError: If the accepted copy cannot be made, or the rescuer cannot be started.
         """
         answer = self._read_line(ended)
@@ -94,6 +95,10 @@ class LoopRun:
         if "failed" in answer:
             self._kill()
             raise OSError(*answer["failed"])
+        if answer["version"] != __version__:  # it would not understand this process
+            self._kill()
+            what = f"piezod {answer['version']} is installed now, and {__version__} runs"
+            raise PiezodError(f"{what}: restart the daemon when the stage is at rest")
         self.source_files.add(answer["named_files"])
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
         # It loads while the loop compiles; `arm` waits for it.

@@ -19,7 +19,7 @@ from piezod.daemon.supervisor import processes
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.terms import RunOptions
-from piezod.errors import ConfigError, DeviceUnavailableError, StillDrivenError
+from piezod.errors import ConfigError, DeviceUnavailableError, PiezodError, StillDrivenError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import HUNG, SUPERVISOR_FAULTS, Word
 from tests.conftest import Reaction
@@ -382,6 +382,18 @@ def test_copy_that_cannot_be_written_is_named(rig: Rig) -> None:
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock), pytest.raises(OSError, match=r"config-a/rig\.yaml"):
+        run_stage(rig.config, RunOptions(), rig.paths, Signals())
+
+    assert not rig.paths.running.exists()
+
+
+def test_loop_of_another_version_is_refused(rig: Rig) -> None:
+    """After an upgrade a reload would start one, which reads the shared memory in another way."""
+    answer = '{"accepted": {}, "named_files": {}, "version": "999.0"}'
+    rig.loop_code[:] = [f"print({answer!r})"]
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock), pytest.raises(PiezodError, match="restart the daemon"):
         run_stage(rig.config, RunOptions(), rig.paths, Signals())
 
     assert not rig.paths.running.exists()
