@@ -61,13 +61,13 @@ def find_socket(
     if name is None and running:
         what = f"several stages are running: {', '.join(running)}"
         raise AmbiguousStageError(what, "name one with --stage, or in PIEZOD_STAGE")
+    if name in running:
+        return running[name]
     _refuse_unreachable(name, environ)
     if name is None:
         raise NotRunningError("no daemon is running", _START_IT)
-    if name not in running:
-        others = f", running: {', '.join(running)}" if running else ""
-        raise NotRunningError(f"no daemon is running for stage {name!r}{others}", _START_IT)
-    return running[name]
+    others = f", running: {', '.join(running)}" if running else ""
+    raise NotRunningError(f"no daemon is running for stage {name!r}{others}", _START_IT)
 
 
 def is_address(stage: str) -> bool:

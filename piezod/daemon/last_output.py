@@ -100,7 +100,7 @@ class LastOutputReader:
 
     def __init__(self, path: Path) -> None:
         self._content: mmap.mmap | bytes = b""
-        with suppress(FileNotFoundError), path.open("rb") as file:
+        with suppress(FileNotFoundError, NotADirectoryError), path.open("rb") as file:
             if os.fstat(file.fileno()).st_size:
                 self._content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 

@@ -36,6 +36,7 @@ class ApiServer:
         self._server = make_server(app, ConnectionLimits())
         self._path = paths.api_socket
         self._inodes = dict.fromkeys((paths.api_socket, paths.spare_socket), 0)
+        self._missing: set[Path] = set()
         self._files = KeptFiles(paths.runtime)
         self._serving: asyncio.Task[None] | None = None
         self._keeping: asyncio.Task[None] | None = None
@@ -83,8 +84,11 @@ class ApiServer:
             try:
                 endpoint = await asyncio.to_thread(self._bound, path)
             except OSError as error:
-                _log.warning("no socket", socket=str(path), why=str(error))
+                if path not in self._missing:  # told once for each loss
+                    self._missing.add(path)
+                    _log.warning("no socket", socket=str(path), why=str(error))
                 continue
+            self._missing.discard(path)
             await self._server.listen(endpoint)
             if path == self._path:
                 _log.warning("socket made again", socket=str(path))

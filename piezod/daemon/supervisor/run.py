@@ -85,13 +85,10 @@ def _run_stage(source: Path, options: RunOptions, paths: StagePaths, signals: Si
         raise
     if supervisor.loop_hung:
         marker.note_hung()
-    if ending is Ending.LOST:
-        _remove(marker, supervisor.loop_run)
-    if ending in (Ending.IN_ORDER, Ending.ABSENT):
-        paths.loop_map.unlink(missing_ok=True)
-        # Without its device this run cannot have ended what an unclean one left in force.
-        if supervisor.loop_run.loop.devices_opened or not marker.unclean:
-            marker.remove()
+    try:
+        _tidy_up(ending, marker, supervisor.loop_run, paths)
+    except OSError as error:  # its folder is gone; that must not hide how the run ended
+        _log.error("files left", why=str(error))
     supervisor.loop_run.rescuer.end()
     if ending is Ending.ABSENT:
         raise DeviceUnavailableError("a device of this stage is absent; the log says which")
@@ -109,10 +106,19 @@ def _refuse(left: list[str]) -> None:
         raise StillDrivenError("\n".join(left))
 
 
-def _remove(marker: Marker, run: LoopRun) -> None:
-    """Remove the mark of a run that has driven nothing, unless the one before has left it."""
-    if run.idle and not marker.unclean:
-        marker.remove()
+def _tidy_up(ending: Ending, marker: Marker, run: LoopRun, paths: StagePaths) -> None:
+    """Remove the files of a run that left nothing in force, and its mark.
+
+    Raises:
+        OSError: If one cannot be removed.
+    """
+    if ending is Ending.LOST and run.idle and not marker.unclean:
+        marker.remove()  # it has driven nothing
+    if ending in (Ending.IN_ORDER, Ending.ABSENT):
+        # Without its device this run cannot have ended what an unclean one left in force.
+        if run.loop.devices_opened or not marker.unclean:
+            marker.remove()
+        paths.loop_map.unlink(missing_ok=True)
 
 
 async def _run(
