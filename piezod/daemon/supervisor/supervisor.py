@@ -86,7 +86,7 @@ class Supervisor:
             reload=self.reload,
             shadow=options.shadow,
             config_changed=self._config_changed,
-            can_rescue=self._can_rescue,
+            can_rescue=lambda: self.loop_run.rescuer.ready,
         )
         self._heartbeat = Heartbeat(self.loop_run.loop)
         self._housekeeping = Housekeeping(self._link)
@@ -281,9 +281,6 @@ class Supervisor:
     def _use(self, run: LoopRun) -> None:
         self.loop_run, self._link.loop = run, run.loop
         self._heartbeat.beat_for(run.loop)
-
-    def _can_rescue(self) -> bool:
-        return self.loop_run.rescuer.ready
 
     def _config_changed(self) -> bool:
         return self.loop_run.source_files.changed()

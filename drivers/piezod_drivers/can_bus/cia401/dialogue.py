@@ -46,8 +46,7 @@ class Cia401Dialogue:
     """
 
     def __init__(self, options: Cia401Options, wiring: Wiring, bus: FrameBus) -> None:
-        # Imported now, if it is installed: a node is opened again long after the start.
-        with suppress(ImportError):
+        with suppress(ImportError):  # now, because a node is opened again long after the start
             from piezod_drivers.can_bus.cia401 import process_data, setup  # noqa: F401, PLC0415
         self._options, self._wiring, self._bus = options, wiring, bus
         self._channels = channels = WiredChannels(options, wiring)
