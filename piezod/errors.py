@@ -10,10 +10,12 @@
     ├── DeviceError               a device was used out of order or answered wrongly
     │   └── DeviceUnavailableError    a device is absent, busy or does not answer
     │       └── PortHeldError             another program holds the port of a device
+    ├── StillDrivenError          a stage could not be brought to its safe voltage
     ├── PlayCancelledError        nobody waits for the rest of a play
     ├── AlreadyRunningError       another daemon owns the stage
     └── ClientError               the exchange with a running daemon failed
         ├── NotRunningError           no daemon runs, or not the requested one
+        ├── UnreachableError          a daemon runs, and its sockets are gone
         ├── AmbiguousStageError       several daemons run, and the request names none
         ├── NotAllowedError           the user lacks the permission
         ├── GroupError                one of several daemons did not carry out the request
@@ -102,6 +104,13 @@ class PortHeldError(DeviceUnavailableError):
     """Raised if a device cannot be opened because another program holds its port."""
 
 
+class StillDrivenError(PiezodError):
+    """Raised if a stage could not be brought to its safe voltage.
+
+    The text has a line for each such axis: why, and which voltage stays on it.
+    """
+
+
 class PlayCancelledError(PiezodError):
     """Raised between two exchanges with a device if the play was cancelled meanwhile."""
 
@@ -133,6 +142,20 @@ class ClientError(PiezodError):
 
 class NotRunningError(ClientError):
     """Raised if no daemon listens, or it ended during the exchange."""
+
+
+class UnreachableError(ClientError):
+    """Raised if a daemon runs, but none of its sockets is there.
+
+    Args:
+        what: The problem.
+        remedy: What would help.
+        pid: Process id of the daemon.
+    """
+
+    def __init__(self, what: str, remedy: str, pid: int) -> None:
+        super().__init__(what, remedy, "unreachable")
+        self.pid = pid
 
 
 class AmbiguousStageError(ClientError):

@@ -2,7 +2,7 @@
 
 To import is most of what a short-lived process does. A server does it once for all processes of a
 test worker, and forks; otherwise they are what the command line starts. A daemon forks its loop and
-`piezod safe` in turn.
+its rescuer in turn.
 """
 
 import multiprocessing
@@ -24,13 +24,14 @@ from types import SimpleNamespace
 from typing import Any, Final
 
 from piezod.cli import main
-from piezod.daemon.supervisor import loop_run
+from piezod.daemon.supervisor import processes
+from piezod.daemon.supervisor.rescuer import MODULE as RESCUER
 
 PIEZOD: Final = "piezod.cli.main"
 SCRIPT: Final = "-c"
 """In place of a module: the first argument is the text of a script."""
-STARTS_SAFE: Final = "STARTS_SAFE"
-"""A daemon with this environment variable starts `piezod safe` as a program, not as a fork."""
+STARTS_RESCUER: Final = "STARTS_RESCUER"
+"""A daemon with this environment variable starts its rescuer as a program, not as a fork."""
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["tests.preloaded"])
 
@@ -160,7 +161,7 @@ def _run(
         os.dup2(stream.fileno(), number)
         stream.close()
     os.chdir(folder)
-    vars(loop_run)["subprocess"] = SimpleNamespace(**{**vars(subprocess), "Popen": _popen})
+    vars(processes)["subprocess"] = SimpleNamespace(**{**vars(subprocess), "Popen": _popen})
     _run_module(command, environ)
 
 
@@ -186,10 +187,10 @@ def _popen(
     command: Sequence[str], env: Mapping[str, str], **options: Any
 ) -> "subprocess.Popen[bytes]":
     """Start `python -m MODULE` like `subprocess.Popen`, as a fork of this process."""
-    if command[2] == PIEZOD and STARTS_SAFE in env:
+    if command[2] == RESCUER and STARTS_RESCUER in env:
         return subprocess.Popen(command, env=env, **options)
     be_it = partial(_be, command[2:], env)
-    # Neither a loop nor `piezod safe` needs a lock that a thread of this process may hold.
+    # Neither a loop nor a rescuer needs a lock that a thread of this process may hold.
     return subprocess.Popen(command, preexec_fn=be_it, **options)  # noqa: PLW1509 - see above
 
 

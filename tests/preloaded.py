@@ -11,6 +11,7 @@ import piezod.cli.emulate
 import piezod.cli.output
 import piezod.cli.run
 import piezod.daemon.loop.process
+import piezod.daemon.safe.rescuer
 import piezod.daemon.supervisor.run
 import piezod.daemon.supervisor.supervisor
 import piezod.devices.emulators

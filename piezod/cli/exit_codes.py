@@ -12,11 +12,14 @@ from piezod.errors import (
     NotAllowedError,
     NotRunningError,
     PiezodError,
+    StillDrivenError,
+    UnreachableError,
 )
 
 FAILED = 1
 USAGE = 2
 DEVICE_UNAVAILABLE = 69
+STILL_DRIVEN = 74
 ALREADY_RUNNING = 75
 NO_PERMISSION = 77
 CONFIGURATION = 78
@@ -30,6 +33,8 @@ _CODES: Final[dict[type[PiezodError], int]] = {
     DeviceUnavailableError: DEVICE_UNAVAILABLE,
     NotAllowedError: NO_PERMISSION,
     NotRunningError: DEVICE_UNAVAILABLE,
+    StillDrivenError: STILL_DRIVEN,
+    UnreachableError: DEVICE_UNAVAILABLE,
 }
 
 

@@ -50,9 +50,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 ok, 2 usage or no such FILE, 69 device or daemon unavailable, 75 already "
-    "running, 77 permission, 78 configuration, 130 interrupted, 1 anything else. Errors go to "
-    "stderr; so does progress, on a terminal.",
+    epilog="Exit codes: 0 ok, 2 usage or no such FILE, 69 device or daemon unavailable, 74 a "
+    "stage is not at its safe voltage, 75 already running, 77 permission, 78 configuration, 130 "
+    "interrupted, 1 anything else. Errors go to stderr; so does progress, on a terminal.",
 )
 OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Experiments and models": (demo, experiment, identify, response, play, check),

@@ -1,12 +1,18 @@
 """Verbs that send one request and print that it is accepted; the table of commands makes them."""
 
+import os
+import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import AxesOption, SocketOption, StageOption, connect, print_answer
 from piezod.config.endpoints import Group
+from piezod.errors import UnreachableError
 
 
 class Verb(NamedTuple):
@@ -27,6 +33,11 @@ class Verb(NamedTuple):
     axis: bool = False
 
 
+_BY_SIGNAL: Final = ("stop", "estop")
+"""Verbs that a daemon without its sockets carries out at a signal."""
+_POLL_S: Final = 0.1
+
+
 def plain_verb(verb: Verb) -> Callable[..., None]:
     """Return the function of a verb that sends its request."""
 
@@ -34,8 +45,14 @@ def plain_verb(verb: Verb) -> Callable[..., None]:
         from piezod.cli.outcome import outcome
         from piezod.client import calls
 
-        with connect(stage, socket) as client:
-            answer = client.call(calls.command(verb.words, **fields))
+        try:
+            with connect(stage, socket) as client:
+                answer = client.call(calls.command(verb.words, **fields))
+        except UnreachableError as error:
+            if verb.words not in _BY_SIGNAL:
+                raise
+            _end_by_signal(error)
+            return
         print_answer(answer, outcome(verb.words, verb.done, answer.state), json=json)
 
     def for_stage(
@@ -52,3 +69,12 @@ def plain_verb(verb: Verb) -> Callable[..., None]:
         send(stage, socket, json, axis=axis)
 
     return for_axes if verb.axis else for_stage
+
+
+def _end_by_signal(error: UnreachableError) -> None:
+    """Let a daemon ramp down and end by SIGTERM; return when it has ended."""
+    os.kill(error.pid, signal.SIGTERM)
+    typer.echo(f"{error.what}: SIGTERM was sent to it; it ramps down and ends", err=True)
+    while Path(f"/proc/{error.pid}").exists():
+        time.sleep(_POLL_S)
+    typer.echo(f"process {error.pid} has ended; its log says at which voltage")

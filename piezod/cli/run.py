@@ -28,7 +28,8 @@ def run(
 
     The name of the stage is that of the configuration file without the ending. Nothing is driven
     before `piezod arm`. At the end the voltage ramps to the safe voltage. Exits with 75 if a daemon
-    of the stage runs already, and with 1 if its loop ended by itself.
+    of the stage runs already, with 1 if its loop ended by itself, and with 74 if the stage could
+    not be ramped down then: the last lines say which voltage stays on which axis.
     """
     from piezod.daemon.supervisor.signals import noted_signals
 
@@ -49,10 +50,10 @@ def _run(
     faulthandler.enable(2)  # prints a traceback if systemd's watchdog ends the process
     paths = stage_paths(config)
     paths.make_folders()
-    with Lock(paths.lock) as lock:
+    with Lock(paths.lock):
         # Imported after the lock: a refused second daemon must not load the machine beside a loop.
         from piezod.daemon.supervisor.run import run_stage
         from piezod.daemon.supervisor.terms import RunOptions
 
         options = RunOptions(strict_rt, require_device, shadow)
-        return run_stage(config, options, paths, lock, signals)
+        return run_stage(config, options, paths, signals)

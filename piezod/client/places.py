@@ -6,13 +6,23 @@ import socket
 import stat
 import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from glob import escape
 from pathlib import Path
 from typing import Final
 
-from piezod.errors import AmbiguousStageError, ClientError, NotAllowedError, NotRunningError
+from piezod.errors import (
+    AmbiguousStageError,
+    ClientError,
+    NotAllowedError,
+    NotRunningError,
+    UnreachableError,
+)
 
 SOCKET_NAME: Final = "api.sock"
 _SYSTEM: Final = Path("/run/piezod")
+_SYSTEM_STATE: Final = Path("/var/lib/piezod")
+_LOCKS: Final = Path("/proc/locks")
 _GROUPS: Final = Path("/etc/piezod/groups.yaml")
 _START_IT: Final = "start it with `piezod run CONFIG`"
 
@@ -35,6 +45,7 @@ def find_socket(
 
     Raises:
         NotRunningError: If no daemon listens, or none of that name.
+        UnreachableError: If one runs without its sockets.
         AmbiguousStageError: If several daemons listen and no name is given.
         ClientError: If the name is an address.
     """
@@ -50,12 +61,13 @@ def find_socket(
     if name is None and running:
         what = f"several stages are running: {', '.join(running)}"
         raise AmbiguousStageError(what, "name one with --stage, or in PIEZOD_STAGE")
+    if name in running:
+        return running[name]
+    _refuse_unreachable(name, environ)
     if name is None:
         raise NotRunningError("no daemon is running", _START_IT)
-    if name not in running:
-        others = f", running: {', '.join(running)}" if running else ""
-        raise NotRunningError(f"no daemon is running for stage {name!r}{others}", _START_IT)
-    return running[name]
+    others = f", running: {', '.join(running)}" if running else ""
+    raise NotRunningError(f"no daemon is running for stage {name!r}{others}", _START_IT)
 
 
 def is_address(stage: str) -> bool:
@@ -82,6 +94,40 @@ def _folders(environ: Mapping[str, str], system: Path) -> Iterator[Path]:
     own = Path(tempfile.gettempdir()) / f"piezod-{os.getuid()}"
     if _is_ours(own):
         yield own
+    # The second socket of each stage, if somebody has removed the runtime folder.
+    yield from _state_folders(environ)
+
+
+def _state_folders(environ: Mapping[str, str]) -> Iterator[Path]:
+    yield _SYSTEM_STATE
+    with suppress(RuntimeError):  # this user has no home
+        yield Path(environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "piezod"
+
+
+def _refuse_unreachable(name: str | None, environ: Mapping[str, str]) -> None:
+    """Refuse to call a stage ended whose daemon lives without its sockets.
+
+    Raises:
+        UnreachableError: If there is one of this name, or of any name.
+    """
+    for folder in _state_folders(environ):
+        for lock in sorted(folder.glob(f"{escape(name) if name else '*'}/lock")):
+            if pid := _holder(lock):
+                stage = lock.parent.name
+                what = f"stage {stage!r} runs as process {pid}, and its sockets are gone"
+                remedy = f"`piezod stop` or `kill {pid}` ramps it down and ends it"
+                raise UnreachableError(what, remedy, pid)
+
+
+def _holder(lock: Path) -> int:
+    """Return the process that holds a lock; 0 if nobody does. Does not touch the lock."""
+    try:
+        pid, inode = int(lock.read_text(encoding="ascii")), lock.stat().st_ino
+        held = [line.split() for line in _LOCKS.read_text(encoding="ascii").splitlines()]
+    except (OSError, ValueError):
+        return 0
+    ours = (str(pid), str(inode))
+    return pid if any((line[4], line[5].rpartition(":")[2]) == ours for line in held) else 0
 
 
 def _is_ours(folder: Path) -> bool:
@@ -114,6 +160,7 @@ def check_socket(path: Path) -> Path:
 
     Raises:
         NotRunningError: If no daemon listens.
+        UnreachableError: If the daemon of this stage runs without its sockets.
         NotAllowedError: If this user may not connect to it.
     """
     code = _probe(path)
@@ -125,6 +172,7 @@ def check_socket(path: Path) -> Path:
         )
         raise NotAllowedError(what, remedy)
     if code not in (0, errno.EAGAIN):
+        _refuse_unreachable(path.parent.name, os.environ)
         raise NotRunningError(f"{path}: no daemon is running there", _START_IT)
     return path
 

@@ -7,8 +7,9 @@ a count, the voltage, its instant, and the same count again.
 
 import mmap
 import os
-from collections.abc import Sequence
-from math import nan
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from math import isnan, nan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -87,23 +88,59 @@ class LastOutputWriter:
         self.note([nan] * self._words[0], t_ns)
 
 
+class LastOutputReader:
+    """Reads the file, also after it was removed: it is mapped at construction.
+
+    Args:
+        path: The file; without one nothing is known.
+
+    Raises:
+        OSError: If the file exists and cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._content: mmap.mmap | bytes = b""
+        with suppress(FileNotFoundError, NotADirectoryError), path.open("rb") as file:
+            if os.fstat(file.fileno()).st_size:
+                self._content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+
+    def read(self) -> list[LastOutput]:
+        """Return the last written voltage of each axis; an empty list without a valid file."""
+        content = self._content[:]
+        if len(content) < 8 or len(content) % 8:
+            return []
+        words, values = memoryview(content).cast("q"), memoryview(content).cast("d")
+        if len(words) != 1 + _WORDS_PER_AXIS * words[0]:
+            return []
+        outputs = []
+        for word in range(1, len(words), _WORDS_PER_AXIS):
+            whole = words[word] == words[word + 3]
+            outputs.append(LastOutput(values[word + 1] if whole else nan, words[word + 2]))
+        return outputs
+
+    def of(self, axes: Collection[str]) -> dict[str, float]:
+        """Return the last written voltage of these axes, in V; NaN if it is not known."""
+        noted = self.read()
+        if len(noted) != len(axes):  # that of a stage with other axes
+            return dict.fromkeys(axes, nan)
+        return {name: each.drive_v for name, each in zip(axes, noted, strict=True)}
+
+
 def read_last_output(path: Path) -> list[LastOutput]:
     """Return the last written voltage of each axis; an empty list without a valid file.
 
     Raises:
         OSError: If the file exists and cannot be read.
     """
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        return []
-    if len(content) < 8 or len(content) % 8:
-        return []
-    words, values = memoryview(content).cast("q"), memoryview(content).cast("d")
-    if len(words) != 1 + _WORDS_PER_AXIS * words[0]:
-        return []
-    outputs = []
-    for word in range(1, len(words), _WORDS_PER_AXIS):
-        whole = words[word] == words[word + 3]
-        outputs.append(LastOutput(values[word + 1] if whole else nan, words[word + 2]))
-    return outputs
+    return LastOutputReader(path).read()
+
+
+def stays(last_v: float) -> str:
+    """Return which voltage stays on an axis if nobody ramps it down.
+
+    Args:
+        last_v: The last written voltage, in V; NaN if it is not known.
+    """
+    if isnan(last_v):
+        return "which voltage stays is not known"
+    return f"the voltage stays at {last_v:.2f} V, the last that the loop wrote"

@@ -29,5 +29,5 @@ def noted_identities(path: Path) -> dict[str, Identity]:
     try:
         document = json.loads(path.read_bytes())
         return {name: Identity(*map(str, who)) for name, who in document.items()}
-    except (FileNotFoundError, ValueError, TypeError, AttributeError):
+    except (FileNotFoundError, NotADirectoryError, ValueError, TypeError, AttributeError):
         return {}

@@ -52,6 +52,11 @@ class StagePaths(NamedTuple):
         return self.runtime / "api.sock"
 
     @property
+    def spare_socket(self) -> Path:
+        """A second socket of it, beside the lock, if the runtime folder is removed."""
+        return self.state / self.api_socket.name
+
+    @property
     def loop_map(self) -> Path:
         """The memory shared by supervisor and loop process."""
         return self.runtime / "loop.map"
@@ -104,14 +109,23 @@ class StagePaths(NamedTuple):
                 is too long.
         """
         for folder in (self.runtime, self.state):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            # The parent too: a user who may write there could replace the folder.
-            _check_owner(folder.parent)
-            _check_owner(folder)
+            make_folder(folder)
         if len(os.fsencode(self.api_socket)) > LONGEST_SOCKET_PATH:
             what = f"too long for a socket, allowed: {LONGEST_SOCKET_PATH} bytes; "
             remedy = "set XDG_RUNTIME_DIR to a shorter path"
             raise OSError(errno.ENAMETOOLONG, what + remedy, str(self.api_socket))
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for this user only; an existing one keeps its mode.
+
+    Raises:
+        OSError: If it cannot be made or belongs to another user.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # The parent too: a user who may write there could replace the folder.
+    _check_owner(folder.parent)
+    _check_owner(folder)
 
 
 def stage_paths(config: Path, environ: Mapping[str, str] = os.environ) -> StagePaths:

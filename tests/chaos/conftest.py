@@ -13,7 +13,7 @@ from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import NEXT_VERB, Daemon, is_alive
 from tests.daemon.hosted_stage import HostedStage, assert_gentle
 from tests.daemon.waiting import eventually
-from tests.forked import STARTS_SAFE, Piped
+from tests.forked import STARTS_RESCUER, Piped
 
 start = of_daemon.start  # the fixture
 IDENT = {"kind": "sine", "low": 0.0, "high": 50.0, "frequency_hz": 0.1}
@@ -108,12 +108,14 @@ MakeStage = Callable[..., ChaosStage]
 def make_stage(tmp_path: Path, start: StartDaemon) -> Iterator[MakeStage]:
     """Return a function that starts a stage, with environment variables of its daemon.
 
-    The daemon starts `piezod safe` as a program, as for users.
+    The daemon starts its rescuer as a program, as for users.
     """
     with mortal_rig(tmp_path / "rig.sock", tmp_path / "trace.csv") as rig:
 
         def make(**environ: str) -> ChaosStage:
-            stage = ChaosStage(tmp_path, start, SLOW_RAMP_V_PER_S, **{STARTS_SAFE: ""}, **environ)
+            stage = ChaosStage(
+                tmp_path, start, SLOW_RAMP_V_PER_S, **{STARTS_RESCUER: ""}, **environ
+            )
             stage.rig = rig
             return stage
 

@@ -38,7 +38,7 @@ def test_ramp_down_that_is_killed_is_done_by_the_next_start(stage: ChaosStage) -
     driver = stage.writes()[-1].pid
     eventually(lambda: stage.writes()[-1].pid != driver, 60.0)
     os.kill(stage.writes()[-1].pid, signal.SIGKILL)
-    assert stage.daemon.exit_code() == 1
+    assert stage.daemon.exit_code() == 74
     left_v = stage.writes()[-1].drive_v
 
     stage.daemon.start()
@@ -65,7 +65,7 @@ def test_loop_that_dies_while_the_rig_stands_still(stage: ChaosStage) -> None:
 
     again = stage.daemon.command("safe", str(stage.daemon.config), "--unless-clean")
 
-    assert code == 1
+    assert code == 74
     assert "UNKNOWN" in text
     assert again.returncode == 0, again.stderr
     assert stage.writes()[-1].drive_v == SAFE_V

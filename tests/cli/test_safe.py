@@ -105,23 +105,24 @@ def test_document_has_each_axis(piezod: Command) -> None:
 def test_rig_that_has_gone_is_unknown(
     piezod: Command, paths: StagePaths, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without a device the voltage is reported as unknown, with exit code 1."""
+    """Without a device the last words are the voltage that stays, with exit code 74."""
     monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", 0.0)
     LastOutputWriter(paths.output_map, 1).note([60.0], 1)
     code, out, err = piezod("safe", "stage.yaml")
 
-    assert (code, out) == (1, "")
+    assert (code, out) == (74, "")
     assert "axis x: the voltage is UNKNOWN: no rig at" in err
+    assert "stays at 60.00 V" in err.splitlines()[-1]
 
 
 def test_another_rig_than_the_daemons_is_left_alone(
     piezod: Command, paths: StagePaths, rig: EmulatedRig
 ) -> None:
-    """Another device than the daemon's is named, not driven, and the exit code is 1."""
+    """Another device than the daemon's is named, not driven, and the exit code is 74."""
     note_identities(paths.identities, {"rig": Identity("piezod", "another rig", "7", "1.0")})
     code, _, err = piezod("safe", "stage.yaml")
 
-    assert code == 1
+    assert code == 74
     assert "UNKNOWN: it is another device: " in err
     assert "expected: piezod another rig 7" in err
     assert in_force_v(rig) > 59.5
@@ -137,7 +138,7 @@ def test_living_daemon_is_left_alone(
         code, _, err = piezod("safe", "stage.yaml")
 
     assert code == 75
-    assert "already running" in err
+    assert f"kill {os.getpid()}" in err
     assert len(writes(folder / "trace.csv")) == 1
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from piezod import __version__
 from piezod.config.requests import Estop, Request, Shutdown
 from piezod.config.states import State
 from piezod.config.yaml_loader import load_yaml
@@ -92,7 +93,8 @@ def accept(source: Path, copy: Path) -> bool:
     except ConfigError as error:
         print(json.dumps({"problems": error.problems}), flush=True)
         return False
-    print(json.dumps({"accepted": document, "named_files": {}}), flush=True)
+    answer = {"accepted": document, "named_files": {}, "version": __version__}
+    print(json.dumps(answer), flush=True)
     return bool(sys.stdin.readline())
 
 

@@ -3,9 +3,11 @@
 import os
 import signal
 import time
+from contextlib import suppress
 from itertools import groupby, pairwise
 from pathlib import Path
 
+from piezod.daemon.supervisor.rescuer import MODULE as RESCUER
 from piezod.units import NS_PER_S
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import EmulatedOptions
@@ -88,6 +90,14 @@ class HostedStage:
             safe = self.daemon.command("safe", str(self.daemon.config), "--unless-clean")
             assert safe.returncode == 0, safe.stderr
         eventually(lambda: not is_alive(self.loop_pid))
+
+    def kill_rescuer(self) -> None:
+        """Kill the process that would ramp the stage down; it was started as a program."""
+        for each in Path("/proc").glob("[0-9]*/cmdline"):
+            with suppress(OSError):  # it has ended
+                command = each.read_text(encoding="utf-8", errors="replace")
+                if RESCUER in command and str(self.daemon.folder) in command:
+                    os.kill(int(each.parent.name), signal.SIGKILL)
 
     def in_force_v(self) -> float:
         """Return the present voltage of the rig, in V; the rig must have no other client."""

@@ -8,7 +8,7 @@ devices, `piezod safe`, and all files.
 import asyncio
 import gc
 from collections.abc import Callable, Coroutine, Iterator
-from contextlib import ExitStack, contextmanager, redirect_stderr
+from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from functools import partial
 from os import getpid
 from pathlib import Path
@@ -32,6 +32,7 @@ from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import StagePaths, stage_paths
 from piezod.daemon.safe.ramp_down import Noted, ramp_down
+from piezod.daemon.safe.rescue import note_outcomes
 from piezod.daemon.service.app import create_app
 from piezod.daemon.supervisor.heartbeat import BEAT_S, Heartbeat
 from piezod.daemon.supervisor.loop_run import LoopRun
@@ -41,11 +42,13 @@ from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.daemon.supervisor.terms import RunOptions
 from piezod.devices.channels import Channels
 from piezod.devices.wiring import pairs_of
+from piezod.errors import StillDrivenError
 from piezod.telemetry import requests_codec
 from piezod.telemetry.record import CycleRecord
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
+from tests.daemon.fake_rescuer import FakeRescuer
 from tests.soak.rig import CheckedRig
 from tests.soak.virtual_time import AtOnce, VirtualClock, run_virtually
 
@@ -91,7 +94,6 @@ class Machine:
             f"{supervisor}.Heartbeat": _VirtualHeartbeat,
             f"{supervisor}.create_app": partial(create_app, now_s=now_s),
             f"{run}.LoopRun": partial(VirtualRun, self),
-            f"{run}.RampDown": partial(_VirtualRampDown, self),
             "piezod.daemon.logging.EventRateLimit": VirtualRateLimit,
             "piezod.daemon.service.roles.ThreadPoolExecutor": AtOnce,
             "piezod.daemon.safe.ramp_down.construct": lambda *_: {"rig": self.rig},
@@ -132,8 +134,9 @@ class Machine:
 
         gc.collect()  # the daemon before may still hold mapped files, which a process would not
         self.paths.make_folders()
-        with Lock(self.paths.lock) as lock, patch("asyncio.run", run):
-            return run_stage(self.source, RunOptions(), self.paths, lock, Signals())
+        with Lock(self.paths.lock), patch("asyncio.run", run), suppress(StillDrivenError):
+            return run_stage(self.source, RunOptions(), self.paths, Signals())
+        return False
 
     def pass_ns(self, most_ns: int | None) -> None:
         """Let at most this time pass, until the next cycle of the loop."""
@@ -184,6 +187,7 @@ class VirtualRun(LoopRun):
         """Read the configuration."""
         self.config = load(self._source)
         accepted_config.keep(self.config, self.config_file.parent, self.config_file.stem)
+        self.rescuer: Any = _VirtualRescuer(self._machine, self.config)
         return not ended()
 
     def start(self, succession: object = None, *, last_end: int = 0) -> None:
@@ -278,22 +282,24 @@ class _VirtualHeartbeat(Heartbeat):
             await asyncio.sleep(BEAT_S)
 
 
-class _VirtualRampDown:
-    """`piezod safe` in this process, in virtual time.
+class _VirtualRescuer(FakeRescuer):
+    """A rescuer in this process, in virtual time.
 
     Args:
         machine: The machine.
-        config: The configuration that was in force.
+        config: The configuration in force.
     """
 
-    def __init__(self, machine: Machine, _config_file: Path, config: DaemonConfig) -> None:
+    def __init__(self, machine: Machine, config: DaemonConfig) -> None:
+        super().__init__()
         self._machine, self._config = machine, config
 
-    def wait(self) -> bool:
-        """Ramp down; return whether that succeeded."""
+    def wait(self) -> list[str]:
+        """Ramp down; return why an axis is not at its safe voltage."""
         paths, clock = self._machine.paths, self._machine.clock
         (last,) = read_last_output(paths.output_map)
-        with Lock(paths.lock), device_lock(paths.loop_lock):
+        with device_lock(paths.loop_lock):
             noted = Noted({"x": last.drive_v}, noted_identities(paths.identities))
             outcomes = ramp_down(self._config, noted, WAIT_FOR_SAFE_S, clock)
-        return not outcomes["x"].why
+            note_outcomes(paths.output_map, outcomes, clock.t_ns)
+        return [outcomes["x"].why] if outcomes["x"].why else []

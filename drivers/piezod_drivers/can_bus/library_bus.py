@@ -7,6 +7,8 @@ import time
 from collections import deque
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 from piezod.devices.bus.line import LineFault
@@ -59,6 +61,8 @@ class LibraryBus:
         settings: Mapping[str, Any],
         network: interface_control.InterfaceControl | None = None,
     ) -> None:
+        # Imported now and not by `open`: a bus is opened again long after the start.
+        self._can = _library(interface)
         self._interface, self._channel, self._settings = interface, channel, dict(settings)
         self._network = network or interface_control.KernelInterfaces()
         self._bus: can.BusABC | None = None
@@ -82,15 +86,13 @@ class LibraryBus:
             DeviceUnavailableError: If the bus is absent, or its queue may hold old frames and
                 cannot be emptied.
         """
-        import can  # noqa: PLC0415 - only an open bus needs the library
-
         self.close()
         self._empty_queue()
         # For other interfaces python-can filters in Python, and its `recv` returns None for a frame
         # that the filter drops: pending frames behind it would be missed.
         filters = _filters(accepted) if self._interface == SOCKETCAN else None
         try:
-            self._bus = can.Bus(
+            self._bus = self._can.Bus(
                 channel=self._channel,
                 interface=self._interface,
                 # Settings in a configuration file of python-can must not change the bus.
@@ -98,7 +100,7 @@ class LibraryBus:
                 can_filters=filters,
                 **self._settings,
             )
-        except (can.CanError, OSError, ValueError, TypeError, NotImplementedError) as error:
+        except (self._can.CanError, OSError, ValueError, TypeError, NotImplementedError) as error:
             what = f"{self.where} cannot be opened: {error}"
             raise DeviceUnavailableError(what + _hint(self._interface, error)) from error
         self._echoes = deque(maxlen=_MOST_ECHOES) if self._interface in _ECHOING else None
@@ -194,11 +196,9 @@ class LibraryBus:
         key = frame.id, frame.extended
         message = self._messages.get(key)
         if message is None:
-            import can  # noqa: PLC0415 - `open` has loaded it
-
             # One message object for each identifier, used again in each cycle: constructing it is
             # slow.
-            message = self._messages[key] = can.Message(
+            message = self._messages[key] = self._can.Message(
                 arbitration_id=frame.id,
                 is_extended_id=frame.extended,
                 is_remote_frame=frame.remote,
@@ -249,3 +249,13 @@ def _hint(interface: str, error: Exception) -> str:
     if interface == SOCKETCAN and getattr(error, "errno", None) == errno.EAFNOSUPPORT:
         return "; this kernel has no CAN"
     return ""
+
+
+def _library(interface: str) -> ModuleType:
+    """Import python-can with the module of an interface, and return it."""
+    import can  # noqa: PLC0415 - who only checks a file needs no library
+
+    module, _ = can.interfaces.BACKENDS.get(interface, ("can.interface", ""))
+    with suppress(Exception):  # a library by the maker of the adapter is missing: `open` says that
+        import_module(module)
+    return can

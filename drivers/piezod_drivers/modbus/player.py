@@ -102,6 +102,9 @@ class LabJackPlayer:
 
     def capabilities(self) -> PlayerCapabilities:
         """Return the capabilities; nothing is asked."""
+        # Imported at the start, when this is asked: `load` comes long afterwards.
+        from piezod_drivers.modbus import stream_arrays  # noqa: F401, PLC0415 - numpy
+
         n_channels = len(self._inputs) + len(self._outputs)
         return PlayerCapabilities(
             shortest_interval_ns=max(self._plan.shortest_ns, n_channels * self._plan.address_ns),

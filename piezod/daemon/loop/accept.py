@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from piezod import __version__
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.control.assembly import check_stage
 from piezod.daemon import accepted_config
@@ -75,7 +76,8 @@ def accept(
         return None
     if prepare is not None:
         prepare(config)
-    _report({"accepted": accepted_config.document(config), "named_files": named_files})
+    document = accepted_config.document(config)
+    _report({"accepted": document, "named_files": named_files, "version": __version__})
     return config if sys.stdin.readline() else None
 
 

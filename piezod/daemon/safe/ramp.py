@@ -42,6 +42,8 @@ class AxisOutcome(NamedTuple):
         safe_v: Voltage at which the ramp should end, in V.
         read_back_v: Read-back voltage at the end, in V; NaN if there is none.
         why: Why the voltage is unknown; empty if the axis is safe.
+        written_v: Voltage that was written last, by this ramp or before it, in V; NaN if that is
+            not known.
     """
 
     from_v: float
@@ -49,6 +51,7 @@ class AxisOutcome(NamedTuple):
     safe_v: float
     read_back_v: float
     why: str
+    written_v: float = nan
 
 
 class AmplifierRamp:
@@ -90,7 +93,7 @@ class AmplifierRamp:
         ]
         self._safe_v = [axis.safe_v for axis in axes]
         self._from_v = self._drive_v = self._read_back_v = [nan] * len(axes)
-        self._from_noted = self._reads_back = self.done = False
+        self._from_noted = self._reads_back = self._wrote = self.done = False
         self._why = ""
         # The present phase, how long it may fail, why it fails, and since when.
         self._phase: Callable[[int], bool] = self._open
@@ -121,7 +124,16 @@ class AmplifierRamp:
         """Return the outcome of each axis."""
         from_noted = [self._from_noted] * len(self._safe_v)
         whys = [self._why] * len(self._safe_v)
-        values = zip(self._from_v, from_noted, self._safe_v, self._read_back_v, whys, strict=True)
+        written_v = self._drive_v if self._wrote else self._last_v
+        values = zip(
+            self._from_v,
+            from_noted,
+            self._safe_v,
+            self._read_back_v,
+            whys,
+            written_v,
+            strict=True,
+        )
         return [AxisOutcome(*each) for each in values]
 
     def _open(self, now_ns: int) -> bool:
@@ -204,7 +216,7 @@ class AmplifierRamp:
                 self._trouble = f"the amplifier refuses {_volts(next_v)}"
                 return False
             next_v = inside_v
-        self._drive_v = next_v
+        self._drive_v, self._wrote = next_v, True
         if next_v == self._safe_v:
             self._phase = self._verify
         return True

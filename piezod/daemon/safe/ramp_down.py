@@ -48,8 +48,7 @@ def ramp_down(
         DeviceError: If a device that drives an axis is no amplifier.
         RegistryError: If a driver cannot be loaded.
     """
-    # One amplifier may drive several axes: each once, in the order of the axes.
-    amplifiers = list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
+    amplifiers = _amplifiers(config)
     outcomes: dict[str, AxisOutcome] = {}
     with _ramps(config, amplifiers, noted, wait_s, confirmed=confirmed) as ramps:
         while not all(ramp.done for ramp in ramps):
@@ -61,6 +60,21 @@ def ramp_down(
         for amplifier, ramp in zip(amplifiers, ramps, strict=True):
             outcomes.update(zip(_driven(config, amplifier), ramp.outcomes(), strict=True))
     return {axis: outcomes[axis] for axis in config.axes}
+
+
+def load_drivers(config: DaemonConfig) -> None:
+    """Load the drivers of all amplifiers; a later `ramp_down` needs no file of the installation.
+
+    Raises:
+        RegistryError: If a driver cannot be loaded.
+    """
+    for name in _amplifiers(config):
+        _channels(config, name, _driven(config, name))
+
+
+def _amplifiers(config: DaemonConfig) -> list[str]:
+    """Return the amplifiers: one that drives several axes once, in the order of the axes."""
+    return list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
 
 
 @contextmanager

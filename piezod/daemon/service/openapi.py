@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, Final
 
+import pydantic.dataclasses  # noqa: F401 - the first document needs it; an upgrade may come before
 from fastapi import FastAPI
 
 from piezod.daemon.service.stage_service import Document

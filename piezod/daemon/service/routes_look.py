@@ -123,7 +123,6 @@ async def telemetry(
         if name not in places:
             raise UnknownNameError(f"no axis {name[:32]!r}", f"axes: {', '.join(places)}")
     chosen = {name: places[name] for name in wanted}
-    # In a thread: the first time, numpy is imported, and no other client should wait for that.
-    records = await asyncio.to_thread(context.stage.open_reader)
+    records = context.stage.open_reader()
     connection = connection_of(request.scope)
     return TelemetryAnswer(records, context.stage.fault_ids, chosen, rate_hz, connection)

@@ -1,20 +1,18 @@
 """The service on its unix socket."""
 
+import asyncio
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, cast
+from typing import Final, cast
 
 import uvicorn
 from fastapi import FastAPI
 
 from piezod.daemon.service.peer_protocol import ConnectionLimits, PeerProtocol
-
-if TYPE_CHECKING:
-    import asyncio
 
 _MAX_HEADER: Final = 64 * 1024
 _BACKLOG: Final = 128
@@ -30,6 +28,19 @@ class ApiServer(uvicorn.Server):
     def capture_signals(self) -> Iterator[None]:
         """Capture no signals."""
         yield
+
+    async def listen(self, endpoint: socket.socket) -> None:
+        """Accept connections on a further socket, from `bind`, as on those of `serve`."""
+
+        def protocol() -> "asyncio.Protocol":
+            state = self.server_state, self.lifespan.state
+            make = cast("Callable[..., asyncio.Protocol]", self.config.http_protocol_class)
+            return make(config=self.config, server_state=state[0], app_state=state[1])
+
+        loop = asyncio.get_running_loop()
+        self.servers.append(
+            await loop.create_unix_server(protocol, sock=endpoint, backlog=self.config.backlog)
+        )
 
 
 def make_server(app: FastAPI, limits: ConnectionLimits) -> ApiServer:

@@ -6,15 +6,13 @@ milliseconds unless it is `async`: all clients share one thread.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 from piezod.config.endpoints import Role
 from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.errors import PiezodError
-
-if TYPE_CHECKING:
-    from piezod.telemetry.arrays import Records
+from piezod.telemetry.arrays import Records
 
 Document: TypeAlias = dict[str, Any]
 """Becomes a JSON object; NaN and infinities become null."""
@@ -111,7 +109,7 @@ class AuditEntry(NamedTuple):
 class RecordReader(Protocol):
     """A reader of the ring with its own position; `telemetry.arrays.RingReader` is one."""
 
-    def read(self, limit: int) -> "tuple[Records, int]":
+    def read(self, limit: int) -> tuple[Records, int]:
         """Return the records since the last call, and the number of lost records.
 
         Args:

@@ -11,6 +11,7 @@ from starlette.types import Message, Receive, Scope, Send
 from piezod.daemon.service.answers import dump
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.stage_service import RecordReader
+from piezod.daemon.service.summary import summarise
 
 _MOST_RECORDS: Final = 40_000
 """Most records in one event, 2 s of the fastest loop; further records go to the next event."""
@@ -62,9 +63,6 @@ class TelemetryAnswer(Response):
         await send({"type": "http.response.body", "body": b""})
 
     def _event(self) -> Message:
-        # Imported here, because it needs numpy, which `open_reader` has imported in a thread.
-        from piezod.daemon.service.summary import summarise  # noqa: PLC0415 - see above
-
         records, lost = self._records.read(_MOST_RECORDS)
         body = _NOTHING_NEW
         if len(records):

@@ -7,15 +7,14 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
+from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.arrays import Records
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
-
-if TYPE_CHECKING:
-    from piezod.telemetry.arrays import Records
 
 BEFORE_NS: Final = 10 * NS_PER_S
 AFTER_NS: Final = 2 * NS_PER_S
@@ -44,7 +43,7 @@ class FlightRecorder:
 
     def __init__(
         self,
-        last: "Callable[[int], Records]",
+        last: Callable[[int], Records],
         folder: Path,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
@@ -120,9 +119,6 @@ class FlightRecorder:
             start_ns=fault.t_ns,
             notes={**header.notes, "events": lines},
         )
-        # Imported here: HDF5 takes 12 MB of memory, which only a supervisor that records needs.
-        from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
-
         path = self.folder.new(happened, fault.fault)
         with TelemetryWriter(path, header, records.dtype) as writer:
             writer.append_events(events)

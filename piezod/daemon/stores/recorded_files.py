@@ -3,27 +3,25 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from piezod.daemon.stores.recording_limits import RecordingLimits
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.records.part_names import part_name
+from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.arrays import Records
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from piezod.records.telemetry_file import TelemetryWriter
-    from piezod.telemetry.arrays import Records
 
 
 class RecordSource(Protocol):
     """A source of records; `telemetry.arrays.RingReader` is one."""
 
-    def read(self, limit: int) -> "tuple[Records, int]":
+    def read(self, limit: int) -> tuple[Records, int]:
         """Return the records since the last call, at most `limit`, and the number of lost ones."""
         ...
 
@@ -49,7 +47,7 @@ class RecordedStage(NamedTuple):
 
     open_reader: Callable[[], RecordSource]
     open_events: Callable[[], EventSource]
-    dtype: "Callable[[], np.dtype[np.void]]"
+    dtype: Callable[[], np.dtype[np.void]]
     learned: Callable[[], Mapping[str, LearnedAxis]]
     models: Callable[[], Mapping[str, str]]
 
@@ -139,10 +137,7 @@ class RecordedFiles:
         too_long = t_ns - self._begin_ns >= self._limits.file_s * NS_PER_S
         return too_long or self._writer.size_bytes >= self._limits.file_bytes
 
-    def _next_writer(self) -> "TelemetryWriter":
-        # Imported here: HDF5 takes 12 MB of memory, which only a supervisor that records needs.
-        from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
-
+    def _next_writer(self) -> TelemetryWriter:
         self._models = dict(self._stage.models())
         learned = self._stage.learned()
         learned = {axis: at for axis, at in learned.items() if axis in self._header.axes}

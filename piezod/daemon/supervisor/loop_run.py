@@ -1,9 +1,7 @@
-"""One run of the loop process: started, asked to end, killed; and `piezod safe` in its place."""
+"""One run of the loop process, with its rescuer: started, asked to end, killed."""
 
 import json
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,15 +10,15 @@ from pathlib import Path
 from select import select
 from typing import Any, Final
 
-from piezod.config.daemon import DaemonConfig
+from piezod import __version__
 from piezod.config.requests import Shutdown
 from piezod.daemon import accepted_config
-from piezod.daemon.durations import loop_gone_within_s, ramped_down_within_s
-from piezod.daemon.logging import logger
+from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import UnavailableError
+from piezod.daemon.supervisor import processes
 from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.notify import without_manager
+from piezod.daemon.supervisor.rescuer import Rescuer
 from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.errors import ConfigError, PiezodError, Problem
 from piezod.telemetry.layout import Layout
@@ -32,8 +30,6 @@ from piezod.units import NS_PER_S
 END_GRACE_S: Final = 10.0
 """How much longer than its ramp the loop may take to end, in s."""
 _POLL_S: Final = 0.1
-
-_log = logger("supervisor")
 
 
 class LoopRun:
@@ -51,6 +47,7 @@ class LoopRun:
     Attributes:
         config_file: Path of the accepted copy.
         config: The accepted configuration, after `accept`.
+        rescuer: Ramps the stage down if the loop is lost, after `accept`.
         started: Whether the process may open the devices.
         source_files: The configuration file and, after `accept`, the files that it names; compared
             with their present contents.
@@ -72,7 +69,7 @@ class LoopRun:
         places = (paths.runtime, source, self.config_file, paths.loop_lock)
         options = {"--strict-rt": strict_rt, "--warm": warm}
         chosen = [option for option, is_set in options.items() if is_set]
-        self._process = _start("piezod.daemon.loop.process", *map(str, places), *chosen, piped=True)
+        self._process = processes.start("piezod.daemon.loop.process", *map(str, places), *chosen)
 
     def accept(self, ended: Callable[[], bool] = bool) -> bool:
         """Wait until the process has accepted the configuration.
@@ -85,21 +82,31 @@ class LoopRun:
 
         Raises:
             ConfigError: If the configuration is not valid; the text has every problem.
-            PiezodError: If the process ended without an answer.
-            OSError: If the accepted copy cannot be made.
+            PiezodError: If the process ended without an answer, or is of another version.
+            OSError: If the accepted copy cannot be made, or the rescuer cannot be started.
         """
         answer = self._read_line(ended)
         if answer is None:
-            self.discard()
+            self._kill()
             return False
         if "problems" in answer:
-            self.discard()
+            self._kill()
             raise ConfigError(*(Problem(*problem) for problem in answer["problems"]))
         if "failed" in answer:
-            self.discard()
+            self._kill()
             raise OSError(*answer["failed"])
+        if answer["version"] != __version__:  # it would not understand this process
+            self._kill()
+            what = f"piezod {answer['version']} is installed now, and {__version__} runs"
+            raise PiezodError(f"{what}: restart the daemon when the stage is at rest")
         self.source_files.add(answer["named_files"])
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
+        # It loads while the loop compiles; `arm` waits for it.
+        try:
+            self.rescuer = Rescuer(self._paths, self.config_file, self.config)
+        except OSError:
+            self._kill()
+            raise
         return True
 
     @cached_property
@@ -183,59 +190,12 @@ class LoopRun:
         self._process.kill()
 
     def discard(self) -> None:
-        """Kill a process that was not started: it has touched no device."""
+        """Kill a process that was not started, and end its rescuer: no device was touched."""
+        self._kill()
+        self.rescuer.end()
+
+    def _kill(self) -> None:
         self._process.kill()
         if self._process.stdin is not None:
             self._process.stdin.close()
         self._process.wait()
-
-
-class RampDown:
-    """A process of `piezod safe`: brings a stage without a loop to its safe voltage.
-
-    It takes the lock of the stage: release that before.
-
-    Args:
-        config_file: The configuration that was in force.
-        config: Its contents.
-    """
-
-    def __init__(self, config_file: Path, config: DaemonConfig) -> None:
-        self._within_s = ramped_down_within_s(config)
-        self._process = _start("piezod.cli.main", "safe", str(config_file))
-
-    def wait(self) -> bool:
-        """Wait for its end; return whether the safe voltage was reached and verified."""
-        try:
-            code = self._process.wait(self._within_s)
-        except subprocess.TimeoutExpired:  # a driver hangs
-            self._process.kill()
-            code = self._process.wait()
-        if code:
-            _log.error("ramp-down failed", code=code, what="the voltage in force is UNKNOWN")
-        else:
-            _log.warning("ramped down", what="the safe voltage was reached without the loop")
-        return code == 0
-
-
-def _start(module: str, *arguments: str, piped: bool = False) -> "subprocess.Popen[bytes]":
-    """Start a module of piezod as a process that the signals of this terminal do not reach.
-
-    It is no process of asyncio, which would kill it when this process ends with an error: a loop
-    without its supervisor has to ramp down.
-
-    Args:
-        module: The module.
-        arguments: Its arguments.
-        piped: Whether this process reads its standard output and writes to its standard input;
-            otherwise its output goes to stderr.
-    """
-    # A new session: Ctrl-C in a terminal reaches only the supervisor.
-    return subprocess.Popen(  # noqa: S603 - our own interpreter and module
-        [sys.executable, "-m", module, *arguments],
-        stdin=subprocess.PIPE if piped else subprocess.DEVNULL,
-        stdout=subprocess.PIPE if piped else sys.stderr,
-        # Linear algebra of this size needs no threads, and they would disturb a real-time process.
-        env={**without_manager(os.environ), "OPENBLAS_NUM_THREADS": "1"},
-        start_new_session=True,
-    )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache, partial
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import ModelFile, dump_model
@@ -29,16 +29,12 @@ from piezod.errors import DataError
 from piezod.records.part_names import part_name
 from piezod.records.repair import repair
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.arrays import Records, record_dtype
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from piezod.telemetry.arrays import Records
 
 Document = dict[str, Any]
 
@@ -68,13 +64,13 @@ class StageRecordings:
         axes: int,
         open_reader: Callable[[], RecordSource],
         open_events: Callable[[], EventSource],
-        last: "Callable[[int], Records]",
+        last: Callable[[int], Records],
         learned: Callable[[], Mapping[str, LearnedAxis]],
         models: Callable[[], Mapping[str, ModelFile | None]],
     ) -> None:
         self._name = paths.name
         stage = RecordedStage(
-            open_reader, open_events, partial(_dtype, axes), learned, lambda: _texts(models())
+            open_reader, open_events, partial(record_dtype, axes), learned, lambda: _texts(models())
         )
         self._recorder = Recorder(stage, paths.recordings)
         self._flights = FlightRecorder(last, paths.flights)
@@ -243,10 +239,3 @@ def _limits(config: RecordingsConfig) -> RecordingLimits:
         inf if config.max_file_mb is None else mb * config.max_file_mb,
         inf if config.max_total_mb is None else mb * config.max_total_mb,
     )
-
-
-def _dtype(axes: int) -> "np.dtype[np.void]":
-    # Imported here: numpy takes 12 MB of memory, which only a supervisor that records needs.
-    from piezod.telemetry.arrays import record_dtype  # noqa: PLC0415 - see above
-
-    return record_dtype(axes)

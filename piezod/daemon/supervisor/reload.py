@@ -157,6 +157,7 @@ async def exchange(
     await _end(run)
     await asyncio.to_thread(_forget_identities, paths.identities, changes(run, fresh))
     use(fresh)
+    await asyncio.to_thread(run.rescuer.end)  # the new loop has its own
     fresh.start(succession)
     if await _up(fresh):
         return True
@@ -164,6 +165,7 @@ async def exchange(
     back = await prepare(run, paths, run.config_file)  # the copy, not the file, which has changed
     back.source_files = run.source_files
     use(back)
+    await asyncio.to_thread(fresh.rescuer.end)
     back.start(succession)
     return False
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from piezod.config.endpoints import TOWARDS_SAFETY
 from piezod.config.faults import Fault
@@ -18,6 +18,7 @@ from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import (
     AuditEntry,
     Document,
+    NotNowError,
     Peer,
     RecordReader,
     UnavailableError,
@@ -28,17 +29,19 @@ from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
+from piezod.daemon.supervisor.following_reader import FollowingReader
+from piezod.daemon.supervisor.metrics import StageFacts, metrics_text
 from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
+from piezod.telemetry.arrays import Records, RingReader
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
 
-if TYPE_CHECKING:
-    from piezod.telemetry.arrays import Records
-
 EXCHANGED_WITHIN_S: Final = 8.0
 """How long a request waits for the end of an exchange, in s; clients wait 10 s for an answer."""
+RESCUER_WITHIN_S: Final = 8.0
+"""How long arming waits for the rescuer, in s."""
 _POLL_S: Final = 0.02
 
 _log = logger("service")
@@ -55,6 +58,7 @@ class StageLink:
         shadow: Whether every arming is in shadow, so that nothing is written.
         config_changed: Returns whether the configuration file is another one than that in force;
             called in a thread, because it may wait for the disk.
+        can_rescue: Returns whether the rescuer is ready; the stage is not armed without it.
     """
 
     def __init__(
@@ -66,6 +70,7 @@ class StageLink:
         reload: Callable[[Peer], Awaitable[Document]],
         shadow: bool,
         config_changed: Callable[[], bool] = bool,
+        can_rescue: Callable[[], bool] = lambda: True,
     ) -> None:
         self._played_file = paths.played
         self.loop = loop
@@ -85,6 +90,7 @@ class StageLink:
         self.stage_audit = AuditQueue(AuditLog(paths.audit))
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
         self._config_changed, self._changed = config_changed, False
+        self._can_rescue = can_rescue
         self._detections = dict.fromkeys(Fault, 0)
 
     @property
@@ -103,8 +109,9 @@ class StageLink:
         if isinstance(request, Shutdown):
             self._stop(f"requested by {peer.user}")
             return Answer(True)
-        if isinstance(request, Arm) and self._shadow:
-            request = Arm(shadow=True)
+        if isinstance(request, Arm):
+            await self._rescuer_soon()
+            request = Arm(shadow=True) if self._shadow else request
         if not self.available and TABLE[request.kind].access == TOWARDS_SAFETY:
             return Answer(True)  # an exchange drives nothing, and neither does the new loop
         loop = await self._running_soon(inf if isinstance(request, Estop) else EXCHANGED_WITHIN_S)
@@ -148,9 +155,6 @@ class StageLink:
 
     def metrics(self, *, lease_held: bool, openmetrics: bool) -> bytes:
         """Return the metrics as text."""
-        # Imported here: a supervisor that nobody scrapes does without the library.
-        from piezod.daemon.supervisor.metrics import StageFacts, metrics_text  # noqa: PLC0415
-
         healthy, health = self.health()
         recording = self.stage_recordings.status
         facts = StageFacts(
@@ -174,9 +178,6 @@ class StageLink:
 
     def open_reader(self) -> RecordReader:
         """Return a new reader of the ring; it begins with the next record."""
-        # Imported here: numpy takes 12 MB of memory, which not every supervisor needs.
-        from piezod.daemon.supervisor.following_reader import FollowingReader  # noqa: PLC0415
-
         return FollowingReader(lambda: self.loop.shared)
 
     async def params(self) -> Document:
@@ -265,14 +266,25 @@ class StageLink:
         entries = await asyncio.to_thread(self.stage_audit.last, limit)
         return [entry._asdict() for entry in entries]
 
-    def _last(self, count: int) -> "Records":
-        from piezod.telemetry.arrays import RingReader  # noqa: PLC0415 - as in `open_reader`
-
+    def _last(self, count: int) -> Records:
         return RingReader(self.loop.shared).last(count)
 
     def _learned(self) -> dict[str, LearnedAxis]:
         learned = {name: self.loop.learned.read(i) for i, name in enumerate(self.loop.axes)}
         return {name: axis for name, axis in learned.items() if axis is not None}
+
+    async def _rescuer_soon(self) -> None:
+        """Wait until the rescuer is ready.
+
+        Raises:
+            NotNowError: If it is not in time.
+        """
+        end_s = time.monotonic() + RESCUER_WITHIN_S
+        while not self._can_rescue():
+            if time.monotonic() > end_s:
+                what = "nobody could ramp the stage down if its loop failed: the rescuer is missing"
+                raise NotNowError(what, "the log says why; restart the daemon")
+            await asyncio.sleep(_POLL_S)
 
     async def _running_soon(self, within_s: float) -> LoopConnection:
         """Return the loop; wait for the end of an exchange, at most this time."""

@@ -1,8 +1,8 @@
 """The supervisor: owns the lock of a stage, starts the loop process, and answers for both.
 
 It has no handle of a device. Everything runs in one event loop: `_watch` checks the loop process in
-each period and reports its health to systemd. If the loop process is lost, the run ends, and
-`piezod safe` ramps the stage down.
+each period and reports its health to systemd. If the loop process is lost, the run ends, and the
+rescuer ramps the stage down.
 """
 
 import asyncio
@@ -86,11 +86,12 @@ class Supervisor:
             reload=self.reload,
             shadow=options.shadow,
             config_changed=self._config_changed,
+            can_rescue=lambda: self.loop_run.rescuer.ready,
         )
         self._heartbeat = Heartbeat(self.loop_run.loop)
         self._housekeeping = Housekeeping(self._link)
         self._api = ApiServer(
-            create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths.api_socket
+            create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths
         )
         self._tasks: set[asyncio.Task[object]] = set()
         self._restored: LoopRun | None = None
@@ -138,6 +139,7 @@ class Supervisor:
             # Before the exit code: the last events may have the reason of an end.
             self._housekeeping.log_events()
             if not self._exchanging:
+                run.rescuer.keep()
                 self._report_state(run, healthy=healthy)
                 if run.exit_code is not None:
                     return self._ended(run.exit_code)
@@ -164,12 +166,12 @@ class Supervisor:
         if self._stopping and not self.loop_run.takes_requests:
             return self._ending  # it was killed before it touched a device
         if not self._stopping or code != 0:
-            _log.error("loop gone", code=code, what="piezod safe takes over")
+            _log.error("loop gone", code=code, what="the rescuer takes over")
             # From here on systemd applies its stop time-out; the watchdog would end the ramp.
             self._notifier.stopping("ramping down: the loop is gone")
             return Ending.LOST
         if self._ending is not Ending.LOST and not self.loop_run.loop.ended_at_safe_voltage():
-            _log.error("not at the safe voltage", what="piezod safe takes over")
+            _log.error("not at the safe voltage", what="the rescuer takes over")
             return Ending.UNSAFE
         return self._ending
 

@@ -82,6 +82,10 @@ class SerialLine:
         self._port, self._baud, self._rtscts, self._xonxoff = port, baud, rtscts, xonxoff
         self._parity, self._stop_bits = parity, stop_bits
         self._settle_ns = round(settle_s * NS_PER_S)
+        # Imported now and not by `open`: a line is opened again long after the start.
+        from serial import Serial  # noqa: PLC0415 - who only checks a file needs no library
+
+        self._library = Serial
         self._serial: Serial | None = None
         self._fd = -1
         self._readable = self._writable = select.poll()
@@ -102,11 +106,9 @@ class SerialLine:
             PortHeldError: If another program holds it.
             DeviceUnavailableError: If it is absent, no serial port, or lost meanwhile.
         """
-        from serial import Serial  # noqa: PLC0415 - only an opened port needs the library
-
         self.close()
         try:
-            self._serial = Serial(
+            self._serial = self._library(
                 self._port,
                 self._baud,
                 parity=self._parity,

@@ -57,7 +57,7 @@ def test_axis_ramps_from_the_voltage_read_back(bench: Bench) -> None:
     points = [(NS_PER_S, [75.0]), *bench.amplifiers["amp"].writes]
     speeds = [abs(v[0] - u[0]) / (t - s) * NS_PER_S for (s, u), (t, v) in pairwise(points[1:])]
 
-    assert outcomes == {"x": AxisOutcome(75.0, False, 10.0, 10.0, "")}
+    assert outcomes == {"x": AxisOutcome(75.0, False, 10.0, 10.0, "", 10.0)}
     assert abs(points[1][1][0] - 75.0) <= 0.5
     assert max(speeds) <= 50
 

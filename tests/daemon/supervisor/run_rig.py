@@ -27,16 +27,18 @@ class Rig(NamedTuple):
     Attributes:
         config: Its configuration.
         paths: Its files.
-        processes: The processes that were started, each with its module.
-        safe_codes: The exit code of `piezod safe`, in a list.
+        loops: The loop processes that were started.
         loop_code: Code of Python for the loop process, in a list; without any it is a fake loop.
+        rescues: What the rescuers were asked to do.
+        left: What they leave: the lines of axes that are not at their safe voltages.
     """
 
     config: Path
     paths: StagePaths
-    processes: list[tuple[str, "Popen[bytes]"]]
-    safe_codes: list[int]
+    loops: list["Popen[bytes]"]
     loop_code: list[str]
+    rescues: list[str]
+    left: list[str]
 
     def run(self, during: Callable[[], None]) -> bool:
         """Run the stage; call a function meanwhile, and end the stage after it."""
@@ -49,17 +51,17 @@ class Rig(NamedTuple):
                 self.end()
 
         self.paths.make_folders()
-        with Lock(self.paths.lock) as lock, ThreadPoolExecutor(1) as beside:
+        with Lock(self.paths.lock), ThreadPoolExecutor(1) as beside:
             doing = beside.submit(then_end)
             try:
                 with noted_signals() as signals:
-                    return run_stage(self.config, RunOptions(), self.paths, lock, signals)
+                    return run_stage(self.config, RunOptions(), self.paths, signals)
             finally:
                 doing.result()
 
     def up(self) -> None:
         """Wait for the first healthy cycle."""
-        eventually(lambda: self.paths.api_socket.exists() and self.processes)
+        eventually(lambda: self.paths.api_socket.exists() and self.loops)
         eventually(lambda: attach(self.paths.loop_map).words[Word.HEALTHY_CYCLES])
 
     def end(self) -> None:

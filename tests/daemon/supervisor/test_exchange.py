@@ -14,7 +14,7 @@ from piezod.daemon import accepted_config
 from piezod.daemon.loop import accept
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
-from piezod.daemon.supervisor import loop_run
+from piezod.daemon.supervisor import loop_run, processes
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.reload import changes, exchange, kept_axes, prepare
 from piezod.daemon.supervisor.source_files import SourceFiles
@@ -23,14 +23,19 @@ from piezod.telemetry.shared_map import create
 from piezod.telemetry.succession import Succession, put_succession, succession_of
 from tests.daemon.daemons import REPOSITORY, configuration
 from tests.daemon.fake_loop import start_fake_loop
+from tests.daemon.fake_rescuer import FakeRescuer
 
 
 @pytest.fixture(autouse=True)
 def _fake_loops(monkeypatch: pytest.MonkeyPatch) -> None:
-    def started(_module: str, *arguments: str, **_piped: bool) -> Any:
+    def started(_module: str, *arguments: str) -> Any:
         return start_fake_loop(*arguments)
 
-    monkeypatch.setattr(loop_run, "_start", started)
+    def rescuer(*_arguments: Any) -> FakeRescuer:
+        return FakeRescuer()
+
+    monkeypatch.setattr(processes, "start", started)
+    monkeypatch.setattr(loop_run, "Rescuer", rescuer)
 
 
 class Exchanged:

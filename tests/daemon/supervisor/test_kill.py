@@ -11,12 +11,13 @@ from tests.conftest import Reaction
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import latched
 from tests.daemon.hosted_stage import SAFE_V, HostedStage, assert_gentle
+from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
-from tests.forked import STARTS_SAFE
+from tests.forked import STARTS_RESCUER
 from tests.hosted_rig import hosted
 
-VICTIMS = ("loop", "supervisor", "supervisor, then safe", "both, then safe")
-KILLS_IN_SHORT = 4  # each victim once, one of them during its ramp
+VICTIMS = ("loop", "supervisor", "supervisor, then safe", "both, then safe", "both")
+KILLS_IN_SHORT = 5  # each victim once, one of them during its ramp
 KILLS = [
     pytest.param(number, marks=[] if number < KILLS_IN_SHORT else pytest.mark.stress)
     for number in range(200)
@@ -25,9 +26,9 @@ KILLS = [
 
 @pytest.fixture
 def stage(tmp_path: Path, start: StartDaemon) -> Iterator[HostedStage]:
-    """Return a stage that is at rest; it starts `piezod safe` as a program."""
+    """Return a stage that is at rest; it starts its rescuer as a program."""
     with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
-        yield HostedStage(tmp_path, start, **{STARTS_SAFE: ""})
+        yield HostedStage(tmp_path, start, **{STARTS_RESCUER: ""})
 
 
 @pytest.mark.fault("P2")
@@ -44,6 +45,9 @@ def test_killed(stage: HostedStage, number: int, reaction: Reaction) -> None:
     victim = VICTIMS[number % len(VICTIMS)]
     stage.kill(victim)
 
+    if victim == "both":  # the rescuer has noticed, or will
+        eventually(lambda: stage.writes()[-1].drive_v == SAFE_V)
+        eventually(lambda: not is_held(stage.daemon.paths.loop_lock))
     trace = stage.writes()
     if victim == "loop" and len(trace) > driven:
         first_ns = next(write.asked_ns for write in trace if write.pid != stage.loop_pid)
@@ -58,6 +62,7 @@ def test_restart_brings_the_rig_to_its_safe_voltage_first(stage: HostedStage) ->
     """If nothing ramped down before, the next daemon does, and latches P2."""
     stage.run()
     stage.wait_for_writes(15)
+    stage.kill_rescuer()
     stage.kill("both")
     left_v = stage.in_force_v()
     stage.daemon.start()

@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from subprocess import Popen
 
 import httpx
@@ -14,11 +15,11 @@ from piezod.config.states import State
 from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.loop import accept
-from piezod.daemon.supervisor import loop_run as loop_supervision
+from piezod.daemon.supervisor import processes
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.terms import RunOptions
-from piezod.errors import ConfigError, DeviceUnavailableError
+from piezod.errors import ConfigError, DeviceUnavailableError, PiezodError, StillDrivenError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import HUNG, SUPERVISOR_FAULTS, Word
 from tests.conftest import Reaction
@@ -27,13 +28,11 @@ from tests.daemon.daemons import configuration, is_alive
 from tests.daemon.supervisor.run_rig import Rig
 from tests.daemon.waiting import eventually
 
-
-def _modules(rig: Rig) -> list[str]:
-    return [module for module, _ in rig.processes]
+LEFT = "axis x: the voltage is UNKNOWN: no device; the voltage stays at 60.00 V"
 
 
 def test_stage_ends_in_order(rig: Rig) -> None:
-    """After a loop that ends on request, `piezod safe` is not run."""
+    """After a loop that ends on request, nobody else ramps down."""
     answers: list[httpx.Response] = []
 
     def healthy() -> bool:
@@ -47,7 +46,7 @@ def test_stage_ends_in_order(rig: Rig) -> None:
 
     assert in_order
     assert answers[-1].json()["healthy"]
-    assert _modules(rig) == ["piezod.daemon.loop.process"]
+    assert (len(rig.loops), rig.rescues) == (1, ["end"])
     assert not rig.paths.running.exists()
     assert not rig.paths.api_socket.exists()
 
@@ -68,30 +67,34 @@ def test_signal_before_the_loop_answers_ends_it_in_order(
     signals.receive(signal.SIGTERM)
     rig.paths.make_folders()
 
-    with Lock(rig.paths.lock) as lock:
-        assert run_stage(rig.config, RunOptions(), rig.paths, lock, signals)
+    with Lock(rig.paths.lock):
+        assert run_stage(rig.config, RunOptions(), rig.paths, signals)
 
-    assert _modules(rig) == ["piezod.daemon.loop.process"]
+    assert (len(rig.loops), rig.rescues) == (1, [])
     assert not rig.paths.running.exists()
 
 
 @pytest.mark.fault("P1")
-@pytest.mark.parametrize("safe_code", [0, 1])
-def test_signal_while_an_earlier_run_is_ramped_down(rig: Rig, safe_code: int) -> None:
+@pytest.mark.parametrize("left", [[], [LEFT]])
+def test_signal_while_an_earlier_run_is_ramped_down(rig: Rig, left: list[str]) -> None:
     """The ramp is waited for, no loop is started, and the mark stays."""
-    rig.safe_codes[0] = safe_code
+    rig.left[:] = left
     signals = Signals()
     signals.receive(signal.SIGTERM)
     rig.paths.make_folders()
     rig.paths.running.touch()
 
-    with Lock(rig.paths.lock) as lock:
-        in_order = run_stage(rig.config, RunOptions(), rig.paths, lock, signals)
+    with Lock(rig.paths.lock), refused(left):
+        assert run_stage(rig.config, RunOptions(), rig.paths, signals)
 
-    assert in_order is (safe_code == 0)
-    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
-    assert rig.processes[0][1].wait() == -signal.SIGKILL
+    assert rig.rescues == ["ramp", "end"]
+    assert rig.loops[0].wait() == -signal.SIGKILL
     assert rig.paths.running.exists()
+
+
+def refused(left: list[str]) -> AbstractContextManager[object]:
+    """Return what expects the lines of axes that stay driven, if there are any."""
+    return pytest.raises(StillDrivenError, match="stays at 60") if left else nullcontext()
 
 
 def test_ramp_down_is_not_cut_off(rig: Rig) -> None:
@@ -103,18 +106,15 @@ def test_ramp_down_is_not_cut_off(rig: Rig) -> None:
     assert ramped_down_within_s(slow) == 3 * 1500 + 60
 
 
-@pytest.mark.parametrize("safe_code", [0, 1])
-def test_lost_loop_is_ramped_down(
-    rig: Rig, safe_code: int, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The log reports the result of the ramp, and the mark stays."""
-    rig.safe_codes[0] = safe_code
+@pytest.mark.parametrize("left", [[], [LEFT]])
+def test_lost_loop_is_ramped_down(rig: Rig, left: list[str]) -> None:
+    """An error has the voltage that stays, and the mark stays."""
+    rig.left[:] = left
 
-    in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGKILL))
+    with refused(left):
+        assert not rig.run(lambda: _kill_and_wait(rig, signal.SIGKILL))
 
-    assert not in_order
-    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
-    assert ("UNKNOWN" in capsys.readouterr().err) == bool(safe_code)
+    assert (len(rig.loops), rig.rescues) == (1, ["ramp", "end"])
     assert rig.paths.running.exists()
 
 
@@ -125,7 +125,7 @@ def test_hung_loop_is_killed(
     """A loop without cycles is killed, and the stage ramped down; the next start reports it."""
 
     def hang() -> None:
-        began_s, (_, loop) = time.monotonic(), rig.processes[0]
+        began_s, loop = time.monotonic(), rig.loops[0]
         os.kill(loop.pid, signal.SIGSTOP)
         eventually(lambda: not is_alive(loop.pid))
         reaction("L3", ms=(time.monotonic() - began_s) * 1e3)
@@ -137,14 +137,14 @@ def test_hung_loop_is_killed(
     log = capsys.readouterr().err
     assert "it runs no cycles any more" in log
     assert "fault=L3" in log
-    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert rig.rescues == ["ramp", "end"]
     last_end: list[int] = []
     rig.run(lambda: last_end.append(attach(rig.paths.loop_map).words[Word.UNCLEAN]))
     assert last_end == [HUNG]
 
 
 def _kill_and_wait(rig: Rig, number: int) -> None:
-    pid = rig.processes[0][1].pid
+    pid = rig.loops[0].pid
     os.kill(pid, number)
     eventually(lambda: not rig.paths.api_socket.exists())
     assert not is_alive(pid)
@@ -154,25 +154,24 @@ def test_device_that_must_be_there(rig: Rig) -> None:
     """With --require-device an absent device is an error, and the end is orderly."""
     rig.paths.make_folders()
 
-    with Lock(rig.paths.lock) as lock, pytest.raises(DeviceUnavailableError, match="absent"):
-        run_stage(rig.config, RunOptions(require_device=True), rig.paths, lock, Signals())
+    with Lock(rig.paths.lock), pytest.raises(DeviceUnavailableError, match="absent"):
+        run_stage(rig.config, RunOptions(require_device=True), rig.paths, Signals())
 
     assert not rig.paths.running.exists()
 
 
-@pytest.mark.parametrize(("safe_code", "in_order"), [(0, True), (1, False)])
-def test_stage_that_its_loop_left_unsafe_is_ramped_down(
-    rig: Rig, safe_code: int, in_order: bool
-) -> None:
-    """An end on request is orderly if `piezod safe` reaches the safe voltage."""
-    rig.safe_codes[0] = safe_code
+@pytest.mark.parametrize("left", [[], [LEFT]])
+def test_stage_that_its_loop_left_unsafe_is_ramped_down(rig: Rig, left: list[str]) -> None:
+    """An end on request is orderly if the rescuer reaches the safe voltage."""
+    rig.left[:] = left
 
     def drive() -> None:
         shared = attach(rig.paths.loop_map, writable=True)
         write_record(shared, State.FAULT, drive_v=80.0)
 
-    assert rig.run(drive) is in_order
-    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    with refused(left):
+        assert rig.run(drive)
+    assert rig.rescues == ["ramp", "end"]
     assert rig.paths.running.exists()
 
 
@@ -194,11 +193,12 @@ def test_voltage_of_an_earlier_run_is_ramped_down_first(rig: Rig) -> None:
     """The ramp comes before the start of the loop, which starts even if the ramp fails."""
     rig.paths.make_folders()
     rig.paths.running.touch()
-    rig.safe_codes[0] = 1
+    rig.left[:] = [LEFT]
+    before: list[str] = []
 
-    rig.run(lambda: None)
+    rig.run(lambda: before.extend(rig.rescues))
 
-    assert _modules(rig)[:2] == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert before == ["ramp"]
 
 
 @pytest.mark.fault("P11")
@@ -256,7 +256,7 @@ def test_second_reload_at_the_same_time_is_refused(rig: Rig) -> None:
         os.mkfifo(rig.config)  # the process that reads the configuration waits for a writer
         with ThreadPoolExecutor(1) as beside:
             first = beside.submit(rig.ask, "POST", "reload", {})
-            eventually(lambda: len(rig.processes) == 2)
+            eventually(lambda: len(rig.loops) == 2)
             answers.append(rig.ask("POST", "reload", {}))
             answers.append(rig.ask("POST", "stop", {}))
             assert not first.done()
@@ -275,7 +275,7 @@ def test_reload_by_a_signal(rig: Rig, capsys: pytest.CaptureFixture[str]) -> Non
     def reload() -> None:
         configuration(rig.config.parent, rate_hz="25")
         os.kill(os.getpid(), signal.SIGHUP)
-        eventually(lambda: len(rig.processes) == 2)
+        eventually(lambda: len(rig.loops) == 2)
         rig.up()
         configuration(rig.config.parent, rate_hz="0")
         os.kill(os.getpid(), signal.SIGHUP)
@@ -298,7 +298,7 @@ def test_reload_while_the_amplifier_is_lost_is_refused(rig: Rig) -> None:
     assert rig.run(reload)
     assert answers[0].status_code == 409
     assert "the amplifier was lost" in answers[0].json()["error"]["what"]
-    assert len(rig.processes) == 1
+    assert len(rig.loops) == 1
 
 
 def test_reload_during_a_recording_is_refused(rig: Rig) -> None:
@@ -319,14 +319,14 @@ def test_loop_that_cannot_be_started_touches_nothing(
 ) -> None:
     """If no process can be started, the run fails and makes no mark."""
 
-    def refused(*_arguments: str, piped: bool = False) -> "Popen[bytes]":
-        raise BlockingIOError(11, f"no process left, {piped}")
+    def none_left(*_arguments: str) -> "Popen[bytes]":
+        raise BlockingIOError(11, "no process left")
 
-    monkeypatch.setattr(loop_supervision, "_start", refused)
+    monkeypatch.setattr(processes, "start", none_left)
     rig.paths.make_folders()
 
-    with Lock(rig.paths.lock) as lock, pytest.raises(BlockingIOError):
-        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+    with Lock(rig.paths.lock), pytest.raises(BlockingIOError):
+        run_stage(rig.config, RunOptions(), rig.paths, Signals())
 
     assert not rig.paths.running.exists()
 
@@ -337,10 +337,10 @@ def test_bad_configuration_starts_nothing(rig: Rig) -> None:
     configuration(rig.config.parent, rate_hz="0")
     rig.paths.make_folders()
 
-    with Lock(rig.paths.lock) as lock, pytest.raises(ConfigError, match="rate_hz"):
-        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+    with Lock(rig.paths.lock), pytest.raises(ConfigError, match="rate_hz"):
+        run_stage(rig.config, RunOptions(), rig.paths, Signals())
 
-    [(_, process)] = rig.processes
+    [process] = rig.loops
     assert process.poll() is not None
     assert not rig.paths.running.exists()
 
@@ -351,10 +351,10 @@ def test_loop_that_ends_before_its_first_cycle_leaves_no_mark(rig: Rig) -> None:
     configuration(rig.config.parent, title="broken")
     rig.paths.make_folders()
 
-    with Lock(rig.paths.lock) as lock:
-        assert not run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+    with Lock(rig.paths.lock):
+        assert not run_stage(rig.config, RunOptions(), rig.paths, Signals())
 
-    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert rig.rescues == ["ramp", "end"]
     assert not rig.paths.running.exists()
 
 
@@ -367,10 +367,10 @@ def test_start_that_fails_leaves_the_mark_as_it_was(rig: Rig, unclean: bool) -> 
     if unclean:
         rig.paths.running.touch()
 
-    with Lock(rig.paths.lock) as lock, pytest.raises(FileExistsError):
-        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+    with Lock(rig.paths.lock), pytest.raises(FileExistsError):
+        run_stage(rig.config, RunOptions(), rig.paths, Signals())
 
-    assert rig.processes[0][1].poll() == -signal.SIGKILL
+    assert rig.loops[0].poll() == -signal.SIGKILL
     assert rig.paths.running.exists() is unclean
 
 
@@ -381,7 +381,19 @@ def test_copy_that_cannot_be_written_is_named(rig: Rig) -> None:
     rig.loop_code[:] = [f"print({error!r})"]
     rig.paths.make_folders()
 
-    with Lock(rig.paths.lock) as lock, pytest.raises(OSError, match=r"config-a/rig\.yaml"):
-        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+    with Lock(rig.paths.lock), pytest.raises(OSError, match=r"config-a/rig\.yaml"):
+        run_stage(rig.config, RunOptions(), rig.paths, Signals())
+
+    assert not rig.paths.running.exists()
+
+
+def test_loop_of_another_version_is_refused(rig: Rig) -> None:
+    """After an upgrade a reload would start one, which reads the shared memory in another way."""
+    answer = '{"accepted": {}, "named_files": {}, "version": "999.0"}'
+    rig.loop_code[:] = [f"print({answer!r})"]
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock), pytest.raises(PiezodError, match="restart the daemon"):
+        run_stage(rig.config, RunOptions(), rig.paths, Signals())
 
     assert not rig.paths.running.exists()

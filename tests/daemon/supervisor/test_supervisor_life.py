@@ -169,7 +169,7 @@ def test_end_is_orderly_without_a_device(start: StartDaemon, tmp_path: Path) -> 
 @pytest.mark.stress
 @pytest.mark.fault("P1")
 def test_end_without_the_device_that_was_driven_fails(start: StartDaemon, tmp_path: Path) -> None:
-    """`piezod safe` reports the voltage as UNKNOWN, and the exit code is 1."""
+    """The last words say that the voltage is UNKNOWN and which one stays; the exit code is 74."""
     rig = f"{{driver: emulated, options: {{socket: {tmp_path}/rig.sock, deadline_ms: 500}}}}"
     path = configuration(tmp_path, rig=rig)
     with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
@@ -180,8 +180,9 @@ def test_end_without_the_device_that_was_driven_fails(start: StartDaemon, tmp_pa
 
     daemon.signal(signal.SIGTERM)
 
-    assert daemon.exit_code() == 1
-    assert "UNKNOWN" in daemon.text
+    assert daemon.exit_code() == 74
+    assert "UNKNOWN" in daemon.text.splitlines()[-1]
+    assert "the voltage stays at" in daemon.text.splitlines()[-1]
     assert daemon.paths.running.exists()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from piezod.devices.bus.dialogue import Reading
@@ -45,6 +46,8 @@ class Cia401Dialogue:
     """
 
     def __init__(self, options: Cia401Options, wiring: Wiring, bus: FrameBus) -> None:
+        with suppress(ImportError):  # now, because a node is opened again long after the start
+            from piezod_drivers.can_bus.cia401 import process_data, setup  # noqa: F401, PLC0415
         self._options, self._wiring, self._bus = options, wiring, bus
         self._channels = channels = WiredChannels(options, wiring)
         self._supervision = Supervision(options, bus.now_ns)

@@ -77,6 +77,9 @@ class Lc400Player:
         Raises:
             DeviceError: If the recorder has too few buffers.
         """
+        # Imported at the start, when this is asked: `load` comes long afterwards.
+        from piezod_drivers.serial_line import wave_arrays  # noqa: F401, PLC0415 - numpy
+
         n_recorded = len(self._host.inputs) + len(self._host.outputs)
         if n_recorded > RECORD_BUFFERS:
             raise DeviceError(f"the recorder has {RECORD_BUFFERS} buffers, {n_recorded} are needed")

@@ -83,6 +83,9 @@ class Gcs2Player:
             DeviceError: If the controller cannot play, or cannot tell where a play has stopped.
             LineFault: If an exchange fails.
         """
+        # Imported at the start, when this is asked: `load` comes long afterwards.
+        from piezod_drivers.serial_line import wave_arrays  # noqa: F401, PLC0415 - numpy
+
         if not self._measures:
             raise DeviceError("playing needs read_back: VOL?, because SVA? reports no generator")
         if not self._requests.has_generators():

@@ -97,6 +97,9 @@ class Nv200Player:
         Raises:
             LineFault: If the device does not report its limits.
         """
+        # Imported at the start, when this is asked: `load` comes long afterwards.
+        from piezod_drivers.serial_line import wave_arrays  # noqa: F401, PLC0415 - numpy
+
         low_v, high_v = self._requests.voltages()
         return PlayerCapabilities(
             shortest_interval_ns=CLOCK_NS,
