@@ -153,13 +153,12 @@ def _build_axis(
         raise ModelError(f"axis {name}: {law.trim.refusal}")
     delay_ns = max(s_to_ns(law_model.delay_s), 0)
     index = list(config.axes).index(name)
-    # The watches compare with the identified model, which `law_model` replaces if there is none.
     adaptation = law.identifier.adaptation
     watches = AxisWatch(
         BusWatch(index),
         _sensor_watch(axis, model, index, period_ns),
         AmplifierWatch(index, law.limits, delay_ns, period_ns, lag_ns),
-        AdaptationWatch(index, adaptation, law.proof, model, law_model.position_um, period_ns),
+        AdaptationWatch(index, adaptation, law.proof, law.bound, law_model.position_um, period_ns),
     )
     return WatchedAxis(StageAxis(name, axis, law, period_ns), watches)
 

@@ -6,6 +6,7 @@ exceptions into values. `control.cycle` contains the cycle.
 
 from collections.abc import Callable
 from functools import partial
+from math import nan
 from typing import NamedTuple
 
 from piezod.config.faults import Fault
@@ -33,6 +34,8 @@ class Learned(NamedTuple):
         scale: Relative gain of the hysteresis input over the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.
         surface: Whether the weights are the coefficients of a surface, and not those of stops.
+        distance: How far the learned model is from the identified one, as a share of the range; NaN
+            without an identified one.
     """
 
     weights: FloatArray
@@ -40,6 +43,7 @@ class Learned(NamedTuple):
     scale: float
     zero_um: float
     surface: bool
+    distance: float
 
 
 class StageController:
@@ -139,7 +143,8 @@ class StageController:
         """Return the learned parameters of an axis."""
         law, zero_um = self._stage.axes[axis].law, self._stage.zero.um(axis)
         learner, surface = law.identifier, law.compensator.surface
-        return Learned(learner.weights, learner.offset, learner.scale, zero_um, surface)
+        distance = law.bound.distance if law.bound else nan
+        return Learned(learner.weights, learner.offset, learner.scale, zero_um, surface, distance)
 
     def take_events(self) -> list[StageEvent]:
         """Return the events since the last call, oldest first."""

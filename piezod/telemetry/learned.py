@@ -9,7 +9,7 @@ from piezod.telemetry.shared_map import SharedMap
 _ATTEMPTS: Final = 1000
 AREA: Final = LEARNED_HEADER + MAX_WEIGHTS
 """Words of an axis: turn begun, turn done, number of weights, offset, scale, sensor zero, 1 for a
-surface, a gap, and from `LEARNED_HEADER` on the weights."""
+surface, distance from the identified model, and from `LEARNED_HEADER` on the weights."""
 
 
 class LearnedAxis(NamedTuple):
@@ -21,6 +21,8 @@ class LearnedAxis(NamedTuple):
         scale: Scale of the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.
         surface: Whether the weights are the coefficients of a surface, and not those of stops.
+        distance: How far the model is from the identified one, as a share of the range: the largest
+            difference of their drives; NaN without an identified one.
     """
 
     weights: Sequence[float]
@@ -28,6 +30,7 @@ class LearnedAxis(NamedTuple):
     scale: float
     zero_um: float
     surface: bool
+    distance: float
 
 
 class LearnedReader:
@@ -47,9 +50,9 @@ class LearnedReader:
         for _ in range(_ATTEMPTS):
             done, count = self._words[at + 1], self._words[at + 2]
             offset, scale, zero_um = self._values[at + 3 : at + 6]
-            surface = bool(self._words[at + 6])
+            surface, distance = bool(self._words[at + 6]), self._values[at + 7]
             begin = at + LEARNED_HEADER
             weights = self._values[begin : begin + count].tolist()
             if done and self._words[at] == done:
-                return LearnedAxis(weights, offset, scale, zero_um, surface)
+                return LearnedAxis(weights, offset, scale, zero_um, surface, distance)
         return None

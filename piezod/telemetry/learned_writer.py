@@ -28,8 +28,12 @@ class LearnedWriter:
         scale: float,
         zero_um: float,
         surface: bool,
+        distance: float,
     ) -> None:
-        """Publish the parameters of an axis, up to 2048 weights. Real-time safe."""
+        """Publish the parameters of an axis, up to 2048 weights; see `LearnedAxis`.
+
+        Real-time safe.
+        """
         count = len(weights)  # type: ignore[arg-type] # any sequence of numbers
         at = axis * AREA
         # The turn is written before and after the values, so that a reader can detect a write in
@@ -40,5 +44,6 @@ class LearnedWriter:
         self._values[at + 4] = scale
         self._values[at + 5] = zero_um
         self._words[at + 6] = surface
+        self._values[at + 7] = distance
         self._areas[axis, LEARNED_HEADER : LEARNED_HEADER + count] = weights
         self._words[at + 1] = turn

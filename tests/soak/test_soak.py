@@ -235,8 +235,8 @@ def rows(count: int, **changed: float) -> list[Row]:
         ({"threads": 9.0}, ["threads grew"]),
         ({"error_rms_pct": 2 * ERROR_RMS_PCT}, ["the error is above"]),
         ({"error_rms_pct": nan}, []),
-        ({"drift_pct": 25.0}, []),
-        ({"drift_pct": 31.0}, ["the learned model is farther"]),
+        ({"drift_pct": 5.5}, []),
+        ({"drift_pct": 6.5}, ["the learned model is farther"]),
     ],
 )
 def test_growth_is_found(changed: dict[str, float], says: list[str]) -> None:

@@ -237,9 +237,10 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "identify the stage again"),
     FaultRule(Fault.D4, "too little motion to adapt", ADAPTATION, NONE, L0, "info",
               "nothing to do: adaptation continues with the motion"),
-    FaultRule(Fault.D5, "adapted weights far from the identified ones",
-              ADAPTATION, DEGRADE, L1, "warning",
-              "identify the stage again; check the sensor for drift"),
+    FaultRule(Fault.D5, "learned model at its bound: it follows the sensor no further",
+              ADAPTATION, WARN, L0, "warning",
+              "check gain and zero of the sensor; if the stage has changed, identify it again, or "
+              "raise learned_pct of its compensator"),
     FaultRule(Fault.D6, "stage oscillates", ADAPTATION, WARN, L2, "warning",
               "lower the trim's gain; check the delay in the configuration",
               Escalation(0, NS_PER_S // 2, DEGRADE, L2, Escalation(0, NS_PER_S, HOLD, L2))),
@@ -271,12 +272,35 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "remove the cause, then `piezod reset`"),
     FaultRule(Fault.H1, "supervisor gone", PROCESS, RAMP, L2, "error",
               "see the log; the loop ends too, and the service restarts"),
+    # Of later versions: the bits of those before stay.
+    FaultRule(Fault.D11, "learned model moves away from the identified one",
+              ADAPTATION, WARN, L0, "warning",
+              "check gain and zero of the sensor; if the stage has changed, identify it again"),
 )
 # fmt: on
 """All faults; the index of a fault is its bit in the masks of a record."""
 
 INDEX: Final = {rule.id: index for index, rule in enumerate(FAULTS)}
 """Index in `FAULTS` of each fault."""
+
+
+DOUBTING: Final = (
+    Fault.S1,
+    Fault.S3,
+    Fault.S7,
+    Fault.S8,
+    Fault.S9,
+    Fault.S10,
+    Fault.S11,
+    Fault.A3,
+    Fault.A7,
+    Fault.A12,
+    Fault.B6,
+    Fault.B12,
+)
+"""Faults that say that pairs of sample and voltage may have been wrong for some time before: of a
+sensor that lies, or of an amplifier that does not output what it takes. A sample that is absent,
+late or only noisy is no lie; it was left out when it came."""
 
 
 def mask(ids: Iterable[Fault]) -> int:

@@ -12,6 +12,7 @@ from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.dynamics import ModalMotion
 from piezod.control.law.identifier import Identifier, ModelProof
+from piezod.control.law.learned_bound import LearnedBound
 from piezod.control.law.trim import Trim
 from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample
@@ -70,6 +71,7 @@ class CompensatedAxis:
         proof: Keeps the last learned model that has proved itself.
         shaper: Shapes references for the modes.
         modal: Part of the displacement that the modes add; None if they are unknown.
+        bound: Keeps the learned model near the identified one; None if there is no such model.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class CompensatedAxis:
         proof: ModelProof,
         shaper: ReferenceShaper,
         modal: ModalMotion | None = None,
+        bound: LearnedBound | None = None,
     ) -> None:
         self._reference_um = reference_um
         self._drive_v, self._position_um = drive_v, position_um
@@ -104,14 +107,16 @@ class CompensatedAxis:
         # A voltage that is written in this cycle shows one period and one delay later.
         self._lookahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
-        self.trim, self.proof = trim, proof
+        self.trim, self.proof, self.bound = trim, proof, bound
         self._forced_v = nan
         self.switch(compensator.mode)
 
     def switch(self, mode: Mode) -> None:
         """Change the mode; the drive changes over without a jump."""
         if mode is not self.compensator.mode:
-            self.compensator.switch(mode, self.proof.proven)
+            proven = self.proof.proven
+            # It may be of an instant between two looks.
+            self.compensator.switch(mode, self.bound.limited(proven) if self.bound else proven)
         if mode is Mode.TRIMMED:
             self.trim.enable()
         else:
@@ -120,6 +125,18 @@ class CompensatedAxis:
     def halve_gains(self, halved: bool) -> None:
         """Trim and learn with half the gain, or with the full gain again."""
         self.trim.gain_halved = self.identifier.gain_halved = halved
+
+    def doubt(self, doubted: bool) -> None:
+        """Drop what was learned if the samples begin to be in doubt; learn nothing meanwhile.
+
+        Nobody knows since when the samples were wrong, so that no model that was learned from them
+        is proven: learning starts again from the first model.
+        """
+        gate = self.identifier.gate
+        if doubted and not gate.doubted:
+            self._drop_learned()
+            self.compensator.restart(self.proof.first)
+        gate.doubted = doubted
 
     def pause_learning(self) -> None:
         """Learn nothing from the next samples: periods were skipped, so the drive came late."""
@@ -199,6 +216,8 @@ class CompensatedAxis:
         limited, expected = self.compensator.limited, self.compensator.position
         added = self._modal.advance(t_ns, expected, sample.t_ns) if self._modal else 0.0
         self.identifier.learn(t_ns, sample, limited=limited, expected=expected, added=added)
+        if self.bound is not None:
+            self.bound.update()
         # Paper, section 3, switch turned off: copy the parameters once they have converged.
         if self.identifier.converged and self.compensator.adopt_first(self.identifier.weights):
             self.proof.restart(LearnedModel(self.identifier.weights))
@@ -288,8 +307,15 @@ class CompensatedAxis:
         command, first = self._position_um.to_unit(command_um), self.proof.first
         errors = self._error_of(sample), self.identifier.error_of(first)
         if self.proof.add(command, *errors, self.compensator):
-            self.identifier.adaptation.adopt(first.weights, first.offset, first.scale)
+            self._drop_learned()
             self.compensator.fade()
+
+    def _drop_learned(self) -> None:
+        """Let the identifier start again from the first model."""
+        self.identifier.restart(self.proof.first)
+        self.proof.restart(self.proof.first)
+        if self.bound is not None:
+            self.bound.returned()
 
     def _error_of(self, sample: Sample) -> float:
         """Return the error at the instant that a sample shows, in units of the range."""

@@ -143,6 +143,11 @@ class Compensator:
         self._fading = self._fade_cycles
         self._has_model = True
 
+    def restart(self, model: LearnedModel) -> None:
+        """Change over to a model in every mode, without a jump: what was learned is dropped."""
+        self._target.assign(model)
+        self.fade()
+
     def adopt_first(self, weights: FloatArray) -> bool:
         """Adopt converged weights if there are none yet; return whether it did."""
         if self._has_model:

@@ -45,6 +45,8 @@ class LearningGate:
         self._limited_cycles = self._spike_cycles = self._skipped_cycles = 0
         self._stuck = StuckSensor(STUCK_SWING)
         self._noise = NoiseLevel()
+        self.doubted = False
+        """Whether a fault says that the samples may be wrong: nothing is learned."""
         self.reason = GateReason.QUIET
         """Decision on the last sample."""
         self.credible = False
@@ -102,7 +104,8 @@ class LearningGate:
         spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise
         self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
         self.credible = not (stuck or spike)
-        self.accurate = not (stuck or self._spike_cycles or self._noise.unusual)
+        inaccurate = stuck or self._spike_cycles or self._noise.unusual
+        self.accurate = not (inaccurate or self.doubted)
         if self._skipped_cycles or self._limited_cycles:
             return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
         if not self.accurate:
@@ -114,8 +117,8 @@ class LearningGate:
 
     def _inaccuracy(self, stuck: bool) -> GateReason:
         """Return the reason why a sample is not accurate."""
-        if stuck:
-            return GateReason.STUCK
+        if self.doubted or stuck:
+            return GateReason.DOUBTED if self.doubted else GateReason.STUCK
         return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
 
 
@@ -174,6 +177,11 @@ class Identifier:
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory has removed."""
         return self.adaptation.merged_pairs
+
+    def restart(self, model: LearnedModel) -> None:
+        """Start again from a model: what was learned is dropped."""
+        self.adaptation.adopt(model.weights, model.offset, model.scale)
+        self.converged = False
 
     def error_of(self, model: LearnedModel) -> float:
         """Return the drive of the last sample minus its prediction by another model, normalised."""

@@ -27,8 +27,8 @@ _STATE, _SKIPPED = int(Word.LOOP_STATE), int(Word.SKIPPED_CYCLES)
 class LearnedSource(Protocol):
     """Gives the parameters that its axes have learned."""
 
-    def learned(self, axis: int) -> tuple[Any, float, float, float, bool]:
-        """Return weights, offset, scale, sensor zero of an axis, and whether it has a surface."""
+    def learned(self, axis: int) -> tuple[Any, float, float, float, bool, float]:
+        """Return what `LearnedWriter.publish` takes, of an axis."""
         ...
 
 

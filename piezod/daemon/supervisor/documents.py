@@ -8,6 +8,7 @@ from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
+from piezod.telemetry.learned import LearnedAxis, LearnedReader
 from piezod.telemetry.ring import Record
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.succession import succession_of
@@ -22,18 +23,22 @@ GATES: Final = tuple(GateReason)
 _NUMBERS: Final = ("position_um", "command_um", "drive_v", "target_um", "read_back_v", "trim_um")
 
 
-def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Document:
+def status(
+    config: DaemonConfig, shared: SharedMap, record: Record | None, learned: LearnedReader
+) -> Document:
     """Return the status of a stage.
 
     Args:
         config: Its configuration.
         shared: The memory shared with the loop.
         record: The newest record; None before the first.
+        learned: What each axis has learned.
     """
     axes = {
         name: {
             "has_sensor": axis.sensor is not None,
             **_axis(None if record is None else record["axes"][i], config),
+            "learned_pct": _learned_pct(learned.read(i)),
         }
         for i, (name, axis) in enumerate(config.axes.items())
     }
@@ -63,6 +68,11 @@ def state_of(shared: SharedMap, record: Record | None) -> State:
         return STATES[record["state"]]
     waits = STATES[shared.words[Word.LOOP_STATE]] is State.BLIND
     return State.BLIND if waits else State.BOOT
+
+
+def _learned_pct(learned: LearnedAxis | None) -> float:
+    """Return how far a learned model is from the identified one, in % of the range."""
+    return float("nan") if learned is None else 100.0 * learned.distance
 
 
 def _axis(record: Record | None, config: DaemonConfig) -> Document:

@@ -211,6 +211,13 @@ class _Families(Collector):
         moved = [((a,), _moved(models[a], each.weights)) for a, each in learned.items()]
         text = "Change of the weights since the model, relative to the model."
         yield self._gauge("axis_weights_moved_ratio", text, moved, "axis")
+        limits = {a: axis.compensator.learned_pct for a, axis in self._loop.config.axes.items()}
+        far = [((a,), each.distance) for a, each in learned.items()]
+        text = "Difference of the drives of learned and identified model, relative to the range."
+        yield self._gauge("axis_learned_ratio", text, far, "axis")
+        bounds = [((a,), limit / 100.0) for a, limit in limits.items()]
+        text = "Largest difference of these drives that is allowed, learned_pct."
+        yield self._gauge("axis_learned_limit_ratio", text, bounds, "axis")
         for name in ("offset", "scale"):
             rows = [((axis,), getattr(each, name)) for axis, each in learned.items()]
             text = f"Learned {name} of the displacement, relative to the range; 0 for the model."

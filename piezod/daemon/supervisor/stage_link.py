@@ -119,7 +119,7 @@ class StageLink:
     def status(self) -> Document:
         """Return state, mode, faults and axes of the newest cycle."""
         loop = self.loop
-        document = stage_documents.status(loop.config, loop.shared, loop.latest())
+        document = stage_documents.status(loop.config, loop.shared, loop.latest(), loop.learned)
         return {"stage": self._paths.name, **document}
 
     def health(self) -> tuple[bool, Document]:

@@ -71,7 +71,7 @@ def wave(k: int, hz: float, amplitude_um: float) -> float:
 def test_stage_that_follows_has_no_fault() -> None:
     """Noise at rest, a sine of 100 Hz with a lag, and a step that rings are healthy."""
     noise_um = np.random.default_rng(1).normal(0.0, 0.02, 3000).tolist()
-    watch = AdaptationWatch(0, learner(), proof(), MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, learner(), proof(), None, POSITION_UM, MS)
     found = run(watch, lambda k: 15.0 + noise_um[k], 3000)
     found += run(watch, lambda k: wave(k - 1, 100, 5.0), 3000, lambda k: wave(k, 100, 5.0))
     found += run(watch, lambda k: wave(k, 300, 5.0 * math.exp(-k / 40)), 3000)
@@ -85,7 +85,7 @@ def test_oscillation_is_detected_within_six_tenths_of_a_second(
     hz: float, reaction: Reaction
 ) -> None:
     """0.6 µm about a constant command is detected, with its amplitude, in a closed loop only."""
-    watch = AdaptationWatch(0, learner(), proof(), MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, learner(), proof(), None, POSITION_UM, MS)
     swinging = run(watch, lambda k: wave(k, hz, 0.6), 1000)
     opened = run(watch, lambda k: wave(k, hz, 0.6), 1000, closed=False)
 
@@ -100,7 +100,7 @@ def test_oscillation_is_detected_within_six_tenths_of_a_second(
 def test_third_return_to_the_last_good_model_is_detected(every_s: int, is_found: bool) -> None:
     """Three returns within thirty seconds are a fault; rarer ones are disturbances."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, 10 * MS)
+    watch = AdaptationWatch(0, shadowed, proof(), None, POSITION_UM, 10 * MS)
     found = []
     for _ in range(3):
         shadowed.restored += 1
@@ -112,7 +112,7 @@ def test_third_return_to_the_last_good_model_is_detected(every_s: int, is_found:
 def test_returns_in_an_open_loop_are_no_fault() -> None:
     """The weights are not in use while the loop is open."""
     shadowed = learner()
-    watch = AdaptationWatch(0, shadowed, proof(), MODEL, POSITION_UM, MS)
+    watch = AdaptationWatch(0, shadowed, proof(), None, POSITION_UM, MS)
     found = []
     for _ in range(10):
         shadowed.restored += 1
