@@ -53,9 +53,9 @@ class FakeController:
         events, self.events = self.events, []
         return events
 
-    def learned(self, axis: int) -> tuple[list[float], float, float, float, bool]:
+    def learned(self, axis: int) -> tuple[list[float], float, float, float, bool, float]:
         """Return values that differ between axes."""
-        return [axis + 0.5], 1.0, 2.0, 3.0, False
+        return [axis + 0.5], 1.0, 2.0, 3.0, False, 0.0
 
     def cycle(self, t_ns: int, timing: CycleTiming) -> CycleRecord:
         """Read, spend time, write."""

@@ -26,8 +26,8 @@ ROW_NS = 60 * NS_PER_S
 AFTER_S = 30.0
 """Time after a disturbance in which its faults may still appear and errors do not count, in s."""
 LEARNED_PCT = 6.0
-"""Largest distance of the learned model from the identified one, whose learned_pct is 5. Between two
-looks it may be a little farther."""
+"""Largest distance of the learned model from the identified one. The bound of the stage is 5 %;
+between two looks the model may be a little farther."""
 JUDGED_NS = 5 * NS_PER_S
 """Motion after a disturbance in which errors do not count either, in ns: at rest nothing shows what
 a faulty sensor has taught, and D1 judges each second of motion."""

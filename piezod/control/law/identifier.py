@@ -106,6 +106,8 @@ class LearningGate:
         self.credible = not (stuck or spike)
         inaccurate = stuck or self._spike_cycles or self._noise.unusual
         self.accurate = not (inaccurate or self.doubted)
+        if self.doubted:
+            return GateReason.DOUBTED
         if self._skipped_cycles or self._limited_cycles:
             return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
         if not self.accurate:
@@ -117,8 +119,8 @@ class LearningGate:
 
     def _inaccuracy(self, stuck: bool) -> GateReason:
         """Return the reason why a sample is not accurate."""
-        if self.doubted or stuck:
-            return GateReason.DOUBTED if self.doubted else GateReason.STUCK
+        if stuck:
+            return GateReason.STUCK
         return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
 
 

@@ -1,8 +1,8 @@
 """Watches the adaptation of one axis, and the loop that the adaptation closes.
 
-Detects D1, D2, D5, D6 and D11. D3 (weights without an inverse) cannot occur, because the identifiers
-prevent it. D4 and D7 (samples that must not be learned from) are left out and counted by the
-learning gate.
+Detects D1, D2, D5, D6 and D11. D3 (weights without an inverse) cannot occur, because the
+identifiers prevent it. D4 and D7 (samples that must not be learned from) are left out and counted
+by the learning gate.
 """
 
 from collections.abc import Sequence
@@ -178,9 +178,7 @@ class AdaptationWatch:
         fault, share = (Fault.D5, AT_BOUND) if at_bound else (Fault.D11, TOLD_SHARE)
         return (Detection(fault, self._axis, bound.distance, share * bound.limit),)
 
-    def _detections(
-        self, restored: bool, worse: tuple[float, float] | None
-    ) -> Sequence[Detection]:
+    def _detections(self, restored: bool, worse: tuple[float, float] | None) -> Sequence[Detection]:
         """Return the detections of a loop that is closed."""
         found, width_um = [], self._position_um.width
         if self._not_finite:
