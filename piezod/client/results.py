@@ -80,6 +80,9 @@ class AxisStatus:
         on_target: Whether the position has been within its tolerance for the settling time.
         motion: Number of the movement.
         has_sensor: Whether a sensor measures the axis.
+        limited: What limits the drive: none, range or slew rate.
+        learned_pct: How far the learned model is from the identified one, in % of the range; None
+            if it is unknown.
     """
 
     position_um: float | None
@@ -90,6 +93,8 @@ class AxisStatus:
     on_target: bool = False
     motion: int = 0
     has_sensor: bool = True
+    limited: str = "none"
+    learned_pct: float | None = None
 
     @property
     def error_um(self) -> float | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from math import inf, nan
 from typing import Final, Protocol
 
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.faults import Fault
 from piezod.config.modes import SENSED
 from piezod.config.states import State
@@ -37,6 +38,11 @@ _UNVERIFIED, _MEMORY_UNKNOWN, _ESTOP = (
 class CycleAxis(Protocol):
     """Interface of an axis to the cycle: its reference and its control law. All real-time safe."""
 
+    @property
+    def limited(self) -> DriveLimit:
+        """What keeps the drive from following the reference."""
+        ...
+
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Take the sample of this cycle; return the voltage to write."""
         ...
@@ -46,7 +52,12 @@ class CycleAxis(Protocol):
         ...
 
     def record(
-        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
+        self,
+        sample: Sample,
+        output: AxisOutput,
+        drive_v: float,
+        read_back_v: float,
+        limited: DriveLimit,
     ) -> AxisRecord:
         """Return the record of this axis."""
         ...
@@ -127,13 +138,14 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
             axis.applied(applied_v)
 
     # Record.
+    limits = [_limit_of(i, axis, admitted) for i, axis in enumerate(axes)]
     records = [
-        axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i])
+        axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i], limits[i])
         for i, axis in enumerate(axes)
     ]
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
-    _watch_write(stage, admitted, written)
+    _watch_write(stage, admitted, limits, written)
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
@@ -226,21 +238,28 @@ def _watch_stage(
         detections.append(_MEMORY_UNKNOWN)
 
 
-def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
+def _limit_of(index: int, axis: CycleAxis, admitted: Admitted) -> DriveLimit:
+    """Return what limits the drive of an axis in this cycle: its law, or the guard."""
+    limited = axis.limited
+    if limited is DriveLimit.RANGE or index in admitted.range_limited:
+        return DriveLimit.RANGE
+    return DriveLimit.SLEW if index in admitted.slew_limited else limited
+
+
+def _watch_write(
+    stage: Stage, admitted: Admitted, limits: Sequence[DriveLimit], written: bool
+) -> None:
     """Report this write to the watches of the amplifiers, which compare it in the next cycle."""
     boundary = stage.boundary
     if stage.state not in DRIVEN or boundary.shadow or not boundary.writes:
         return
-    for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
-        law = axis.law
-        cut_off = axis.following and law.compensator.limited
-        at_end = cut_off and law.at_end_of_range
+    for i, watch in enumerate(stage.watches):
         watch.amplifier.wrote(
             admitted.drive_v[i],
             taken=written,
             refused=i in admitted.refused,
-            range_limited=i in admitted.range_limited or at_end,
-            slew_limited=i in admitted.slew_limited or (cut_off and not at_end),
+            range_limited=limits[i] is DriveLimit.RANGE,
+            slew_limited=limits[i] is DriveLimit.SLEW,
         )
 
 

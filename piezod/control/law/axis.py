@@ -7,6 +7,7 @@ from collections.abc import Callable
 from math import nan
 from typing import NamedTuple
 
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator, DriveHistory
@@ -156,6 +157,16 @@ class CompensatedAxis:
         return not low_v + rounding_v < self._in_force_v < high_v - rounding_v
 
     @property
+    def limited(self) -> DriveLimit:
+        """What keeps the drive from following the reference; a forced voltage has none."""
+        if self._forced_v == self._forced_v:
+            return DriveLimit.NONE
+        if self.compensator.limited:
+            return DriveLimit.RANGE if self.at_end_of_range else DriveLimit.SLEW
+        # The model ends, often together with the range of the drive.
+        return DriveLimit.RANGE if self.compensator.out_of_reach else DriveLimit.NONE
+
+    @property
     def in_force_v(self) -> float:
         """Voltage in force, in V."""
         return self._in_force_v
@@ -170,11 +181,6 @@ class CompensatedAxis:
     def expected_um(self) -> float:
         """Position that the model expects the sensor to show, in µm."""
         return self._position_um.from_unit(self.compensator.expected)
-
-    @property
-    def zeroed_range_um(self) -> AffineRange:
-        """Range of the displacement that the model covers, from the zero at rest, in µm."""
-        return self._position_um
 
     def follow(self, reference_um: TimeFunction, start_ns: int) -> None:
         """Follow another reference from now on.
@@ -267,6 +273,7 @@ class CompensatedAxis:
         output: AxisOutput,
         drive_v: float,
         read_back_v: float,
+        limited: DriveLimit,
         *,
         target_um: float = nan,
         on_target: bool = False,
@@ -279,6 +286,7 @@ class CompensatedAxis:
             output: The output of the axis.
             drive_v: Voltage that was written, in V.
             read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
+            limited: What limits the drive.
             target_um: Position at which the movement ends, in µm; NaN if there is none.
             on_target: Whether the position has been reached and has stayed there.
             motion: Number of the movement.
@@ -298,6 +306,7 @@ class CompensatedAxis:
             self.identifier.gate.reason,
             on_target,
             motion,
+            limited,
         )
 
     def _prove_model(self, command_um: float, sample: Sample) -> None:

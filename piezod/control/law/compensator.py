@@ -15,6 +15,7 @@ no trace.
 """
 
 from math import isfinite
+from typing import Final
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from piezod.control.law.kernels import new_kernel
 from piezod.control.law.pace import FOLLOWED_SHARE
 from piezod.hysteresis import LearnedModel, ModelForm
 from piezod.hysteresis.memory import FloatArray
+
+CREEP_BEYOND: Final = 0.01
+"""Share of the range by which creep after a move may ask for a displacement outside."""
 
 
 class Compensator:
@@ -96,6 +100,11 @@ class Compensator:
     def limited(self) -> bool:
         """Whether the window limited the last requested drive."""
         return self._carried.item(BEYOND) != 0.0
+
+    @property
+    def out_of_reach(self) -> bool:
+        """Whether the last displacement was asked for farther outside than creep explains."""
+        return self._strength_aim > 0.0 and abs(self._carried.item(OUTSIDE)) > CREEP_BEYOND
 
     @property
     def limited_direction(self) -> int:

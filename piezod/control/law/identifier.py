@@ -106,22 +106,22 @@ class LearningGate:
         self.credible = not (stuck or spike)
         inaccurate = stuck or self._spike_cycles or self._noise.unusual
         self.accurate = not (inaccurate or self.doubted)
-        if self.doubted:
-            return GateReason.DOUBTED
-        if self._skipped_cycles or self._limited_cycles:
-            return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
-        if not self.accurate:
-            return self._inaccuracy(stuck)
+        if reason := self._obstacle(stuck):
+            return reason
         if quiet:
             return GateReason.QUIET
         # An equal sample may be the first of a stuck sensor, so it is not learned from.
         return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
 
-    def _inaccuracy(self, stuck: bool) -> GateReason:
-        """Return the reason why a sample is not accurate."""
-        if stuck:
-            return GateReason.STUCK
-        return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
+    def _obstacle(self, stuck: bool) -> GateReason | None:
+        """Return what forbids to learn from a sample that came in time; None if nothing does."""
+        if self.doubted:
+            return GateReason.DOUBTED
+        if self._skipped_cycles or self._limited_cycles:
+            return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
+        if stuck or self._spike_cycles:
+            return GateReason.STUCK if stuck else GateReason.SPIKE
+        return GateReason.NOISY if self._noise.unusual else None
 
 
 class Identifier:

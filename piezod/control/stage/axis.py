@@ -9,6 +9,7 @@ from math import ceil, isfinite, nan
 from typing import NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
 from piezod.control.law.axis import AxisOutput, CompensatedAxis
 from piezod.control.reference.motion import (
@@ -50,16 +51,19 @@ class StageAxis:
         config: Configuration of the axis.
         law: Control law of the axis.
         period_ns: Period of the loop, in ns.
+        range_um: Lowest and highest position that may be commanded, in µm.
     """
 
     def __init__(
-        self, name: str, config: StageAxisConfig, law: CompensatedAxis, period_ns: int
+        self,
+        name: str,
+        config: StageAxisConfig,
+        law: CompensatedAxis,
+        period_ns: int,
+        range_um: tuple[float, float],
     ) -> None:
         self.name, self.config, self.law = name, config, law
         self._period_s = period_ns / NS_PER_S
-        # Without a configured range, positions may go as far as the model holds.
-        model_um = law.zeroed_range_um
-        range_um = config.command_range_um or (model_um.low, model_um.high)
         self.motion_limits = motion_limits(config, range_um, self._period_s)
         self._voltage: Callable[[int], float] = lambda _t_ns: self.law.in_force_v
         self._forced = True
@@ -92,6 +96,11 @@ class StageAxis:
     def has_sensor(self) -> bool:
         """Whether a sensor measures the axis."""
         return self.config.sensor is not None
+
+    @property
+    def limited(self) -> DriveLimit:
+        """What keeps the drive from following the reference; a forced voltage has none."""
+        return self.law.limited
 
     @property
     def following(self) -> bool:
@@ -279,7 +288,12 @@ class StageAxis:
         self.law.applied(drive_v)
 
     def record(
-        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
+        self,
+        sample: Sample,
+        output: AxisOutput,
+        drive_v: float,
+        read_back_v: float,
+        limited: DriveLimit,
     ) -> AxisRecord:
         """Return the record of this cycle.
 
@@ -288,12 +302,14 @@ class StageAxis:
             output: The output of the axis.
             drive_v: Voltage that was written, in V.
             read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
+            limited: What limits the drive.
         """
         return self.law.record(
             sample,
             output,
             drive_v,
             read_back_v,
+            limited,
             target_um=self._motion.target_um,
             on_target=self._is_on_target,
             motion=self.motion,

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -19,6 +20,7 @@ Document = dict[str, Any]
 MODES: Final = tuple(Mode)
 STATES: Final = tuple(State)
 GATES: Final = tuple(GateReason)
+LIMITS: Final = tuple(DriveLimit)
 
 _NUMBERS: Final = ("position_um", "command_um", "drive_v", "target_um", "read_back_v", "trim_um")
 
@@ -78,13 +80,15 @@ def _learned_pct(learned: LearnedAxis | None) -> float:
 def _axis(record: Record | None, config: DaemonConfig) -> Document:
     if record is None:  # before the first cycle: the same keys, without values
         unknown = dict.fromkeys(_NUMBERS, float("nan"))
-        return {**unknown, "mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
+        known = {"mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
+        return {**unknown, **known, "limited": DriveLimit.NONE.value}
     return {
         **{name: record[name] for name in _NUMBERS},
         "mode": MODES[record["mode"]].value,
         "gate": str(GATES[record["gate"]].value),
         "on_target": record["on_target"],
         "motion": record["motion"],
+        "limited": LIMITS[record["limited"]].value,
     }
 
 

@@ -2,6 +2,7 @@
 
 from math import nan
 
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
@@ -40,12 +41,22 @@ class OpenLoopAxis:
         drive_v = self._limits.admit(requested_v, self._in_force_v, self._period_s)
         return AxisOutput(drive_v, float("nan"), requested_v, self._in_force_v, t_ns)
 
+    @property
+    def limited(self) -> DriveLimit:
+        """Nothing: its voltages are checked before they are driven."""
+        return DriveLimit.NONE
+
     def applied(self, drive_v: float) -> None:
         """Take the voltage that is in force from now on, in V."""
         self._in_force_v = drive_v
 
     def record(
-        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
+        self,
+        sample: Sample,
+        output: AxisOutput,
+        drive_v: float,
+        read_back_v: float,
+        limited: DriveLimit,
     ) -> AxisRecord:
         """Return the record of this axis."""
         return AxisRecord(
@@ -63,4 +74,5 @@ class OpenLoopAxis:
             gate=GateReason.QUIET,
             on_target=False,
             motion=0,
+            limited=limited,
         )
