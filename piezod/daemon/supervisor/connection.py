@@ -115,7 +115,7 @@ class LoopConnection:
             raise NotNowError(what, "begin the stream again")
         for name, position_um in setpoints_um.items():
             low_um, high_um = self.range_um(name)
-            if not low_um <= position_um <= high_um:
+            if position_um < low_um or position_um > high_um:  # the loop checks it in any case
                 what = f"axis {name}: out of range (got {position_um:.12g} µm)"
                 raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
         # Only when all are valid: the axes of one setpoint move together.
@@ -126,10 +126,12 @@ class LoopConnection:
     def range_um(self, axis: str) -> tuple[float, float]:
         """Return the lowest and the highest position that may be commanded, in µm.
 
-        Both are NaN before the loop has told them.
+        Before the loop has told them, they are those of the configuration; NaN if it has none.
         """
         learned = self.learned.read(self.axes.index(axis))
-        return (nan, nan) if learned is None else (learned.low_um, learned.high_um)
+        if learned is None:
+            return self.config.axes[axis].command_range_um or (nan, nan)
+        return learned.low_um, learned.high_um
 
     def _because(self) -> str:
         """Return the faults that stop the stage, for people; empty if there are none."""

@@ -20,7 +20,7 @@ Document = dict[str, Any]
 MODES: Final = tuple(Mode)
 STATES: Final = tuple(State)
 GATES: Final = tuple(GateReason)
-LIMITS: Final = tuple(DriveLimit)
+LIMITED_BY: Final = tuple(DriveLimit)
 
 _NUMBERS: Final = ("position_um", "command_um", "drive_v", "target_um", "read_back_v", "trim_um")
 
@@ -88,7 +88,7 @@ def _axis(record: Record | None, config: DaemonConfig) -> Document:
         "gate": str(GATES[record["gate"]].value),
         "on_target": record["on_target"],
         "motion": record["motion"],
-        "limited": LIMITS[record["limited"]].value,
+        "limited": LIMITED_BY[record["limited"]].value,
     }
 
 

@@ -12,6 +12,7 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.assembly import check_stage, stage_warnings
 from piezod.errors import ModelError
+from piezod.hysteresis import LearnedModel
 from tests.control.rig_stage import RigStage, quick_config
 from tests.control.surface_rig import EACH_MODEL, with_model
 
@@ -78,7 +79,8 @@ def test_setpoints_that_cannot_be_reached_are_ignored() -> None:
             stage.controller.stream_um(0, setpoint_um, stage.t_ns)
             stage.cycle()
 
-    assert stage.x.command_um == pytest.approx(5.0, abs=0.5)
+    commands_um = [record.axes[0].command_um for record in stage.records]
+    assert max(each for each in commands_um if not isnan(each)) <= 5.0 + 1e-9
 
 
 def test_narrower_limits_narrow_the_range() -> None:
@@ -122,9 +124,8 @@ def test_limited_drive_shows_in_the_record_from_its_first_cycle_on() -> None:
         )
     )
     fast = {record.axes[0].limited for record in stage.run(1.0)}
-    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE))
-    adaptation = stage.stage.axes[0].law.identifier.adaptation
-    adaptation.adopt(adaptation.weights.copy(), offset=-0.04)
+    law = stage.stage.axes[0].law
+    law.compensator.restart(LearnedModel(law.proof.first.weights.copy(), offset=-0.04))
     high_um = stage.stage.axes[0].motion_limits.high_um
     stage.do(rq.Goto(position_um=high_um, speed_um_per_s=20.0))
     first = next(
@@ -134,4 +135,3 @@ def test_limited_drive_shows_in_the_record_from_its_first_cycle_on() -> None:
     assert before is DriveLimit.NONE
     assert fast == {DriveLimit.NONE, DriveLimit.SLEW}
     assert first > 0
-    assert not isnan(stage.x.command_um)
