@@ -80,9 +80,7 @@ class AxisStatus:
         on_target: Whether the position has been within its tolerance for the settling time.
         motion: Number of the movement.
         has_sensor: Whether a sensor measures the axis.
-        limited: What limits the drive: none, range or slew rate.
-        learned_pct: How far the learned model is from the identified one, in % of the range; None
-            if it is unknown.
+        limited: What limits the drive: `none`, `range` or `slew rate`.
     """
 
     position_um: float | None
@@ -94,7 +92,6 @@ class AxisStatus:
     motion: int = 0
     has_sensor: bool = True
     limited: str = "none"
-    learned_pct: float | None = None
 
     @property
     def error_um(self) -> float | None:

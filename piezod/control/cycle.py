@@ -15,7 +15,7 @@ from piezod.config.modes import SENSED
 from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.guard import Admitted, Guard
-from piezod.control.law.axis import AxisOutput
+from piezod.control.law.output import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.progress import advance, overloaded_axes, react
 from piezod.control.stage.stage import DRIVEN, Stage
@@ -38,11 +38,6 @@ _UNVERIFIED, _MEMORY_UNKNOWN, _ESTOP = (
 class CycleAxis(Protocol):
     """Interface of an axis to the cycle: its reference and its control law. All real-time safe."""
 
-    @property
-    def limited(self) -> DriveLimit:
-        """What keeps the drive from following the reference."""
-        ...
-
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Take the sample of this cycle; return the voltage to write."""
         ...
@@ -52,12 +47,7 @@ class CycleAxis(Protocol):
         ...
 
     def record(
-        self,
-        sample: Sample,
-        output: AxisOutput,
-        drive_v: float,
-        read_back_v: float,
-        limited: DriveLimit,
+        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
         """Return the record of this axis."""
         ...
@@ -137,15 +127,14 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         for axis, applied_v in zip(axes, drive_v, strict=True):
             axis.applied(applied_v)
 
-    # Record.
-    limits = [_limit_of(i, axis, admitted) for i, axis in enumerate(axes)]
+    outputs = [_as_admitted(i, output, admitted) for i, output in enumerate(outputs)]
     records = [
-        axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i], limits[i])
+        axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i])
         for i, axis in enumerate(axes)
     ]
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
-    _watch_write(stage, admitted, limits, written)
+    _watch_write(stage, admitted, outputs, written)
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
@@ -238,16 +227,17 @@ def _watch_stage(
         detections.append(_MEMORY_UNKNOWN)
 
 
-def _limit_of(index: int, axis: CycleAxis, admitted: Admitted) -> DriveLimit:
-    """Return what limits the drive of an axis in this cycle: its law, or the guard."""
-    limited = axis.limited
-    if limited is DriveLimit.RANGE or index in admitted.range_limited:
-        return DriveLimit.RANGE
-    return DriveLimit.SLEW if index in admitted.slew_limited else limited
+def _as_admitted(index: int, output: AxisOutput, admitted: Admitted) -> AxisOutput:
+    """Return the output of an axis, with what limits it: its law, or else the guard."""
+    if index in admitted.range_limited:
+        return output._replace(limited=DriveLimit.RANGE)
+    if index in admitted.slew_limited and output.limited is DriveLimit.NONE:
+        return output._replace(limited=DriveLimit.SLEW)
+    return output
 
 
 def _watch_write(
-    stage: Stage, admitted: Admitted, limits: Sequence[DriveLimit], written: bool
+    stage: Stage, admitted: Admitted, outputs: Sequence[AxisOutput], written: bool
 ) -> None:
     """Report this write to the watches of the amplifiers, which compare it in the next cycle."""
     boundary = stage.boundary
@@ -258,8 +248,8 @@ def _watch_write(
             admitted.drive_v[i],
             taken=written,
             refused=i in admitted.refused,
-            range_limited=limits[i] is DriveLimit.RANGE,
-            slew_limited=limits[i] is DriveLimit.SLEW,
+            range_limited=outputs[i].limited is DriveLimit.RANGE,
+            slew_limited=outputs[i].limited is DriveLimit.SLEW,
         )
 
 

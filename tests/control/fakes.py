@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 from math import nan
 
-from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
-from piezod.control.law.axis import AxisOutput
 from piezod.control.law.identifier import LearningGate
+from piezod.control.law.output import AxisOutput
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, Flags
@@ -77,22 +76,12 @@ class FakeAxis:
         self.log.append(f"{self.name} updates at {t_ns} with {sample.position_um} µm")
         return AxisOutput(self.drive_v, 0.0, 0.0, 0.0, t_ns)
 
-    @property
-    def limited(self) -> DriveLimit:
-        """Nothing limits it."""
-        return DriveLimit.NONE
-
     def applied(self, drive_v: float) -> None:
         """Record the voltage in force."""
         self.log.append(f"{self.name} has {drive_v} V")
 
     def record(
-        self,
-        sample: Sample,
-        output: AxisOutput,
-        drive_v: float,
-        read_back_v: float,
-        limited: DriveLimit,
+        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
         """Return the record of the cycle."""
         return AxisRecord(
@@ -110,7 +99,7 @@ class FakeAxis:
             gate=GateReason.OPEN,
             on_target=False,
             motion=0,
-            limited=limited,
+            limited=output.limited,
         )
 
 

@@ -284,25 +284,6 @@ INDEX: Final = {rule.id: index for index, rule in enumerate(FAULTS)}
 """Index in `FAULTS` of each fault."""
 
 
-DOUBTING: Final = (
-    Fault.S1,
-    Fault.S3,
-    Fault.S7,
-    Fault.S8,
-    Fault.S9,
-    Fault.S10,
-    Fault.S11,
-    Fault.A3,
-    Fault.A7,
-    Fault.A12,
-    Fault.B6,
-    Fault.B12,
-)
-"""Faults that say that pairs of sample and voltage may have been wrong for some time before: of a
-sensor that lies, or of an amplifier that does not output what it takes. A sample that is absent,
-late or only noisy is no lie; it was left out when it came."""
-
-
 def mask(ids: Iterable[Fault]) -> int:
     """Return faults as a bit mask."""
     bits = 0

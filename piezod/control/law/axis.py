@@ -3,17 +3,17 @@
 Paper, section 3 and Fig. 4: reference, inverse compensator, identifier and switch.
 """
 
-from collections.abc import Callable
 from math import nan
-from typing import NamedTuple
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.dynamics import ModalMotion
-from piezod.control.law.identifier import Identifier, ModelProof
+from piezod.control.law.identifier import Identifier
 from piezod.control.law.learned_bound import LearnedBound
+from piezod.control.law.model_proof import ModelProof
+from piezod.control.law.output import AxisOutput, TimeFunction
 from piezod.control.law.trim import Trim
 from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample
@@ -21,27 +21,6 @@ from piezod.hysteresis import LearnedModel
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
-
-TimeFunction = Callable[[float], float]
-"""A quantity over time: seconds since its start to µm or V."""
-
-
-class AxisOutput(NamedTuple):
-    """Output of an axis in one cycle.
-
-    Attributes:
-        drive_v: Voltage to write, within the limits, in V.
-        command_um: Command at the instant of the cycle, in µm; NaN for an open-loop drive.
-        uncompensated_v: Voltage in proportion to that command, in V.
-        in_force_v: Voltage that was in force when the sample was taken, in V.
-        t_ns: Instant of the cycle for which it was made, in ns.
-    """
-
-    drive_v: float
-    command_um: float
-    uncompensated_v: float
-    in_force_v: float
-    t_ns: int
 
 
 class CompensatedAxis:
@@ -115,8 +94,7 @@ class CompensatedAxis:
     def switch(self, mode: Mode) -> None:
         """Change the mode; the drive changes over without a jump."""
         if mode is not self.compensator.mode:
-            proven = self.proof.proven
-            # It may be of an instant between two looks.
+            proven = self.proof.proven  # perhaps of an instant between two looks at the bound
             self.compensator.switch(mode, self.bound.limited(proven) if self.bound else proven)
         if mode is Mode.TRIMMED:
             self.trim.enable()
@@ -130,14 +108,12 @@ class CompensatedAxis:
     def doubt(self, doubted: bool) -> None:
         """Drop what was learned if the samples begin to be in doubt; learn nothing meanwhile.
 
-        Nobody knows since when the samples were wrong, so that no model that was learned from them
-        is proven: learning starts again from the first model.
+        Nobody knows since when they were wrong: no model that was learned from them is proven.
         """
-        gate = self.identifier.gate
-        if doubted and not gate.doubted:
+        if doubted and not self.identifier.gate.doubted:
             self._drop_learned()
             self.compensator.restart(self.proof.first)
-        gate.doubted = doubted
+        self.identifier.gate.doubted = doubted
 
     def pause_learning(self) -> None:
         """Learn nothing from the next samples: periods were skipped, so the drive came late."""
@@ -147,24 +123,6 @@ class CompensatedAxis:
     def limits(self) -> Limits:
         """Limits of the drive."""
         return self._limits
-
-    @property
-    def at_end_of_range(self) -> bool:
-        """Whether the voltage in force is at the lower or the upper limit of the range."""
-        low_v, high_v, _ = self._limits
-        # Drives pass through normalised units, which costs a few bits.
-        rounding_v = 1e-9 * (high_v - low_v)
-        return not low_v + rounding_v < self._in_force_v < high_v - rounding_v
-
-    @property
-    def limited(self) -> DriveLimit:
-        """What keeps the drive from following the reference; a forced voltage has none."""
-        if self._forced_v == self._forced_v:
-            return DriveLimit.NONE
-        if self.compensator.limited:
-            return DriveLimit.RANGE if self.at_end_of_range else DriveLimit.SLEW
-        # The model ends, often together with the range of the drive.
-        return DriveLimit.RANGE if self.compensator.out_of_reach else DriveLimit.NONE
 
     @property
     def in_force_v(self) -> float:
@@ -260,7 +218,8 @@ class CompensatedAxis:
         drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)
         # Paper, section 3: x_r = V_r in normalised units.
         uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
-        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns)
+        by = DriveLimit.NONE if forced else self._limited(drive_v)
+        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns, by)
 
     def applied(self, drive_v: float) -> None:
         """Take the voltage that is in force from now on, in V."""
@@ -273,7 +232,6 @@ class CompensatedAxis:
         output: AxisOutput,
         drive_v: float,
         read_back_v: float,
-        limited: DriveLimit,
         *,
         target_um: float = nan,
         on_target: bool = False,
@@ -286,7 +244,6 @@ class CompensatedAxis:
             output: The output of the axis.
             drive_v: Voltage that was written, in V.
             read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
-            limited: What limits the drive.
             target_um: Position at which the movement ends, in µm; NaN if there is none.
             on_target: Whether the position has been reached and has stayed there.
             motion: Number of the movement.
@@ -306,7 +263,7 @@ class CompensatedAxis:
             self.identifier.gate.reason,
             on_target,
             motion,
-            limited,
+            output.limited,
         )
 
     def _prove_model(self, command_um: float, sample: Sample) -> None:
@@ -325,6 +282,15 @@ class CompensatedAxis:
         self.proof.restart(self.proof.first)
         if self.bound is not None:
             self.bound.returned()
+
+    def _limited(self, drive_v: float) -> DriveLimit:
+        """Return what limits a drive that follows the reference, in V."""
+        low_v, high_v, _ = self._limits
+        rounding_v = 1e-9 * (high_v - low_v)  # of normalised units
+        if self.compensator.limited and low_v + rounding_v < drive_v < high_v - rounding_v:
+            return DriveLimit.SLEW
+        beyond = self.compensator.limited or self.compensator.out_of_reach
+        return DriveLimit.RANGE if beyond else DriveLimit.NONE
 
     def _error_of(self, sample: Sample) -> float:
         """Return the error at the instant that a sample shows, in units of the range."""

@@ -9,9 +9,9 @@ from math import ceil, isfinite, nan
 from typing import NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
-from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
-from piezod.control.law.axis import AxisOutput, CompensatedAxis
+from piezod.control.law.axis import CompensatedAxis
+from piezod.control.law.output import AxisOutput
 from piezod.control.reference.motion import (
     Motion,
     StreamedReference,
@@ -96,11 +96,6 @@ class StageAxis:
     def has_sensor(self) -> bool:
         """Whether a sensor measures the axis."""
         return self.config.sensor is not None
-
-    @property
-    def limited(self) -> DriveLimit:
-        """What keeps the drive from following the reference; a forced voltage has none."""
-        return self.law.limited
 
     @property
     def following(self) -> bool:
@@ -288,28 +283,14 @@ class StageAxis:
         self.law.applied(drive_v)
 
     def record(
-        self,
-        sample: Sample,
-        output: AxisOutput,
-        drive_v: float,
-        read_back_v: float,
-        limited: DriveLimit,
+        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
-        """Return the record of this cycle.
-
-        Args:
-            sample: The sample that was used.
-            output: The output of the axis.
-            drive_v: Voltage that was written, in V.
-            read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
-            limited: What limits the drive.
-        """
+        """Return the record of this cycle; arguments as for `CompensatedAxis.record`."""
         return self.law.record(
             sample,
             output,
             drive_v,
             read_back_v,
-            limited,
             target_um=self._motion.target_um,
             on_target=self._is_on_target,
             motion=self.motion,

@@ -7,8 +7,9 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
+from piezod.control.faults.cases import DOUBTING
 from piezod.control.faults.detection import Detection, News
-from piezod.control.faults.table import DOUBTING, Reaction, ids, mask
+from piezod.control.faults.table import Reaction, ids, mask
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.devices.interface import Sample

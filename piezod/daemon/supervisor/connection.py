@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Collection, Mapping
-from math import nan
+from math import inf
 from typing import Any
 
 from piezod.config.daemon import DaemonConfig
@@ -115,7 +115,7 @@ class LoopConnection:
             raise NotNowError(what, "begin the stream again")
         for name, position_um in setpoints_um.items():
             low_um, high_um = self.range_um(name)
-            if position_um < low_um or position_um > high_um:  # the loop checks it in any case
+            if not low_um <= position_um <= high_um:
                 what = f"axis {name}: out of range (got {position_um:.12g} µm)"
                 raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
         # Only when all are valid: the axes of one setpoint move together.
@@ -126,11 +126,11 @@ class LoopConnection:
     def range_um(self, axis: str) -> tuple[float, float]:
         """Return the lowest and the highest position that may be commanded, in µm.
 
-        Before the loop has told them, they are those of the configuration; NaN if it has none.
+        Before the loop has told them, they are those of the configuration, if it has any.
         """
         learned = self.learned.read(self.axes.index(axis))
         if learned is None:
-            return self.config.axes[axis].command_range_um or (nan, nan)
+            return self.config.axes[axis].command_range_um or (-inf, inf)
         return learned.low_um, learned.high_um
 
     def _because(self) -> str:

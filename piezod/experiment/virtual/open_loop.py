@@ -2,11 +2,10 @@
 
 from math import nan
 
-from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
-from piezod.control.law.axis import AxisOutput, TimeFunction
+from piezod.control.law.output import AxisOutput, TimeFunction
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
@@ -41,22 +40,12 @@ class OpenLoopAxis:
         drive_v = self._limits.admit(requested_v, self._in_force_v, self._period_s)
         return AxisOutput(drive_v, float("nan"), requested_v, self._in_force_v, t_ns)
 
-    @property
-    def limited(self) -> DriveLimit:
-        """Nothing: its voltages are checked before they are driven."""
-        return DriveLimit.NONE
-
     def applied(self, drive_v: float) -> None:
         """Take the voltage that is in force from now on, in V."""
         self._in_force_v = drive_v
 
     def record(
-        self,
-        sample: Sample,
-        output: AxisOutput,
-        drive_v: float,
-        read_back_v: float,
-        limited: DriveLimit,
+        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
         """Return the record of this axis."""
         return AxisRecord(
@@ -74,5 +63,5 @@ class OpenLoopAxis:
             gate=GateReason.QUIET,
             on_target=False,
             motion=0,
-            limited=limited,
+            limited=output.limited,
         )

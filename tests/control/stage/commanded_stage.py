@@ -11,7 +11,7 @@ from typing import Any, Final, cast
 from piezod.config import requests as rq
 from piezod.config.endpoints import Role
 from piezod.config.states import State
-from piezod.control.law.axis import AxisOutput
+from piezod.control.law.output import AxisOutput
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.stage.states import HoldCause

@@ -13,7 +13,8 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.assembly import check_stage
-from piezod.control.law.identifier import LEAST_ERROR, LearningGate
+from piezod.control.law.identifier import LearningGate
+from piezod.control.law.model_proof import LEAST_ERROR
 from piezod.errors import ModelError
 from piezod.hysteresis import even_thresholds
 from piezod.testing.injections import InjectionKind

@@ -13,8 +13,8 @@ from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.controller import Learned
+from piezod.control.faults.cases import DOUBTING
 from piezod.control.faults.detection import Detection
-from piezod.control.faults.table import DOUBTING
 from piezod.control.law.learned_bound import ModelDrift
 from piezod.control.law.model_files import read_model
 from piezod.devices.interface import Device, Sample
