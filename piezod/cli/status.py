@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from piezod.client.results import Document, Fault, Status
+    from piezod.client.results import AxisStatus, Document, Fault, Status
     from piezod.config.faults import Fault as FaultId
 
 
@@ -130,11 +130,14 @@ def _axes(found: "Status") -> "Table":
     for name, axis in found.axes.items():
         numbers = (axis.position_um, axis.command_um, axis.error_um)
         shown = [number(each, 3) for each in numbers]
-        remark = "on target" if axis.on_target else ""
-        table.add_row(
-            name, *shown, number(axis.drive_v, 2), remark if axis.has_sensor else "no sensor"
-        )
+        table.add_row(name, *shown, number(axis.drive_v, 2), _remark(axis))
     return table
+
+
+def _remark(axis: "AxisStatus") -> str:
+    limited = "" if axis.limited == "none" else f"drive limited: {axis.limited}"
+    arrived = "on target" if axis.on_target else ""
+    return ", ".join(filter(None, (limited, arrived if axis.has_sensor else "no sensor")))
 
 
 def _devices(devices: "Sequence[Document]") -> "Table":

@@ -80,6 +80,7 @@ class AxisStatus:
         on_target: Whether the position has been within its tolerance for the settling time.
         motion: Number of the movement.
         has_sensor: Whether a sensor measures the axis.
+        limited: What limits the drive: `none`, `range` or `slew rate`.
     """
 
     position_um: float | None
@@ -90,6 +91,7 @@ class AxisStatus:
     on_target: bool = False
     motion: int = 0
     has_sensor: bool = True
+    limited: str = "none"
 
     @property
     def error_um(self) -> float | None:

@@ -97,6 +97,11 @@ class CompensatorConfig(ConfigModel):
         default=0.1,
         description="Dead-band of the memory: smaller reversals are ignored, % of the range.",
     )
+    learned_pct: Annotated[float, Quantity(1, 30, "%")] = Field(
+        default=5.0,
+        description="How far the learned model may be from the identified one: largest difference "
+        "of their drives, % of the range.",
+    )
     delay_s: DelayS = Field(
         default="auto", description="Delay from drive to sensor, s; auto: from the recorded data."
     )

@@ -87,3 +87,5 @@ class Fault(StrEnum):
     E1 = "E1"
     # Supervisor.
     H1 = "H1"
+    # Of later versions: the bits of those before stay.
+    D11 = "D11"

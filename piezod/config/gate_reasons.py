@@ -16,3 +16,4 @@ class GateReason(StrEnum):
     NOISY = "sensor noisier than usual"
     QUIET = "no excitation"
     REPEATED = "sample repeated"
+    DOUBTED = "sensor in doubt"

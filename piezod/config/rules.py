@@ -30,7 +30,7 @@ _ONLY_STOPS: Final = {
     "deadband_pct": "dead-band",
 }
 """Keys of the compensator that a surface does not use, and their names in messages."""
-_OF_SURFACE: Final = ("creep", "identifier", "delay_s", "sensor_delay_s")
+_OF_SURFACE: Final = ("creep", "identifier", "learned_pct", "delay_s", "sensor_delay_s")
 
 
 def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Iterator[BrokenRule]:

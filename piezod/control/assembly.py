@@ -16,6 +16,7 @@ from piezod.control.law.model import StageModel, unidentified_form, with_found_m
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
+from piezod.control.stage.motion_limits import allowed_range_um, range_beyond_reach
 from piezod.control.stage.parts import StageParts, WatchedAxis
 from piezod.control.stage.playing import PlayRunner
 from piezod.control.stage.stage import Stage
@@ -29,6 +30,7 @@ from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Capabilities
 from piezod.errors import ModelError
 from piezod.hysteresis import AffineRange
+from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S, s_to_ns
 
 
@@ -44,7 +46,17 @@ def check_stage(config: DaemonConfig) -> None:
     """
     check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
     for name, axis in config.axes.items():
-        _model_of(name, axis)
+        model = _model_of(name, axis)
+        with prefix_errors(name):
+            allowed_range_um(axis, model)
+
+
+def stage_warnings(config: DaemonConfig) -> tuple[str, ...]:
+    """Return what of a configuration that `check_stage` has accepted does not fit together."""
+    beyond = {
+        name: range_beyond_reach(axis, _model_of(name, axis)) for name, axis in config.axes.items()
+    }
+    return tuple(f"axis {name}: {what}" for name, what in beyond.items() if what)
 
 
 def assemble(
@@ -103,12 +115,15 @@ def make_stage(
         lag_cycles=-(-capabilities.lag_ns // period_ns),
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
-    return Stage(
+    stage = Stage(
         StageParts(axes, boundary, period_ns, rebuild, plays),
         register,
         memory_known=capabilities.opens_relaxed,
         on_output_lost=on_output_lost,
     )
+    for text in stage_warnings(config):
+        stage.note(StageEvent(0, "warning", "range", text))
+    return stage
 
 
 def _model_of(name: str, axis: StageAxisConfig) -> StageModel | None:
@@ -154,15 +169,17 @@ def _build_axis(
         raise ModelError(f"axis {name}: {law.trim.refusal}")
     delay_ns = max(s_to_ns(law_model.delay_s), 0)
     index = list(config.axes).index(name)
-    # The watches compare with the identified model, which `law_model` replaces if there is none.
     adaptation = law.identifier.adaptation
     watches = AxisWatch(
         BusWatch(index),
         _sensor_watch(axis, model, index, period_ns),
         AmplifierWatch(index, law.limits, delay_ns, period_ns, lag_ns),
-        AdaptationWatch(index, adaptation, law.proof, model, law_model.position_um, period_ns),
+        AdaptationWatch(index, adaptation, law.proof, law.bound, law_model.position_um, period_ns),
     )
-    return WatchedAxis(StageAxis(name, axis, law, period_ns), watches)
+    with prefix_errors(name):
+        range_um = allowed_range_um(axis, model)
+    stage_axis = StageAxis(name, axis, law, period_ns, range_um)
+    return WatchedAxis(stage_axis, watches)
 
 
 def _sensor_watch(

@@ -6,6 +6,7 @@ exceptions into values. `control.cycle` contains the cycle.
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import nan
 from typing import NamedTuple
 
 from piezod.config.faults import Fault
@@ -33,6 +34,10 @@ class Learned(NamedTuple):
         scale: Relative gain of the hysteresis input over the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.
         surface: Whether the weights are the coefficients of a surface, and not those of stops.
+        distance: How far the learned model is from the identified one, as a share of the range; NaN
+            without an identified one.
+        low_um: Lowest position that may be commanded, in µm.
+        high_um: Highest position that may be commanded, in µm.
     """
 
     weights: FloatArray
@@ -40,6 +45,9 @@ class Learned(NamedTuple):
     scale: float
     zero_um: float
     surface: bool
+    distance: float
+    low_um: float
+    high_um: float
 
 
 class StageController:
@@ -143,9 +151,18 @@ class StageController:
 
     def learned(self, axis: int) -> Learned:
         """Return the learned parameters of an axis."""
-        law, zero_um = self._stage.axes[axis].law, self._stage.zero.um(axis)
-        learner, surface = law.identifier, law.compensator.surface
-        return Learned(learner.weights, learner.offset, learner.scale, zero_um, surface)
+        moved = self._stage.axes[axis]
+        law, limits = moved.law, moved.motion_limits
+        return Learned(
+            law.identifier.weights,
+            law.identifier.offset,
+            law.identifier.scale,
+            self._stage.zero.um(axis),
+            law.compensator.surface,
+            law.bound.distance if law.bound else nan,
+            limits.low_um,
+            limits.high_um,
+        )
 
     def take_events(self) -> list[StageEvent]:
         """Return the events since the last call, oldest first."""

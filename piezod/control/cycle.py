@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from math import inf, nan
 from typing import Final, Protocol
 
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.faults import Fault
 from piezod.config.modes import SENSED
 from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.guard import Admitted, Guard
-from piezod.control.law.axis import AxisOutput
+from piezod.control.law.output import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.progress import advance, overloaded_axes, react
 from piezod.control.stage.stage import DRIVEN, Stage
@@ -127,14 +128,14 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         for axis, applied_v in zip(axes, drive_v, strict=True):
             axis.applied(applied_v)
 
-    # Record.
+    outputs = [_as_admitted(i, output, admitted) for i, output in enumerate(outputs)]
     records = [
         axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i])
         for i, axis in enumerate(axes)
     ]
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
-    _watch_write(stage, admitted, written)
+    _watch_write(stage, admitted, outputs, written)
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
@@ -231,26 +232,34 @@ def _watch_stage(
         detections.append(_MEMORY_UNKNOWN)
 
 
-def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
+def _as_admitted(index: int, output: AxisOutput, admitted: Admitted) -> AxisOutput:
+    """Return the output of an axis, with what limits it: its law, or else the guard."""
+    if index in admitted.range_limited:
+        return output._replace(limited=DriveLimit.RANGE)
+    if index in admitted.slew_limited and output.limited is DriveLimit.NONE:
+        return output._replace(limited=DriveLimit.SLEW)
+    return output
+
+
+def _watch_write(
+    stage: Stage, admitted: Admitted, outputs: Sequence[AxisOutput], written: bool
+) -> None:
     """Report this write to the watches of the amplifiers, which compare it in the next cycle."""
     boundary = stage.boundary
     if stage.state not in DRIVEN or boundary.shadow or not boundary.writes:
         return
     for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
-        law = axis.law
         if i in admitted.waits:
             axis.wait(lost=not admitted.writable)
         if admitted.waits and not admitted.writable:
-            watch.amplifier.waited(law.in_force_v)
+            watch.amplifier.waited(axis.law.in_force_v)
             continue
-        cut_off = axis.following and law.compensator.limited
-        at_end = cut_off and law.at_end_of_range
         watch.amplifier.wrote(
             admitted.drive_v[i],
             taken=written,
             refused=i in admitted.refused,
-            range_limited=i in admitted.range_limited or at_end,
-            slew_limited=i in (*admitted.slew_limited, *admitted.waits) or (cut_off and not at_end),
+            range_limited=outputs[i].limited is DriveLimit.RANGE,
+            slew_limited=outputs[i].limited is DriveLimit.SLEW or i in admitted.waits,
         )
 
 

@@ -13,7 +13,7 @@ from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.response_file import ResponseFile, load_response
 from piezod.config.yaml_loader import load_yaml
-from piezod.control.assembly import check_stage
+from piezod.control.assembly import check_stage, stage_warnings
 from piezod.control.law.gains import check_gains
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import unidentified_form, with_found_mode
@@ -129,7 +129,11 @@ def _describe_stage(path: Path) -> _Description:
     blind = ", ".join(name for name, axis in config.axes.items() if axis.sensor is None)
     without = f"; {blind} without a sensor" if blind else ""
     contents = f"a stage: {axes} at {config.rate_hz:g} Hz{without}"
-    warnings = (*_without_model(config.axes), *_unknown_modes(config.axes, config.rate_hz))
+    warnings = (
+        *stage_warnings(config),
+        *_without_model(config.axes),
+        *_unknown_modes(config.axes, config.rate_hz),
+    )
     return _Description(contents, warnings, _margins(config.axes, config.rate_hz))
 
 

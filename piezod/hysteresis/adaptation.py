@@ -48,6 +48,12 @@ class LearnedModel:
         self.weights[:] = source.weights
         self.offset, self.scale = source.offset, source.scale
 
+    def approach(self, model: "LearnedModel", share: float) -> None:
+        """Go a share of the way to another model. Real-time safe."""
+        self.weights += share * (model.weights - self.weights)
+        self.offset += share * (model.offset - self.offset)
+        self.scale += share * (model.scale - self.scale)
+
 
 class AdaptiveIdentifier(Adaptable, Protocol):
     """Learns the weights of a model pair by pair. Real-time safe.
@@ -77,6 +83,9 @@ class AdaptiveIdentifier(Adaptable, Protocol):
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, and restart their uncertainty."""
+
+    def approach(self, model: LearnedModel, share: float) -> None:
+        """Go a share of the way to a model that can be inverted; the uncertainty stays."""
 
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""

@@ -106,6 +106,19 @@ class OnlineIdentifier(ABC):
         # A margin of 0 makes the next step check the condition of existence again.
         scalars[OFFSET], scalars[SCALE], scalars[SLOPE_MARGIN] = offset, scale, 0.0
 
+    def approach(self, model: LearnedModel, share: float) -> None:
+        """Go a share of the way to another model; the uncertainty stays. Real-time safe.
+
+        Args:
+            model: Model that can be inverted, of the same size.
+            share: Share of the way, in [0, 1].
+        """
+        scalars, weights = self._learner.scalars, self.weights
+        weights += share * (model.weights - weights)
+        scalars[OFFSET] += share * (model.offset - scalars[OFFSET])
+        scalars[SCALE] += share * (model.scale - scalars[SCALE])
+        scalars[SLOPE_MARGIN] = 0.0  # as in `adopt`
+
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""
         relax(self._memory)
@@ -216,6 +229,10 @@ class Shadowed:
         self._candidate.assign(self._identifier)
         self._shadow.assign(self._identifier)
         self._begin_window()
+
+    def approach(self, model: LearnedModel, share: float) -> None:
+        """Go a share of the way to another model; the uncertainty stays."""
+        self._identifier.approach(model, share)
 
     def reset(self) -> None:
         """Clear the hysteresis memory and start a new window; the learned model stays."""

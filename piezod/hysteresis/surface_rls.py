@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from piezod.errors import ModelError
 from piezod.hysteresis import surface_rls_kernel as kernel
+from piezod.hysteresis.adaptation import LearnedModel
 from piezod.hysteresis.bank import checked_deadband, checked_pairs
 from piezod.hysteresis.covariance import (
     DECAY,
@@ -138,6 +139,17 @@ class SurfaceIdentifier:
             matrix[:SIZE, :SIZE] = shape * np.eye(SIZE) + gain * along
             matrix[:SIZE, SIZE] = matrix[SIZE, :SIZE] = 0.0
             matrix[SIZE, SIZE] = drift
+
+    def approach(self, model: LearnedModel, share: float) -> None:
+        """Go a share of the way to another model; the uncertainty stays. Real-time safe.
+
+        Args:
+            model: Surface that can be inverted, without a scale.
+            share: Share of the way, in [0, 1].
+        """
+        self._weights += share * (model.weights - self._weights)
+        self._scalars[kernel.OFFSET] += share * (model.offset - self._scalars[kernel.OFFSET])
+        self._scalars[kernel.MARGIN] = 0.0
 
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""

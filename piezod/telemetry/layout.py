@@ -32,7 +32,7 @@ SLOT_HEADER: Final = 64
 ANSWER_SLOTS: Final = 64
 ANSWER_BYTES: Final = 512
 MAX_WEIGHTS: Final = 2048
-LEARNED_HEADER: Final = 8
+LEARNED_HEADER: Final = 16
 """Words before the weights of an axis."""
 BUCKETS: Final = 22
 """Buckets of a histogram: 1 µs, 2 µs, 4 µs … 1 s and above; of an error 1 nm … 1 mm and above."""

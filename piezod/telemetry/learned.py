@@ -1,7 +1,7 @@
 """Learned parameters of each axis, published by the loop about 20 times per second."""
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from piezod.telemetry.layout import LEARNED_HEADER, MAX_WEIGHTS
 from piezod.telemetry.shared_map import SharedMap
@@ -9,7 +9,10 @@ from piezod.telemetry.shared_map import SharedMap
 _ATTEMPTS: Final = 1000
 AREA: Final = LEARNED_HEADER + MAX_WEIGHTS
 """Words of an axis: turn begun, turn done, number of weights, offset, scale, sensor zero, 1 for a
-surface, a gap, and from `LEARNED_HEADER` on the weights."""
+surface, distance from the identified model, lowest and highest position, a gap, and from
+`LEARNED_HEADER` on the weights."""
+LearnedValues: TypeAlias = tuple[Any, float, float, float, bool, float, float, float]
+"""The values of a `LearnedAxis`, whose weights are any sequence of numbers."""
 
 
 class LearnedAxis(NamedTuple):
@@ -21,6 +24,10 @@ class LearnedAxis(NamedTuple):
         scale: Scale of the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.
         surface: Whether the weights are the coefficients of a surface, and not those of stops.
+        distance: How far the model is from the identified one, as a share of the range: the largest
+            difference of their drives; NaN without an identified one.
+        low_um: Lowest position that may be commanded, in µm.
+        high_um: Highest position that may be commanded, in µm.
     """
 
     weights: Sequence[float]
@@ -28,6 +35,9 @@ class LearnedAxis(NamedTuple):
     scale: float
     zero_um: float
     surface: bool
+    distance: float
+    low_um: float
+    high_um: float
 
 
 class LearnedReader:
@@ -48,8 +58,11 @@ class LearnedReader:
             done, count = self._words[at + 1], self._words[at + 2]
             offset, scale, zero_um = self._values[at + 3 : at + 6]
             surface = bool(self._words[at + 6])
+            distance, low_um, high_um = self._values[at + 7 : at + 10]
             begin = at + LEARNED_HEADER
             weights = self._values[begin : begin + count].tolist()
             if done and self._words[at] == done:
-                return LearnedAxis(weights, offset, scale, zero_um, surface)
+                return LearnedAxis(
+                    weights, offset, scale, zero_um, surface, distance, low_um, high_um
+                )
         return None

@@ -7,6 +7,7 @@ their columns from the layout. A new field needs one line here, and the place th
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -30,6 +31,7 @@ class AxisRecord(NamedTuple):
         gate: Whether the identifier learns, and if not, why not.
         on_target: Whether the position has been reached and has stayed there.
         motion: Number of the movement; each accepted movement gets the next number.
+        limited: What limits the requested drive.
     """
 
     sample_ns: int
@@ -46,6 +48,7 @@ class AxisRecord(NamedTuple):
     gate: GateReason
     on_target: bool
     motion: int
+    limited: DriveLimit
 
 
 class CycleRecord(NamedTuple):

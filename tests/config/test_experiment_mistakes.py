@@ -278,7 +278,7 @@ def test_surface_refuses_the_keys_of_stops(
     assert problems_of(*SURFACE, ("operators: 19", f"{key}: {value}")) == [
         f"test.yaml:12:{28 - len('delay_s') + len(key)}: axes.x.compensator.{key}: not used, a "
         f"surface has no {own}, leave it out or use method least-squares (method surface uses "
-        "creep, identifier, delay_s, sensor_delay_s)"
+        "creep, identifier, learned_pct, delay_s, sensor_delay_s)"
     ]
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from piezod.control.cycle import CycleAxis, CycleParts, run_cycle
 from piezod.control.guard import Guard, Limits
-from piezod.control.law.axis import AxisOutput
+from piezod.control.law.output import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.devices.interface import Sample
 from tests.control.fakes import MS, FakeAxis, FakeDevices

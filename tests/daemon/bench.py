@@ -99,5 +99,5 @@ def write_record(
     numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
     mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
     values = [axis.get(name, nan) for name in numbers]
-    fields = [*cycle, list(State).index(state), shadow, True, 1, *values, mode, gate, 1, 4]
+    fields = [*cycle, list(State).index(state), shadow, True, 1, *values, mode, gate, 1, 4, 0]
     RingWriter(shared).append(fields)

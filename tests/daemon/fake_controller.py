@@ -2,6 +2,7 @@
 
 from math import nan
 
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.requests import Request, Shutdown
@@ -10,6 +11,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.loop.timed_channels import TimedChannels
+from piezod.telemetry.learned import LearnedValues
 from piezod.telemetry.record import AxisRecord, CycleRecord, StageEvent
 from piezod.testing.fake_clock import FakeClock
 
@@ -53,9 +55,9 @@ class FakeController:
         events, self.events = self.events, []
         return events
 
-    def learned(self, axis: int) -> tuple[list[float], float, float, float, bool]:
+    def learned(self, axis: int) -> LearnedValues:
         """Return values that differ between axes."""
-        return [axis + 0.5], 1.0, 2.0, 3.0, False
+        return [axis + 0.5], 1.0, 2.0, 3.0, False, 0.0, 0.0, 26.0
 
     def cycle(self, t_ns: int, timing: CycleTiming) -> CycleRecord:
         """Read, spend time, write."""
@@ -79,6 +81,7 @@ class FakeController:
             GateReason.QUIET,
             True,
             3,
+            DriveLimit.NONE,
         )
         faults = 1 << 70 | 1 << 3
         return CycleRecord(t_ns, self.state, False, written, faults, 1 << 64, [axis, axis])

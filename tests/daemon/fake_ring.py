@@ -38,7 +38,7 @@ class FakeRing:
     def learned(self) -> Mapping[str, LearnedAxis]:
         """Return the parameters of the axes."""
         return {
-            axis: LearnedAxis(weights, 0.0, 1.0, 0.0, axis in self.surfaces)
+            axis: LearnedAxis(weights, 0.0, 1.0, 0.0, axis in self.surfaces, 0.0, 0.0, 26.0)
             for axis, weights in self.weights.items()
         }
 

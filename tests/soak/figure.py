@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from piezod.control.watch.adaptation import DRIFT_LIMIT
 from piezod.records.figures.style import (
     BLUE,
     GREEN,
@@ -17,7 +16,7 @@ from piezod.records.figures.style import (
     legend_above,
     new_figure,
 )
-from tests.soak.observer import Row
+from tests.soak.observer import LEARNED_PCT, Row
 
 
 @house_style()
@@ -42,7 +41,7 @@ def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
     error.axhline(bounds_pct, color=VERMILLION, linewidth=0.8, label="bound of the rms")
     error.set(title="Error in mode adaptive, undisturbed", ylabel="% of range", ylim=(0, None))
     draw(drift, lambda row: row.drift_pct, GREEN, "end of a minute")
-    drift.axhline(100.0 * DRIFT_LIMIT, color=VERMILLION, linewidth=0.8, label="bound")
+    drift.axhline(LEARNED_PCT, color=VERMILLION, linewidth=0.8, label="bound")
     drift.set(title="Learned model: difference of its drives from the identified one")
     drift.set(ylabel="% of range", ylim=(0, None))
     draw(steps, lambda row: row.amplifier_step_v, GREY, "by the amplifier")

@@ -14,8 +14,8 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS, Reaction, Source, ids
+from piezod.control.law.learned_bound import ModelDrift
 from piezod.control.law.model import StageModel
-from piezod.control.watch.drift import ModelDrift
 from piezod.hysteresis import LearnedModel
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import CycleRecord
@@ -26,6 +26,9 @@ MOST_VIOLATIONS = 100
 ROW_NS = 60 * NS_PER_S
 AFTER_S = 30.0
 """Time after a disturbance in which its faults may still appear and errors do not count, in s."""
+LEARNED_PCT = 6.0
+"""Largest distance of the learned model from the identified one. The bound of the stage is 5 %;
+between two looks the model may be a little farther."""
 JUDGED_NS = 5 * NS_PER_S
 """Motion after a disturbance in which errors do not count either, in ns: at rest nothing shows what
 a faulty sensor has taught, and D1 judges each second of motion."""
@@ -151,7 +154,7 @@ class Observer:
     def learned(self, learned: LearnedAxis) -> None:
         """Compare what was learned with the identified model."""
         model = LearnedModel(np.array(learned.weights), learned.offset, learned.scale)
-        self.drift_pct = 100.0 * ModelDrift(self._model, model).measure()
+        self.drift_pct = 100.0 * ModelDrift(self._model).measure(model)
 
     def take(self, record: CycleRecord) -> None:
         """Judge a cycle."""

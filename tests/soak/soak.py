@@ -9,13 +9,12 @@ from typing import Final, NamedTuple
 
 from piezod.config.model_file import load_model
 from piezod.control.law.model_files import from_model_file
-from piezod.control.watch.adaptation import DRIFT_LIMIT
 from piezod.errors import ClientError
 from tests.control.surface_rig import VARIANTS, model_path
 from tests.daemon.daemons import configuration
 from tests.soak.commands import Commands
 from tests.soak.machine import Machine
-from tests.soak.observer import Observer, Row
+from tests.soak.observer import LEARNED_PCT, Observer, Row
 from tests.soak.rig import CheckedRig
 
 RATE_HZ: Final = 20.0
@@ -139,10 +138,10 @@ def grown(rows: list[Row]) -> list[str]:
             f"in {len(worst)} of {len(rows)} minutes the error is above {ERROR_RMS_PCT:g} %, "
             f"first at hour {worst[0].hour:.2f}"
         )
-    if far := [row for row in rows if row.drift_pct > 100.0 * DRIFT_LIMIT]:
+    if far := [row for row in rows if row.drift_pct > LEARNED_PCT]:
         found.append(
             f"in {len(far)} of {len(rows)} minutes the learned model is farther than "
-            f"{DRIFT_LIMIT:.0%} from the identified one, first at hour {far[0].hour:.2f}"
+            f"{LEARNED_PCT:g} % from the identified one, first at hour {far[0].hour:.2f}"
         )
     if len(rows) < FEW_MINUTES:
         return found

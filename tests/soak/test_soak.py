@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.faults import Fault
 from piezod.config.gate_reasons import GateReason
 from piezod.config.model_file import load_model
@@ -113,9 +114,8 @@ def record(
 ) -> CycleRecord:
     """Return a record in which only state, faults, instant and command matter."""
     v = um = nan
-    axis = AxisRecord(
-        0, um, command_um, um, v, v, v, v, v, um, Mode.ADAPTIVE, GateReason.OPEN, False, 0
-    )
+    shown = Mode.ADAPTIVE, GateReason.OPEN, False, 0, DriveLimit.NONE
+    axis = AxisRecord(0, um, command_um, um, v, v, v, v, v, um, *shown)
     return CycleRecord(int(t_s * NS_PER_S), state, False, False, present, 0, (axis,))
 
 
@@ -235,8 +235,8 @@ def rows(count: int, **changed: float) -> list[Row]:
         ({"threads": 9.0}, ["threads grew"]),
         ({"error_rms_pct": 2 * ERROR_RMS_PCT}, ["the error is above"]),
         ({"error_rms_pct": nan}, []),
-        ({"drift_pct": 25.0}, []),
-        ({"drift_pct": 31.0}, ["the learned model is farther"]),
+        ({"drift_pct": 5.5}, []),
+        ({"drift_pct": 6.5}, ["the learned model is farther"]),
     ],
 )
 def test_growth_is_found(changed: dict[str, float], says: list[str]) -> None:

@@ -20,5 +20,5 @@ def fields_of(number: int, axes: int = 2) -> list[float]:
     """Return the fields of a record in which every number is `number`, or a part of it."""
     byte = number % 256
     cycle: list[float] = [*[number] * 11, byte, True, False]
-    axis: list[float] = [number, *[float(number)] * 9, byte, byte, True, number]
+    axis: list[float] = [number, *[float(number)] * 9, byte, byte, True, number, byte]
     return cycle + axis * axes

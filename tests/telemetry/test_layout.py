@@ -26,7 +26,7 @@ def test_struct_and_array_describe_the_same_record(axes: int) -> None:
     """A record packed by `struct` has the same fields as an array; the ends are aligned words."""
     dtype = record_dtype(axes)
     cycle: list[float] = [*range(1, 12), 3, True, False]
-    axis: list[float] = [21, *(i / 7 for i in range(9)), 2, 4, True, 22]
+    axis: list[float] = [21, *(i / 7 for i in range(9)), 2, 4, True, 22, 1]
     body = struct.pack(body_format(axes), *cycle, *axis * axes)
 
     record = np.frombuffer(bytes(8) + body + bytes(8), dtype)[0]

@@ -58,22 +58,22 @@ def test_learned_parameters_are_complete(shared: SharedMap) -> None:
     writer, reader = LearnedWriter(shared), LearnedReader(shared)
     before = reader.read(0)
 
-    writer.publish(0, np.arange(MAX_WEIGHTS) / 7, 1.0, 2.0, 3.0, False)
-    writer.publish(1, [0.5], 0.0, 1.0, 0.0, False)
-    writer.publish(0, np.arange(38) / 3, 4.0, 5.0, 6.0, True)
+    writer.publish(0, (np.arange(MAX_WEIGHTS) / 7, 1.0, 2.0, 3.0, False, 0.0, -1.0, 9.0))
+    writer.publish(1, ([0.5], 0.0, 1.0, 0.0, False, 0.0, -1.0, 9.0))
+    writer.publish(0, (np.arange(38) / 3, 4.0, 5.0, 6.0, True, 0.03, -1.0, 9.0))
 
     first, second = reader.read(0), reader.read(1)
     assert before is None
     assert first is not None
     assert second is not None
     assert np.array_equal(first.weights, np.arange(38) / 3)
-    assert first[1:] == (4.0, 5.0, 6.0, True)
+    assert first[1:] == (4.0, 5.0, 6.0, True, 0.03, -1.0, 9.0)
     assert (list(second.weights), second.surface) == ([0.5], False)
 
 
 def test_half_written_parameters_are_not_returned(shared: SharedMap) -> None:
     """If the writer dies during a write, there are none."""
-    LearnedWriter(shared).publish(0, [1.0], 0.0, 1.0, 0.0, False)
+    LearnedWriter(shared).publish(0, ([1.0], 0.0, 1.0, 0.0, False, 0.0, -1.0, 9.0))
     shared.part("learned").cast("q")[0] += 1
 
     assert LearnedReader(shared).read(0) is None

@@ -65,6 +65,24 @@ UNREACHABLE: Final = (
 """Faults that make an amplifier unreachable. If only a sensor has them, the amplifier still
 works."""
 
+DOUBTING: Final = (
+    Fault.S1,
+    Fault.S3,
+    Fault.S7,
+    Fault.S8,
+    Fault.S9,
+    Fault.S10,
+    Fault.S11,
+    Fault.A3,
+    Fault.A7,
+    Fault.A12,
+    Fault.B6,
+    Fault.B12,
+)
+"""Faults that say that pairs of sample and voltage may have been wrong for some time before: of a
+sensor that lies, or of an amplifier that does not output what it takes. A sample that is absent,
+late or only noisy is no lie; it was left out when it came."""
+
 
 def _single_rule(rule: FaultRule) -> FaultRule:
     """Return the rule for a single event: it is shown, without a reaction."""

@@ -238,9 +238,10 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "identify the stage again"),
     FaultRule(Fault.D4, "too little motion to adapt", ADAPTATION, NONE, L0, "info",
               "nothing to do: adaptation continues with the motion"),
-    FaultRule(Fault.D5, "adapted weights far from the identified ones",
-              ADAPTATION, DEGRADE, L1, "warning",
-              "identify the stage again; check the sensor for drift"),
+    FaultRule(Fault.D5, "learned model at its bound: it follows the sensor no further",
+              ADAPTATION, WARN, L0, "warning",
+              "check gain and zero of the sensor; if the stage has changed, identify it again, or "
+              "raise learned_pct of its compensator"),
     FaultRule(Fault.D6, "stage oscillates", ADAPTATION, WARN, L2, "warning",
               "lower the trim's gain; check the delay in the configuration",
               Escalation(0, NS_PER_S // 2, DEGRADE, L2, Escalation(0, NS_PER_S, HOLD, L2))),
@@ -272,6 +273,10 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "remove the cause, then `piezod reset`"),
     FaultRule(Fault.H1, "supervisor gone", PROCESS, RAMP, L2, "error",
               "see the log; the loop ends too, and the service restarts"),
+    # Of later versions: the bits of those before stay.
+    FaultRule(Fault.D11, "learned model moves away from the identified one",
+              ADAPTATION, WARN, L0, "warning",
+              "check gain and zero of the sensor; if the stage has changed, identify it again"),
 )
 # fmt: on
 """All faults; the index of a fault is its bit in the masks of a record."""

@@ -3,15 +3,17 @@
 Paper, section 3 and Fig. 4: reference, inverse compensator, identifier and switch.
 """
 
-from collections.abc import Callable
 from math import nan
-from typing import NamedTuple
 
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.dynamics import ModalMotion
-from piezod.control.law.identifier import Identifier, ModelProof
+from piezod.control.law.identifier import Identifier
+from piezod.control.law.learned_bound import LearnedBound
+from piezod.control.law.model_proof import ModelProof
+from piezod.control.law.output import AxisOutput, TimeFunction
 from piezod.control.law.trim import Trim
 from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample
@@ -19,27 +21,6 @@ from piezod.hysteresis import LearnedModel
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
-
-TimeFunction = Callable[[float], float]
-"""A quantity over time: seconds since its start to µm or V."""
-
-
-class AxisOutput(NamedTuple):
-    """Output of an axis in one cycle.
-
-    Attributes:
-        drive_v: Voltage to write, within the limits, in V.
-        command_um: Command at the instant of the cycle, in µm; NaN for an open-loop drive.
-        uncompensated_v: Voltage in proportion to that command, in V.
-        in_force_v: Voltage that was in force when the sample was taken, in V.
-        t_ns: Instant of the cycle for which it was made, in ns.
-    """
-
-    drive_v: float
-    command_um: float
-    uncompensated_v: float
-    in_force_v: float
-    t_ns: int
 
 
 class CompensatedAxis:
@@ -70,6 +51,7 @@ class CompensatedAxis:
         proof: Keeps the last learned model that has proved itself.
         shaper: Shapes references for the modes.
         modal: Part of the displacement that the modes add; None if they are unknown.
+        bound: Keeps the learned model near the identified one; None if there is no such model.
     """
 
     def __init__(
@@ -91,6 +73,7 @@ class CompensatedAxis:
         proof: ModelProof,
         shaper: ReferenceShaper,
         modal: ModalMotion | None = None,
+        bound: LearnedBound | None = None,
     ) -> None:
         self._reference_um = reference_um
         self._drive_v, self._position_um = drive_v, position_um
@@ -104,14 +87,15 @@ class CompensatedAxis:
         # A voltage that is written in this cycle shows one period and one delay later.
         self._lookahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
-        self.trim, self.proof = trim, proof
+        self.trim, self.proof, self.bound = trim, proof, bound
         self._forced_v = nan
         self.switch(compensator.mode)
 
     def switch(self, mode: Mode) -> None:
         """Change the mode; the drive changes over without a jump."""
         if mode is not self.compensator.mode:
-            self.compensator.switch(mode, self.proof.proven)
+            proven = self.proof.proven  # perhaps of an instant between two looks at the bound
+            self.compensator.switch(mode, self.bound.limited(proven) if self.bound else proven)
         if mode is Mode.TRIMMED:
             self.trim.enable()
         else:
@@ -121,6 +105,16 @@ class CompensatedAxis:
         """Trim and learn with half the gain, or with the full gain again."""
         self.trim.gain_halved = self.identifier.gain_halved = halved
 
+    def doubt(self, doubted: bool) -> None:
+        """Drop what was learned if the samples begin to be in doubt; learn nothing meanwhile.
+
+        Nobody knows since when they were wrong: no model that was learned from them is proven.
+        """
+        if doubted and not self.identifier.gate.doubted:
+            self._drop_learned()
+            self.compensator.restart(self.proof.first)
+        self.identifier.gate.doubted = doubted
+
     def pause_learning(self) -> None:
         """Learn nothing from the next samples: periods were skipped, so the drive came late."""
         self.identifier.gate.skip()
@@ -129,14 +123,6 @@ class CompensatedAxis:
     def limits(self) -> Limits:
         """Limits of the drive."""
         return self._limits
-
-    @property
-    def at_end_of_range(self) -> bool:
-        """Whether the voltage in force is at the lower or the upper limit of the range."""
-        low_v, high_v, _ = self._limits
-        # Drives pass through normalised units, which costs a few bits.
-        rounding_v = 1e-9 * (high_v - low_v)
-        return not low_v + rounding_v < self._in_force_v < high_v - rounding_v
 
     @property
     def in_force_v(self) -> float:
@@ -153,11 +139,6 @@ class CompensatedAxis:
     def expected_um(self) -> float:
         """Position that the model expects the sensor to show, in µm."""
         return self._position_um.from_unit(self.compensator.expected)
-
-    @property
-    def zeroed_range_um(self) -> AffineRange:
-        """Range of the displacement that the model covers, from the zero at rest, in µm."""
-        return self._position_um
 
     def follow(self, reference_um: TimeFunction, start_ns: int) -> None:
         """Follow another reference from now on.
@@ -199,6 +180,8 @@ class CompensatedAxis:
         limited, expected = self.compensator.limited, self.compensator.position
         added = self._modal.advance(t_ns, expected, sample.t_ns) if self._modal else 0.0
         self.identifier.learn(t_ns, sample, limited=limited, expected=expected, added=added)
+        if self.bound is not None:
+            self.bound.update()
         # Paper, section 3, switch turned off: copy the parameters once they have converged.
         if self.identifier.converged and self.compensator.adopt_first(self.identifier.weights):
             self.proof.restart(LearnedModel(self.identifier.weights))
@@ -235,7 +218,8 @@ class CompensatedAxis:
         drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)
         # Paper, section 3: x_r = V_r in normalised units.
         uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
-        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns)
+        by = DriveLimit.NONE if forced else self._limited(drive_v)
+        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns, by)
 
     def applied(self, drive_v: float) -> None:
         """Take the voltage that is in force from now on, in V."""
@@ -279,6 +263,7 @@ class CompensatedAxis:
             self.identifier.gate.reason,
             on_target,
             motion,
+            output.limited,
         )
 
     def _prove_model(self, command_um: float, sample: Sample) -> None:
@@ -288,8 +273,24 @@ class CompensatedAxis:
         command, first = self._position_um.to_unit(command_um), self.proof.first
         errors = self._error_of(sample), self.identifier.error_of(first)
         if self.proof.add(command, *errors, self.compensator):
-            self.identifier.adaptation.adopt(first.weights, first.offset, first.scale)
+            self._drop_learned()
             self.compensator.fade()
+
+    def _drop_learned(self) -> None:
+        """Let the identifier start again from the first model."""
+        self.identifier.restart(self.proof.first)
+        self.proof.restart(self.proof.first)
+        if self.bound is not None:
+            self.bound.returned()
+
+    def _limited(self, drive_v: float) -> DriveLimit:
+        """Return what limits a drive that follows the reference, in V."""
+        low_v, high_v, _ = self._limits
+        rounding_v = 1e-9 * (high_v - low_v)  # of normalised units
+        if self.compensator.limited and low_v + rounding_v < drive_v < high_v - rounding_v:
+            return DriveLimit.SLEW
+        beyond = self.compensator.limited or self.compensator.out_of_reach
+        return DriveLimit.RANGE if beyond else DriveLimit.NONE
 
     def _error_of(self, sample: Sample) -> float:
         """Return the error at the instant that a sample shows, in units of the range."""

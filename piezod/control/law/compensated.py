@@ -8,7 +8,7 @@ import numpy as np
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
-from piezod.control.law.axis import CompensatedAxis, TimeFunction
+from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.creep import CreepState
 from piezod.control.law.dynamics import (
@@ -17,9 +17,12 @@ from piezod.control.law.dynamics import (
     StageDynamics,
     known_dynamics,
 )
-from piezod.control.law.identifier import Identifier, LearningGate, ModelProof
+from piezod.control.law.identifier import Identifier, LearningGate
+from piezod.control.law.learned_bound import LearnedBound
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import StageModel
+from piezod.control.law.model_proof import ModelProof
+from piezod.control.law.output import TimeFunction
 from piezod.control.law.pace import FOLLOWED_SHARE, learning_pace
 from piezod.control.law.trim import NotchedTrim, Trim
 from piezod.control.law.trim_gains import check_trim, trim_law
@@ -144,6 +147,7 @@ def compensated_axis(
         sensor_delay_ns=sensor_delay_ns,
         trim=_trim(config, model, period_ns),
         proof=_proof(model, period_ns),
+        bound=_bound(config, model, identifier.adaptation, period_ns),
         shaper=_shaper(config, dynamics, period_s),
         modal=_modal(dynamics, period_ns, creep.quick),
     )
@@ -262,6 +266,15 @@ def _proof(model: StageModel, period_ns: int) -> ModelProof:
         window_cycles=_cycles(PROOF_WINDOW_S, period_ns),
         lag_cycles=s_to_ns(model.delay_s) // period_ns + LAG_CYCLES,
     )
+
+
+def _bound(
+    config: AxisConfig, model: StageModel, adaptation: AdaptiveIdentifier, period_ns: int
+) -> LearnedBound | None:
+    """Return the bound of what is learned; without an identified model there is none."""
+    if not np.any(model.weights):
+        return None
+    return LearnedBound(model, adaptation, config.compensator.learned_pct / 100.0, period_ns)
 
 
 def _trim(config: AxisConfig, model: StageModel, period_ns: int) -> Trim:

@@ -15,6 +15,7 @@ no trace.
 """
 
 from math import isfinite
+from typing import Final
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from piezod.control.law.kernels import new_kernel
 from piezod.control.law.pace import FOLLOWED_SHARE
 from piezod.hysteresis import LearnedModel, ModelForm
 from piezod.hysteresis.memory import FloatArray
+
+CREEP_BEYOND: Final = 0.01
+"""Share of the range by which creep after a move may ask for a displacement outside."""
 
 
 class Compensator:
@@ -98,6 +102,11 @@ class Compensator:
         return self._carried.item(BEYOND) != 0.0
 
     @property
+    def out_of_reach(self) -> bool:
+        """Whether the last displacement was asked for farther outside than creep explains."""
+        return self._strength_aim > 0.0 and abs(self._carried.item(OUTSIDE)) > CREEP_BEYOND
+
+    @property
     def limited_direction(self) -> int:
         """1 if the last drive or displacement could go no higher, -1 if no lower, else 0."""
         excess = self._carried.item(BEYOND) or self._carried.item(OUTSIDE)
@@ -142,6 +151,11 @@ class Compensator:
         self._target.weights[:] = weights
         self._fading = self._fade_cycles
         self._has_model = True
+
+    def restart(self, model: LearnedModel) -> None:
+        """Change over to a model in every mode, without a jump: what was learned is dropped."""
+        self._target.assign(model)
+        self.fade()
 
     def adopt_first(self, weights: FloatArray) -> bool:
         """Adopt converged weights if there are none yet; return whether it did."""

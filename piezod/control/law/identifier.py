@@ -1,14 +1,14 @@
 """Adaptation in the loop: which samples it learns from, how, and whether the result is better."""
 
-from math import isfinite, sqrt
+from math import isfinite
 from typing import Final
 
 from piezod.config.gate_reasons import GateReason
 from piezod.control.law.compensator import DriveHistory
 from piezod.control.law.creep import AT_REST, CreepState
-from piezod.control.signals import NoiseLevel, RecentRange, SlidingRange, StuckSensor, is_physical
+from piezod.control.signals import NoiseLevel, SlidingRange, StuckSensor, is_physical
 from piezod.devices.interface import Sample
-from piezod.hysteresis.adaptation import Adaptable, AdaptiveIdentifier, LearnedModel
+from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.lms import Convergence
 from piezod.hysteresis.memory import FloatArray
@@ -24,10 +24,6 @@ SPIKE_CYCLES: Final = 20
 """The gate stays closed for this many cycles after a spike: growing noise first looks like them."""
 STUCK_SWING: Final = 0.01
 """A sensor is stuck if its samples are equal while the drive moves by more than this share."""
-LEAST_ERROR: Final = 0.01
-"""A learned model with an rms error up to this share of the range is never worse."""
-TOLERANCE: Final = 2.0
-"""Ratio of the mean squared errors above which the learned model is worse."""
 _COMPARABLE: Final = frozenset({GateReason.OPEN, GateReason.QUIET, GateReason.REPEATED})
 
 
@@ -45,6 +41,8 @@ class LearningGate:
         self._limited_cycles = self._spike_cycles = self._skipped_cycles = 0
         self._stuck = StuckSensor(STUCK_SWING)
         self._noise = NoiseLevel()
+        self.doubted = False
+        """Whether a fault says that the samples may be wrong: nothing is learned."""
         self.reason = GateReason.QUIET
         """Decision on the last sample."""
         self.credible = False
@@ -102,21 +100,24 @@ class LearningGate:
         spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise
         self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
         self.credible = not (stuck or spike)
-        self.accurate = not (stuck or self._spike_cycles or self._noise.unusual)
-        if self._skipped_cycles or self._limited_cycles:
-            return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
-        if not self.accurate:
-            return self._inaccuracy(stuck)
+        inaccurate = stuck or self._spike_cycles or self._noise.unusual
+        self.accurate = not (inaccurate or self.doubted)
+        if reason := self._obstacle(stuck):
+            return reason
         if quiet:
             return GateReason.QUIET
         # An equal sample may be the first of a stuck sensor, so it is not learned from.
         return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
 
-    def _inaccuracy(self, stuck: bool) -> GateReason:
-        """Return the reason why a sample is not accurate."""
-        if stuck:
-            return GateReason.STUCK
-        return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
+    def _obstacle(self, stuck: bool) -> GateReason | None:
+        """Return what forbids to learn from a sample that came in time; None if nothing does."""
+        if self.doubted:
+            return GateReason.DOUBTED
+        if self._skipped_cycles or self._limited_cycles:
+            return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
+        if stuck or self._spike_cycles:
+            return GateReason.STUCK if stuck else GateReason.SPIKE
+        return GateReason.NOISY if self._noise.unusual else None
 
 
 class Identifier:
@@ -175,6 +176,11 @@ class Identifier:
         """Number of pairs of extrema that a full memory has removed."""
         return self.adaptation.merged_pairs
 
+    def restart(self, model: LearnedModel) -> None:
+        """Start again from a model: what was learned is dropped."""
+        self.adaptation.adopt(model.weights, model.offset, model.scale)
+        self.converged = False
+
     def error_of(self, model: LearnedModel) -> float:
         """Return the drive of the last sample minus its prediction by another model, normalised."""
         return self._drive - self.adaptation.predict(model.weights, model.offset, model.scale)
@@ -226,73 +232,3 @@ class Identifier:
         # At rest any weights predict well, so that only motion counts.
         if convergence and learns and self.adaptation.position != before:
             self.converged = convergence.update(error)
-
-
-class ModelProof:
-    """Keeps the last learned model that has proved itself. Fixed memory. Real-time safe.
-
-    Over a window of cycles, the tracking error and the error of the first model alone are compared.
-    If the learned model was not worse, the model from the start of the window is proven. If it was
-    worse, the first model is the proven one again.
-
-    Args:
-        first: The model from the identification.
-        window_cycles: Number of cycles between two comparisons.
-        lag_cycles: An error that this many cycles of delay explain does not count.
-    """
-
-    def __init__(self, first: LearnedModel, window_cycles: int, lag_cycles: int) -> None:
-        self.first, self.proven = first, LearnedModel.of(first)
-        """The model from the identification, and the last model that has proved itself."""
-        self._candidate = LearnedModel.of(first)  # in use at the start of the window
-        self._window_cycles = window_cycles
-        self._command = RecentRange(lag_cycles + 1)
-        self._cycles, self._squares, self._first_squares = 0, 0.0, 0.0
-        self._verdict: tuple[float, float] | None = None
-
-    def restart(self, first: LearnedModel) -> None:
-        """Start again with another first model."""
-        for model in (self.first, self.proven, self._candidate):
-            model.assign(first)
-        self._begin_window()
-
-    def add(self, command: float, error: float, first_error: float, in_use: Adaptable) -> bool:
-        """Take one cycle; return whether a window has ended with a worse model in use.
-
-        Args:
-            command: Command, in units of the range.
-            error: Command minus position at the instant of the sample, in units of the range.
-            first_error: Drive minus its prediction by the first model, in units of the range. The
-                slope of a model is near one, so this is an error of the position, too.
-            in_use: The learned model in use.
-        """
-        if self._cycles == 0:
-            self._candidate.assign(in_use)
-        self._command.add(command)
-        beyond_lag = max(abs(error) - self._command.swing, 0.0)
-        self._squares += beyond_lag * beyond_lag
-        self._first_squares += first_error * first_error
-        self._cycles += 1
-        return self._cycles >= self._window_cycles and self._compare()
-
-    def take_verdict(self) -> tuple[float, float] | None:
-        """Return the tracking error of a worse model and its limit, once; None if there was none.
-
-        Both are rms over a window, in units of the range.
-        """
-        verdict, self._verdict = self._verdict, None
-        return verdict
-
-    def _compare(self) -> bool:
-        """Judge the window that ends, and begin the next one; return whether it was worse."""
-        square = self._squares / self._cycles
-        limit = max(TOLERANCE * self._first_squares / self._cycles, LEAST_ERROR**2)
-        worse = not square <= limit  # so that NaN is worse
-        self.proven.assign(self.first if worse else self._candidate)
-        if worse:
-            self._verdict = sqrt(square), sqrt(limit)
-        self._begin_window()
-        return worse
-
-    def _begin_window(self) -> None:
-        self._cycles, self._squares, self._first_squares = 0, 0.0, 0.0

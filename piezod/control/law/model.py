@@ -58,14 +58,30 @@ class StageModel:
                 f"the model holds from {self.drive_v.low:g} to {self.drive_v.high:g} V, but the "
                 f"rest voltage is {rest_v:g} V; identify with a drive that starts at rest"
             )
+        rest_um = self._rising_um(rest)
+        low, high = self.position_um
+        return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
+
+    def reach_um(self, low_v: float, high_v: float) -> tuple[float, float]:
+        """Return the lowest and the highest position that commands can reach, in µm.
+
+        The model holds in its own range only, so no drive beyond that is asked for.
+
+        Args:
+            low_v: Lowest allowed voltage, in V.
+            high_v: Highest allowed voltage, in V.
+        """
+        low, high = (self._rising_um(self.drive_v.to_unit(drive_v)) for drive_v in (low_v, high_v))
+        return low, high
+
+    def _rising_um(self, drive: float) -> float:
+        """Return the position at a drive on its first rise over the whole range, in µm."""
         x = np.linspace(0.0, 1.0, 2001)
         # These are drives for positions: interpolate backwards. np.interp needs drives that do not
         # fall.
         rising, _ = self.form.widest_loop(self.weights, x)
         z = np.maximum.accumulate(rising)
-        rest_um = self.position_um.from_unit(float(np.interp(rest, z, x)))
-        low, high = self.position_um
-        return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
+        return self.position_um.from_unit(float(np.interp(drive, z, x)))
 
 
 def with_found_mode(config: AnyAxisConfig, model: StageModel | None) -> AnyAxisConfig:

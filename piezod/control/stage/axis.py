@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
-from piezod.control.law.axis import AxisOutput, CompensatedAxis
+from piezod.control.law.axis import CompensatedAxis
+from piezod.control.law.output import AxisOutput
 from piezod.control.reference.motion import (
     Motion,
     StreamedReference,
@@ -50,16 +51,19 @@ class StageAxis:
         config: Configuration of the axis.
         law: Control law of the axis.
         period_ns: Period of the loop, in ns.
+        range_um: Lowest and highest position that may be commanded, in µm.
     """
 
     def __init__(
-        self, name: str, config: StageAxisConfig, law: CompensatedAxis, period_ns: int
+        self,
+        name: str,
+        config: StageAxisConfig,
+        law: CompensatedAxis,
+        period_ns: int,
+        range_um: tuple[float, float],
     ) -> None:
         self.name, self.config, self.law = name, config, law
         self._period_s = period_ns / NS_PER_S
-        # Without a configured range, positions may go as far as the model holds.
-        model_um = law.zeroed_range_um
-        range_um = config.command_range_um or (model_um.low, model_um.high)
         self.motion_limits = motion_limits(config, range_um, self._period_s)
         self._voltage: Callable[[int], float] = lambda _t_ns: self.law.in_force_v
         self._forced = True
@@ -296,14 +300,7 @@ class StageAxis:
     def record(
         self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
-        """Return the record of this cycle.
-
-        Args:
-            sample: The sample that was used.
-            output: The output of the axis.
-            drive_v: Voltage that was written, in V.
-            read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
-        """
+        """Return the record of this cycle; arguments as for `CompensatedAxis.record`."""
         return self.law.record(
             sample,
             output,

@@ -7,8 +7,9 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
+from piezod.control.faults.cases import DOUBTING
 from piezod.control.faults.detection import Detection, News
-from piezod.control.faults.table import Reaction, mask
+from piezod.control.faults.table import Reaction, ids, mask
 from piezod.control.in_force import OUTPUT_WAIT_S
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
@@ -26,6 +27,7 @@ STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 
 _OUTPUT_FELL, _LOCAL_MODE = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
 _WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND})
+_DOUBTING = mask(DOUBTING)
 _OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
 _EVENTS: Final = {
     Reaction.RAMP: Event.FAULT_RAMP,
@@ -43,6 +45,7 @@ def react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
     active_faults = register.present | register.latched
     if active_faults or register.news:
         _halve_gains(stage, register.axes_of(Fault.D6) if active_faults & _OSCILLATING else 0)
+        _doubt_samples(stage, active_faults & _DOUBTING)
     if reaction is Reaction.HOLD and not register.needs_person:
         stage.hold(HoldCause.LATENESS, t_ns)  # the mode stays: the stage will go on
         return
@@ -68,6 +71,15 @@ def _halve_gains(stage: Stage, oscillating: int) -> None:
     """Halve the gains of the axes that oscillate (bits), until that fault is reset."""
     for i, axis in enumerate(stage.axes):
         axis.law.halve_gains(bool(oscillating >> i & 1))
+
+
+def _doubt_samples(stage: Stage, active_faults: int) -> None:
+    """Drop what was learned from samples that may have been wrong, and learn nothing from them."""
+    doubted = 0
+    for fault in ids(active_faults):
+        doubted |= stage.register.axes_of(fault)
+    for i, axis in enumerate(stage.axes):
+        axis.law.doubt(bool(doubted >> i & 1))
 
 
 def overloaded_axes(stage: Stage) -> Sequence[int]:

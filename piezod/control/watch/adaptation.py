@@ -1,8 +1,8 @@
 """Watches the adaptation of one axis, and the loop that the adaptation closes.
 
-Detects D1, D2, D5 and D6. D3 (weights without an inverse) cannot occur, because the identifiers
-prevent it. D4 and D7 (samples that must not be learned from) are left out and counted by the
-learning gate.
+Detects D1, D2, D5, D6 and D11. D3 (weights without an inverse) cannot occur, because the
+identifiers prevent it. D4 and D7 (samples that must not be learned from) are left out and counted
+by the learning gate.
 """
 
 from collections.abc import Sequence
@@ -11,10 +11,9 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
-from piezod.control.law.identifier import ModelProof
-from piezod.control.law.model import StageModel
+from piezod.control.law.learned_bound import LearnedBound, is_finite
+from piezod.control.law.model_proof import ModelProof
 from piezod.control.signals import RecentRange
-from piezod.control.watch.drift import ModelDrift
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.hysteresis.online import Shadowed
@@ -89,13 +88,9 @@ class Oscillation:
 RESTORATIONS: Final = 3
 RESTORATION_WINDOW_NS: Final = 30 * NS_PER_S
 """This many returns to the last good model within this time are more than a passing disturbance."""
-DRIFT_LIMIT: Final = 0.3
-"""Largest difference between the drives of the learned and the identified model, as a share of the
-range."""
-DRIFT_NS: Final = 10 * NS_PER_S
-"""The difference is a fault if it exceeds the limit for this long."""
-DRIFT_INTERVAL_NS: Final = NS_PER_S // 2
-"""Interval between two measurements of the difference, which takes 10 to 20 µs."""
+TOLD_SHARE, AT_BOUND = 0.5, 0.7
+"""Shares of its bound from which the mean distance of the learned model is D11, and D5. At the
+bound the model moves to and fro with the motion, so that the mean distance is less."""
 FINITE_INTERVAL_NS: Final = NS_PER_S // 10
 """Interval between two looks at the learned numbers for one that is NaN or infinite."""
 
@@ -109,7 +104,7 @@ class AdaptationWatch:
         axis: Index of the axis, for the detections.
         adaptation: The learning algorithm, `identifier.adaptation`.
         proof: Compares the learned model with the identified one, while it is in use.
-        identified: The model that learning started from; None if the stage is not yet identified.
+        bound: Keeps the learned model near the identified one; None if there is no such model.
         position_um: Range of the displacement, in µm.
         period_ns: Period of the loop, in ns.
     """
@@ -119,7 +114,7 @@ class AdaptationWatch:
         axis: int,
         adaptation: AdaptiveIdentifier,
         proof: ModelProof,
-        identified: StageModel | None,
+        bound: LearnedBound | None,
         position_um: AffineRange,
         period_ns: int,
     ) -> None:
@@ -129,12 +124,9 @@ class AdaptationWatch:
         self._restored, self._restored_cycles = 0, [-inf] * RESTORATIONS
         self._cycles = 0
         self._restoration_window_cycles = max(RESTORATION_WINDOW_NS // period_ns, 1)
-        self._drift = ModelDrift(identified, adaptation) if identified is not None else None
-        self._drift_interval_cycles = max(DRIFT_INTERVAL_NS // period_ns, 1)
+        self._bound = bound
         self._finite_interval_cycles = max(FINITE_INTERVAL_NS // period_ns, 1)
-        self._drift_cycles = max(DRIFT_NS // period_ns, 1)
-        self._drifted_cycles = 0
-        self._drifted, self._not_finite = 0.0, False
+        self._not_finite = False
         self._oscillation = Oscillation(period_ns)
 
     def check(
@@ -150,24 +142,23 @@ class AdaptationWatch:
         """
         self._cycles += 1
         if self._cycles % self._finite_interval_cycles == 0:
-            self._not_finite = not self._is_finite()
-        if self._cycles % self._drift_interval_cycles == 0:
-            self._measure_drift()
+            self._not_finite = not is_finite(self._adaptation)
+        drifts = self._drifts()
         restored, worse = self._restored_too_often(), self._proof.take_verdict()
         if not closed:
             self._oscillation.forget()
-            # In an open loop the learned model does not act on the drive, so only NaN is reported.
-            return (Detection(Fault.D2, self._axis),) if self._not_finite else _NOTHING
+            # In an open loop the learned model does not act on the drive. It is saved and shown.
+            not_finite = (Detection(Fault.D2, self._axis),) if self._not_finite else _NOTHING
+            return (*not_finite, *drifts)
         if isfinite(command_um) and isfinite(position_um):
             self._oscillation.update(
                 self._position_um.to_unit(command_um),
                 self._position_um.to_unit(position_um),
                 noise_um / self._position_um.width,
             )
-        drifted = self._drifted_cycles >= self._drift_cycles
-        if not (restored or worse or drifted or self._not_finite or self._oscillation.found):
-            return _NOTHING
-        return self._detections(restored, worse, drifted)
+        if not (restored or worse or self._not_finite or self._oscillation.found):
+            return drifts
+        return (*self._detections(restored, worse), *drifts)
 
     def _restored_too_often(self) -> bool:
         """Return whether the last good model was restored too often within the time limit."""
@@ -178,23 +169,16 @@ class AdaptationWatch:
         self._restored_cycles = [*self._restored_cycles[1:], self._cycles]
         return self._cycles - self._restored_cycles[0] <= self._restoration_window_cycles
 
-    def _is_finite(self) -> bool:
-        """Return whether all learned numbers are finite."""
-        learned = self._adaptation
-        # One NaN or infinity makes the sum not finite, too.
-        return isfinite(float(learned.weights.sum()) + learned.offset + learned.scale)
+    def _drifts(self) -> Sequence[Detection]:
+        """Return D11 if the learned model is far from the identified one, D5 at its bound."""
+        bound = self._bound
+        if bound is None or bound.distance < TOLD_SHARE * bound.limit:
+            return _NOTHING
+        at_bound = bound.distance >= AT_BOUND * bound.limit
+        fault, share = (Fault.D5, AT_BOUND) if at_bound else (Fault.D11, TOLD_SHARE)
+        return (Detection(fault, self._axis, bound.distance, share * bound.limit),)
 
-    def _measure_drift(self) -> None:
-        """Measure the difference between the learned and the identified model."""
-        self._drifted = 0.0
-        if self._drift is not None and self._is_finite():
-            self._drifted = self._drift.measure()
-        over = self._drifted > DRIFT_LIMIT
-        self._drifted_cycles = self._drifted_cycles + self._drift_interval_cycles if over else 0
-
-    def _detections(
-        self, restored: bool, worse: tuple[float, float] | None, drifted: bool
-    ) -> Sequence[Detection]:
+    def _detections(self, restored: bool, worse: tuple[float, float] | None) -> Sequence[Detection]:
         """Return the detections of a loop that is closed."""
         found, width_um = [], self._position_um.width
         if self._not_finite:
@@ -204,8 +188,6 @@ class AdaptationWatch:
             found.append(Detection(Fault.D1, self._axis, measured_um, limit_um))
         elif restored:
             found.append(Detection(Fault.D1, self._axis, RESTORATIONS, RESTORATIONS - 1))
-        if drifted:
-            found.append(Detection(Fault.D5, self._axis, self._drifted, DRIFT_LIMIT))
         if self._oscillation.found:
             wave = self._oscillation
             found.append(

@@ -1,7 +1,7 @@
 """Publishes the results of each cycle in the shared memory: record, counts, events, parameters."""
 
 from collections.abc import Iterable
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from piezod.config.states import State
 from piezod.control.watch.loop import LATE_PART
@@ -10,6 +10,7 @@ from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.telemetry.cycle_counts import CycleCounter
 from piezod.telemetry.encoder import encode_axis, encode_cycle
 from piezod.telemetry.events import EventWriter
+from piezod.telemetry.learned import LearnedValues
 from piezod.telemetry.learned_writer import LearnedWriter
 from piezod.telemetry.record import CycleHeader, CycleRecord, StageEvent
 from piezod.telemetry.ring import RingWriter
@@ -27,8 +28,8 @@ _STATE, _SKIPPED = int(Word.LOOP_STATE), int(Word.SKIPPED_CYCLES)
 class LearnedSource(Protocol):
     """Gives the parameters that its axes have learned."""
 
-    def learned(self, axis: int) -> tuple[Any, float, float, float, bool]:
-        """Return weights, offset, scale, sensor zero of an axis, and whether it has a surface."""
+    def learned(self, axis: int) -> LearnedValues:
+        """Return what `LearnedWriter.publish` takes, of an axis."""
         ...
 
 
@@ -109,12 +110,12 @@ class Publisher:
         if not self._countdown:
             self._countdown = self._learned_cycles
             self._turn = (self._turn + 1) % self._axes
-            self._learned.publish(self._turn, *controller.learned(self._turn))
+            self._learned.publish(self._turn, controller.learned(self._turn))
 
     def learned_all(self, controller: LearnedSource) -> None:
         """Publish the learned parameters of every axis."""
         for axis in range(self._axes):
-            self._learned.publish(axis, *controller.learned(axis))
+            self._learned.publish(axis, controller.learned(axis))
 
     def waiting(self, t_ns: int) -> None:
         """Report that the process is alive and its devices are absent."""

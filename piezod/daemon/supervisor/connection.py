@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Collection, Mapping
+from math import inf
 from typing import Any
 
 from piezod.config.daemon import DaemonConfig
@@ -42,10 +43,6 @@ class LoopConnection:
         """Model of each axis in the configuration; None without one."""
         self.models = dict(self.file_models)
         """Model that each axis uses now; None without one."""
-        self._range_um = {
-            name: axis.command_range_um or _range_um(self.models[name])
-            for name, axis in config.axes.items()
-        }
         self._ring = RecordReader(shared)
         self._streams = StreamWriter(shared)
 
@@ -117,7 +114,7 @@ class LoopConnection:
             )
             raise NotNowError(what, "begin the stream again")
         for name, position_um in setpoints_um.items():
-            low_um, high_um = self._range_um[name]
+            low_um, high_um = self.range_um(name)
             if not low_um <= position_um <= high_um:
                 what = f"axis {name}: out of range (got {position_um:.12g} µm)"
                 raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
@@ -125,6 +122,16 @@ class LoopConnection:
         now_ns = time.monotonic_ns()
         for name, position_um in setpoints_um.items():
             self._streams.set(self.axes.index(name), position_um, now_ns)
+
+    def range_um(self, axis: str) -> tuple[float, float]:
+        """Return the lowest and the highest position that may be commanded, in µm.
+
+        Before the loop has told them, they are those of the configuration, if it has any.
+        """
+        learned = self.learned.read(self.axes.index(axis))
+        if learned is None:
+            return self.config.axes[axis].command_range_um or (-inf, inf)
+        return learned.low_um, learned.high_um
 
     def _because(self) -> str:
         """Return the faults that stop the stage, for people; empty if there are none."""
@@ -140,9 +147,3 @@ class LoopConnection:
 
 def _model(path: Any) -> ModelFile | None:
     return None if path is None else load_model(path)
-
-
-def _range_um(model: ModelFile | None) -> tuple[float, float]:
-    """Return the range of positions of a model, in µm."""
-    assert model is not None  # noqa: S101 - the configuration requires a range or a model
-    return model.position_low_um, model.position_high_um

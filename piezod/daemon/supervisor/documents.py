@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
+from piezod.telemetry.learned import LearnedAxis, LearnedReader
 from piezod.telemetry.ring import Record
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.succession import succession_of
@@ -18,22 +20,27 @@ Document = dict[str, Any]
 MODES: Final = tuple(Mode)
 STATES: Final = tuple(State)
 GATES: Final = tuple(GateReason)
+LIMITED_BY: Final = tuple(DriveLimit)
 
 _NUMBERS: Final = ("position_um", "command_um", "drive_v", "target_um", "read_back_v", "trim_um")
 
 
-def status(config: DaemonConfig, shared: SharedMap, record: Record | None) -> Document:
+def status(
+    config: DaemonConfig, shared: SharedMap, record: Record | None, learned: LearnedReader
+) -> Document:
     """Return the status of a stage.
 
     Args:
         config: Its configuration.
         shared: The memory shared with the loop.
         record: The newest record; None before the first.
+        learned: What each axis has learned.
     """
     axes = {
         name: {
             "has_sensor": axis.sensor is not None,
             **_axis(None if record is None else record["axes"][i], config),
+            "learned_pct": _learned_pct(learned.read(i)),
         }
         for i, (name, axis) in enumerate(config.axes.items())
     }
@@ -65,16 +72,23 @@ def state_of(shared: SharedMap, record: Record | None) -> State:
     return State.BLIND if waits else State.BOOT
 
 
+def _learned_pct(learned: LearnedAxis | None) -> float:
+    """Return how far a learned model is from the identified one, in % of the range."""
+    return float("nan") if learned is None else 100.0 * learned.distance
+
+
 def _axis(record: Record | None, config: DaemonConfig) -> Document:
     if record is None:  # before the first cycle: the same keys, without values
         unknown = dict.fromkeys(_NUMBERS, float("nan"))
-        return {**unknown, "mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
+        known = {"mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
+        return {**unknown, **known, "limited": DriveLimit.NONE.value}
     return {
         **{name: record[name] for name in _NUMBERS},
         "mode": MODES[record["mode"]].value,
         "gate": str(GATES[record["gate"]].value),
         "on_target": record["on_target"],
         "motion": record["motion"],
+        "limited": LIMITED_BY[record["limited"]].value,
     }
 
 

@@ -25,7 +25,7 @@ from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile
 from piezod.daemon.stores.recorder import RecorderStatus
 from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.documents import GATES, MODES, STATES, masks, state_of
+from piezod.daemon.supervisor.documents import GATES, LIMITED_BY, MODES, STATES, masks, state_of
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.cycle_counts import LIMITS, Histogram, counts_of
 from piezod.telemetry.device_counts import device_counts_of
@@ -194,6 +194,13 @@ class _Families(Collector):
         yield self._gauge("axis_on_target", "Whether the target was reached.", rows, "axis")
         modes = [((a, m.value), MODES[one["mode"]] is m) for a, one in axes.items() for m in MODES]
         yield self._gauge("axis_mode", "1 for the mode of an axis.", modes, "axis", "mode")
+        limited = [
+            ((a, each.value), LIMITED_BY[one["limited"]] is each)
+            for a, one in axes.items()
+            for each in LIMITED_BY
+        ]
+        text = "1 for what limits the drive."
+        yield self._gauge("axis_drive_limited", text, limited, "axis", "limit")
         errors = counts_of(self._loop.shared).errors
         histograms = [((axis,), each) for axis, each in zip(self._loop.axes, errors, strict=True)]
         text = "Absolute value of command minus position, of all cycles."
@@ -211,6 +218,13 @@ class _Families(Collector):
         moved = [((a,), _moved(models[a], each.weights)) for a, each in learned.items()]
         text = "Change of the weights since the model, relative to the model."
         yield self._gauge("axis_weights_moved_ratio", text, moved, "axis")
+        limits = {a: axis.compensator.learned_pct for a, axis in self._loop.config.axes.items()}
+        far = [((a,), each.distance) for a, each in learned.items()]
+        text = "Difference of the drives of learned and identified model, relative to the range."
+        yield self._gauge("axis_learned_ratio", text, far, "axis")
+        bounds = [((a,), limit / 100.0) for a, limit in limits.items()]
+        text = "Largest difference of these drives that is allowed, learned_pct."
+        yield self._gauge("axis_learned_limit_ratio", text, bounds, "axis")
         for name in ("offset", "scale"):
             rows = [((axis,), getattr(each, name)) for axis, each in learned.items()]
             text = f"Learned {name} of the displacement, relative to the range; 0 for the model."

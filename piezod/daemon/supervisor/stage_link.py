@@ -4,7 +4,7 @@ import asyncio
 import json
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import Final
 
@@ -126,7 +126,7 @@ class StageLink:
     def status(self) -> Document:
         """Return state, mode, faults and axes of the newest cycle."""
         loop = self.loop
-        document = stage_documents.status(loop.config, loop.shared, loop.latest())
+        document = stage_documents.status(loop.config, loop.shared, loop.latest(), loop.learned)
         return {"stage": self._paths.name, **document}
 
     def health(self) -> tuple[bool, Document]:
@@ -169,8 +169,14 @@ class StageLink:
         return metrics_text(facts, openmetrics=openmetrics)
 
     def config(self) -> Document:
-        """Return the configuration in force."""
-        return accepted_config.document(self.loop.config)
+        """Return the configuration in force, with the positions that may be commanded."""
+        loop = self.loop
+        document = accepted_config.document(loop.config)
+        for name, axis in document["axes"].items():
+            range_um = loop.range_um(name)
+            if all(map(isfinite, range_um)):
+                axis["command_range_um"] = list(range_um)
+        return document
 
     async def reload(self, peer: Peer) -> Document:
         """Read the configuration again; exchange all of it, or keep the present one."""

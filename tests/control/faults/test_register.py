@@ -128,10 +128,10 @@ def test_reset_reports_if_it_dropped_nothing(bench: RegisterBench) -> None:
     bench.cycles(SECOND)
     bench.cycle(Fault.A3)
     bench.cycles(SECOND)
-    bench.cycle(Fault.D5)
+    bench.cycle(Fault.D2)
 
     assert bench.register.reset(engineer=False) == ""
-    assert bench.latched == [Fault.D5]
+    assert bench.latched == [Fault.D2]
 
 
 def test_only_faults_that_stop_the_stage_forbid_arming(bench: RegisterBench) -> None:

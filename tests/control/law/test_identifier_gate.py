@@ -10,11 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.config.gate_reasons import GateReason
-from piezod.control.law.identifier import (
-    LIMITED_CYCLES,
-    SPIKE_CYCLES,
-    LearningGate,
-)
+from piezod.control.law.identifier import LIMITED_CYCLES, SPIKE_CYCLES, LearningGate
 from piezod.control.signals import STUCK_SAMPLES
 from tests.control.fakes import MS
 

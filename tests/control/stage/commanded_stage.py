@@ -12,7 +12,7 @@ from piezod.config import requests as rq
 from piezod.config.endpoints import Role
 from piezod.config.states import State
 from piezod.control.guard import Limits
-from piezod.control.law.axis import AxisOutput
+from piezod.control.law.output import AxisOutput
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.stage.states import HoldCause

@@ -26,7 +26,6 @@ from tests.control.surface_rig import CLASSES, with_model
 PUNCTUAL = CycleTiming(0, 0, 10_000, 0, 0)
 LATE = PUNCTUAL._replace(late_ns=3_000_000)
 LAG_CYCLES = 12
-OTHER_MODELS = ("stops", "lag", "path")
 
 
 def is_degraded(record: CycleRecord) -> bool:
@@ -53,31 +52,6 @@ def test_noisy_sensor_leads_to_feedforward(reaction: Reaction) -> None:
 
     reaction("S12", cycles=check_degraded(stage, after, Fault.S12))
     assert np.diff([record.axes[0].drive_v for record in after[-1000:]]).max() < 1.5
-
-
-@pytest.mark.fault("D5")
-@pytest.mark.parametrize(
-    "model", ["surface", *(pytest.param(one, marks=pytest.mark.stress) for one in OTHER_MODELS)]
-)
-def test_model_far_from_the_identified_one_leads_to_feedforward(
-    model: str, reaction: Reaction
-) -> None:
-    """The learned model is replaced by one that needs much less drive at its upper end.
-
-    The stage rests at the lower end, where both models need none: nothing moves, and nothing is
-    learned.
-    """
-    stage = SwingingStage(model=model, rate_hz=1000.0)
-    stage.do(rq.Goto(position_um=0.0))
-    stage.run(1.5)
-    adaptation = stage.stage.axes[0].law.identifier.adaptation
-    if model == "stops":
-        adaptation.adopt(adaptation.weights.copy(), offset=0.1, scale=-0.3)
-    else:
-        adaptation.adopt(1.8 * adaptation.weights)
-    after = stage.run(11.0)
-
-    reaction("D5", cycles=check_degraded(stage, after, Fault.D5))
 
 
 @pytest.mark.fault("L7")

@@ -13,7 +13,8 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.assembly import check_stage
-from piezod.control.law.identifier import LEAST_ERROR, LearningGate
+from piezod.control.law.identifier import LearningGate
+from piezod.control.law.model_proof import LEAST_ERROR
 from piezod.errors import ModelError
 from piezod.hysteresis import even_thresholds
 from piezod.testing.injections import InjectionKind
@@ -27,9 +28,12 @@ ACCURATE = [*CLASSES, pytest.param("path", marks=pytest.mark.stress)]
 
 
 def with_compensator(compensator: dict[str, Any], rate_hz: float = 500.0) -> DaemonConfig:
-    """Return the shipped configuration, whose model is graded, with this compensator."""
+    """Return the shipped configuration, whose model is graded, with this compensator.
+
+    Its learned model may be far from the identified one.
+    """
     config = shipped_config()
-    settings = CompensatorConfig.model_validate(compensator)
+    settings = CompensatorConfig.model_validate({"learned_pct": 30.0, **compensator})
     axis = config.axes["x"].model_copy(update={"compensator": settings})
     return config.model_copy(update={"axes": {"x": axis}, "rate_hz": rate_hz})
 

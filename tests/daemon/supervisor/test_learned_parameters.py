@@ -44,7 +44,7 @@ def _learn(bench: Bench, zero_um: float) -> list[float]:
     model = bench.loop.models["x"]
     assert model is not None
     weights = [1.01 * each for each in (*model.left_stop_weights, *model.right_stop_weights)]
-    LearnedWriter(bench.loop.shared).publish(0, weights, 0.0, 0.0, zero_um, False)
+    LearnedWriter(bench.loop.shared).publish(0, (weights, 0.0, 0.0, zero_um, False, 0.0, 0.0, 26.0))
     return weights
 
 
@@ -195,7 +195,7 @@ def test_model_that_was_exchanged_in_the_file_replaces_the_learned_one(bench: Be
 def test_zero_of_an_axis_without_a_model_is_reported_lost(bench: Bench) -> None:
     """The answer to the reload says what has to be done again."""
     bench.loop.models["x"] = bench.loop.file_models["x"] = None
-    LearnedWriter(bench.loop.shared).publish(0, np.ones(4), 0.0, 0.0, 0.25, False)
+    LearnedWriter(bench.loop.shared).publish(0, (np.ones(4), 0.0, 0.0, 0.25, False, 0.0, 0.0, 26.0))
     asyncio.run(bench.link.parameters.keep(bench.loop, {"x"}))
 
     lost = bench.do(lambda link: link.restore_params())
@@ -219,7 +219,7 @@ def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConf
     before = Bench(tmp_path, config.model_copy(update={"axes": {"y": config.axes["x"]}}))
     weights = np.ones(4)
     before.loop.models["y"] = None
-    LearnedWriter(before.loop.shared).publish(0, weights, 0.0, 0.0, 0.0, False)
+    LearnedWriter(before.loop.shared).publish(0, (weights, 0.0, 0.0, 0.0, False, 0.0, 0.0, 26.0))
     before.do(lambda link: link.save_params(PEER))
     before.link.stage_audit.close()
     bench = Bench(tmp_path, config)
@@ -277,7 +277,7 @@ def test_learned_surface_is_saved_and_loaded(bench: Bench) -> None:
     surface = surface_file()
     adopted = bench.do(lambda link: link.request(AdoptModel(axis="x", model=surface), PEER))
     learned = [1.01 * each for each in surface.surface_coefficients]
-    LearnedWriter(bench.loop.shared).publish(0, learned, 0.0, 0.0, 0.25, False)
+    LearnedWriter(bench.loop.shared).publish(0, (learned, 0.0, 0.0, 0.25, False, 0.0, 0.0, 26.0))
 
     bench.do(lambda link: link.save_params(PEER))
     bench.do(lambda link: link.load_params(None, PEER))

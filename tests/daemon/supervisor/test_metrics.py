@@ -1,6 +1,6 @@
 """The metrics of a stage, read with the parsers of the Prometheus client."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from math import nan
 from pathlib import Path
 
@@ -173,14 +173,16 @@ def test_learning_shows_how_far_the_weights_have_moved(bench: Bench) -> None:
     model = bench.loop.models["x"]
     assert model is not None
     weights = [*model.left_stop_weights, *model.right_stop_weights]
-    publish: Callable[..., None] = LearnedWriter(bench.loop.shared).publish
-    publish(0, weights, 0.01, 1.2, 0.0, False)
+    publish = LearnedWriter(bench.loop.shared).publish
+    publish(0, (weights, 0.01, 1.2, 0.0, False, 0.0, 0.0, 26.0))
     before = value(bench, "piezod_axis_weights_moved_ratio", axis="x")
-    publish(0, [1.1 * each for each in weights], 0.01, 1.2, 0.0, False)
+    publish(0, ([1.1 * each for each in weights], 0.01, 1.2, 0.0, False, 0.03, 0.0, 26.0))
 
     assert before == 0
     assert value(bench, "piezod_axis_weights_moved_ratio", axis="x") == pytest.approx(0.1)
     assert value(bench, "piezod_axis_learned_scale_ratio", axis="x") == 1.2
+    assert value(bench, "piezod_axis_learned_ratio", axis="x") == 0.03
+    assert value(bench, "piezod_axis_learned_limit_ratio", axis="x") == 0.05
 
 
 def test_recording_and_lease(bench: Bench) -> None:

@@ -68,7 +68,11 @@ def change_hysteresis(plant: Plant, change: Change) -> None:
 
 def errors_of(stage: Identified, change: Change, mode: Mode) -> tuple[FloatArray, FloatArray]:
     """Return the worst true errors of the swings before and after a change, in %."""
-    rig = StressRig(stage, swing_um, mode)
+    axis = stage.config.axes["x"]
+    wide = axis.compensator.model_copy(update={"learned_pct": 30.0})
+    axes = {"x": axis.model_copy(update={"compensator": wide})}
+    config = stage.config.model_copy(update={"axes": axes})
+    rig = StressRig(stage._replace(config=config), swing_um, mode)
     rig.run(BOTTOM_S)
     rate_hz = stage.config.rate_hz
     before = worst_by_cycle_pct(rig.run(3.0 * CYCLE_S), rate_hz)
