@@ -113,7 +113,7 @@ def summary_of(path: Path) -> Summary:
 
     Raises:
         DataError: If the file is not a recording of a stage.
-        OSError: If the file cannot be opened, or is not HDF5.
+        OSError: If the file cannot be opened.
     """
     counts = _Counts()
     for portion in read_portions(path, columns=_COLUMNS):

@@ -14,7 +14,7 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.telemetry_columns import ENTRY
+from piezod.records.telemetry_layout import stage_entry
 
 _TIME: Final = "cycles/t_s"
 _BLOCK_ROWS: Final = 16
@@ -84,15 +84,18 @@ class RecordingView:
 
     Raises:
         DataError: If the file is not a recording of a stage.
-        OSError: If it cannot be opened, or is not HDF5.
+        OSError: If it cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = open_recording(path, rdcc_nbytes=CHUNK_CACHE_BYTES)
-        if f"{ENTRY}/{_TIME}" not in self._file:
+        self._path = path
+        try:
+            with damage_is_an_error(path):
+                self._entry = stage_entry(self._file)
+        except DataError:
             self._file.close()
-            raise DataError(f"{path}: this is not the recording of a stage")
-        self._path, self._entry = path, self._file[ENTRY]
+            raise
         self._block_rows = _BLOCK_ROWS
         self._blocks: dict[str, _Extremes] = {}
         self._lock = Lock()
@@ -201,7 +204,7 @@ def view(
 
     Raises:
         DataError: If the file is not a recording of a stage, or has no such column.
-        OSError: If it cannot be opened, or is not HDF5.
+        OSError: If it cannot be opened.
         ValueError: If `points` is below 1.
     """
     status = path.stat()
