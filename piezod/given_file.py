@@ -17,21 +17,23 @@ _KINDS: Final = {
 }
 
 
-def open_given(path: Path, most_bytes: int) -> BinaryIO:
+def open_given(path: Path, most_bytes: int, *, follow: bool = True) -> BinaryIO:
     """Open a file for reading, if it is a regular one of bounded size.
 
     Anything else might wait for a writer for ever, or never end.
 
     Args:
-        path: Path of the file; links are followed.
+        path: Path of the file.
         most_bytes: Largest allowed size.
+        follow: Whether the file may be a link.
 
     Raises:
         DataError: If it is no regular file, or larger; the text has path, size and remedy.
         OSError: If there is no such file, or it cannot be read.
     """
+    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+        descriptor = os.open(path, flags if follow else flags | os.O_NOFOLLOW)
     except OSError as error:
         if error.errno != errno.ENXIO:  # a socket, which cannot be opened
             raise

@@ -15,6 +15,7 @@ from piezod.config.messages import show, suggest
 from piezod.config.scalars import NUMBER
 from piezod.errors import DataError
 from piezod.given_file import open_given
+from piezod.service_view import service_hint
 
 TIME_COLUMN: Final = "t_s"
 # Points closer than this count as one instant with two values: no line joins them.
@@ -56,7 +57,8 @@ def existing_file(value: object, context: Context) -> Path:
     except (OSError, ValueError):
         exists = False
     if not exists:
-        raise broken_rule(f"no such file in {folder.absolute()} (got {show(value)})")
+        hint = service_hint(folder.absolute() / value)
+        raise broken_rule(f"no such file in {folder.absolute()} (got {show(value)}){hint}")
     path = folder / value
     context.named_files[str(path.absolute())] = digest(path)
     return path

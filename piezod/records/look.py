@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from piezod.bounds import bound
 from piezod.errors import DataError
-from piezod.records.bounds import bound
 from piezod.records.opened import LOOK_WITHIN_S, open_recording
 
 MOST_BYTES: Final = 1_000_000_000

@@ -33,7 +33,7 @@ TOKEN = "t" * 43
 def test_other_computers_need_encryption(host: str) -> None:
     """Without a certificate the server listens on this machine only, and says what to do."""
     with pytest.raises(PiezodError, match=r"without encryption: .*--certificate FILE --key FILE"):
-        serve(WebPlan(host, 0), announce=print)
+        serve(WebPlan(host, 0), announce=print, warn=print)
 
 
 def test_certificate_and_key_need_each_other() -> None:
@@ -50,7 +50,7 @@ def test_key_that_others_can_read_is_refused(tmp_path: Path) -> None:
 
     made.key.chmod(0o604)
     with pytest.raises(PiezodError, match=r"labpc.key: other users .*mode 0604.*: chmod 600"):
-        serve(WebPlan("127.0.0.1", 0, made), announce=print)
+        serve(WebPlan("127.0.0.1", 0, made), announce=print, warn=print)
 
 
 def test_key_with_a_passphrase_is_refused(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.notify import without_manager
 from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.errors import ConfigError, PiezodError, Problem
+from piezod.service_view import who_may_change
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 from piezod.telemetry.succession import Succession, put_succession
@@ -99,6 +100,9 @@ class LoopRun:
             self.discard()
             raise OSError(*answer["failed"])
         self.source_files.add(answer["named_files"])
+        for file in (self._source, *map(Path, answer["named_files"])):
+            for sentence in who_may_change(file):
+                _log.warning("others may change a file", text=sentence)
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
         return True
 

@@ -2,6 +2,7 @@
 
 import resource
 import time
+from contextlib import suppress
 
 
 def bound(most_bytes: int, within_s: int) -> None:
@@ -13,6 +14,19 @@ def bound(most_bytes: int, within_s: int) -> None:
     """
     _lower(resource.RLIMIT_AS, most_bytes)
     _lower(resource.RLIMIT_CPU, int(time.process_time()) + within_s)
+
+
+def bound_other(process: int, most_bytes: int, within_s: int) -> None:
+    """Bound a process that has just been started; one that has ended already is left alone.
+
+    Args:
+        process: Its number.
+        most_bytes: Most address space that it may have, in bytes.
+        within_s: Most time of the processor, in s.
+    """
+    for kind, most in ((resource.RLIMIT_AS, most_bytes), (resource.RLIMIT_CPU, within_s)):
+        with suppress(ProcessLookupError):
+            resource.prlimit(process, kind, (most, most))
 
 
 def is_bounded() -> bool:
