@@ -14,7 +14,7 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.telemetry_layout import stage_entry
+from piezod.records.telemetry_layout import check_time, stage_entry
 
 _TIME: Final = "cycles/t_s"
 _BLOCK_ROWS: Final = 16
@@ -131,6 +131,8 @@ class RecordingView:
             begin, end = (self._row_at(time, n_rows, instant_s) for instant_s in (begin_s, end_s))
             instants = self._pieces(_TIME, time, begin, end, points)
             pieces = self._pieces(column, values, begin, end, points)
+            check_time(instants.minimum)
+            check_time(instants.maximum)
         return _buckets(instants, pieces, points)
 
     def _column(self, name: str) -> h5py.Dataset:

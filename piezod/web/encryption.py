@@ -76,7 +76,7 @@ def _check_readable(file: Path) -> None:
 
 
 def _validity(file: Path) -> tuple[float, float]:
-    """Return the begin and the end of the validity of the first certificate of a file, Unix time."""
+    """Return begin and end of the validity of the first certificate of a file, in Unix time."""
     # There is no public function for a certificate that no authority has to vouch for.
     found = ssl._ssl._test_decode_cert(file)  # type: ignore[attr-defined]  # noqa: SLF001 - see above
     return (

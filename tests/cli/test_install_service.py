@@ -168,10 +168,14 @@ def test_command_that_is_not_found(
     assert "--piezod" in err
 
 
-@pytest.mark.parametrize("path", ["/root/piezod", "/home/olga/.venv/bin/piezod"])
-def test_homes_are_out_of_reach(path: str) -> None:
-    """Home folders are out of reach, because the unit hides them."""
-    assert "the service sees nothing below" in why_unreachable(Path(path))
+@pytest.mark.parametrize("path", ["/root/piezod", "/home/olga/.local/bin/piezod", "/var/tmp/p"])  # noqa: S108
+def test_command_that_the_unit_hides_is_refused(piezod: Command, folder: Path, path: str) -> None:
+    """The unit could not start, also one that is written for a package."""
+    code, _, err = piezod("install-service", "--root", folder, "--piezod", path)
+
+    assert code == 2
+    assert "the service sees nothing below" in err
+    assert list(folder.iterdir()) == []
 
 
 def test_command_that_everybody_can_run_is_reachable() -> None:
