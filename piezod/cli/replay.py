@@ -115,7 +115,7 @@ def _recorded_axis(
 
     document = telemetry.header.configuration()
     if document is None or axis not in document["axes"]:
-        raise DataError(f"{recording}: the file has no configuration of this axis of the stage")
+        raise DataError(f"{recording}: the file has no configuration of the stage with axis {axis}")
 
     from piezod.control.law.model_files import read_model
     from piezod.daemon import accepted_config

@@ -160,7 +160,8 @@ class RecordingView:
         block = int(np.searchsorted(self._extremes(_TIME, time, n_rows).maximum, instant_s))
         start = block * self._block_rows
         inside_s = time[start : min(start + self._block_rows, n_rows)]
-        return start + int(np.searchsorted(inside_s, instant_s))
+        # More rows of the time may be known than this column has.
+        return min(start + int(np.searchsorted(inside_s, instant_s)), n_rows)
 
     def _pieces(
         self, name: str, dataset: h5py.Dataset, begin: int, end: int, points: int
