@@ -109,7 +109,8 @@ def _duration(duration_s: float) -> str:
 def _title(document: dict[str, Any] | None) -> str:
     if document is None:
         return "not in the file"
-    devices = ", ".join(f"{name} ({each['driver']})" for name, each in document["devices"].items())
+    found = document.get("devices", {}).items()
+    devices = ", ".join(f"{name} ({each.get('driver')})" for name, each in found)
     return "; ".join(filter(None, (document.get("title"), f"devices {devices}")))
 
 

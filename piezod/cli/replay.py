@@ -114,7 +114,8 @@ def _recorded_axis(
     from piezod.errors import DataError
 
     document = telemetry.header.configuration()
-    if document is None or axis not in document["axes"]:
+    drivers = [each.get("driver") for each in (document or {}).get("devices", {}).values()]
+    if document is None or axis not in document.get("axes", {}) or not all(drivers):
         raise DataError(f"{recording}: the file has no configuration of the stage with axis {axis}")
 
     from piezod.control.law.model_files import read_model

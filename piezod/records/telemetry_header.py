@@ -45,17 +45,17 @@ class TelemetryHeader:
         """Return the configuration of the stage; None if it is not in the file.
 
         Raises:
-            DataError: If it is none, with its devices and axes.
+            DataError: If it is no mapping, or its devices or axes are none.
         """
         if "configuration" not in self.notes:
             return None
         try:
             document = json.loads(self.notes["configuration"])
-            parts = [document[name] for name in ("devices", "axes")]
+            parts = [document.get(name, {}) for name in ("devices", "axes")]
             whole = all(isinstance(each, dict) for part in parts for each in (part, *part.values()))
-        except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        except (ValueError, AttributeError, RecursionError):
             whole = False
-        if not whole or not all("driver" in each for each in document["devices"].values()):
+        if not whole:
             raise DataError(
                 "it is damaged, or another program wrote it: its configuration is not that of a "
                 "stage, with devices and axes; take another copy of it, or record again"
