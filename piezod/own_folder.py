@@ -1,5 +1,6 @@
 """Folders that piezod makes for itself, with a mode that does not depend on the umask."""
 
+import errno
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -27,4 +28,5 @@ def make_folder(path: Path, mode: int = 0o700) -> None:
         with suppress(FileExistsError):  # another process was faster; a file there fails below
             os.mkdir(folder, mode)  # noqa: PTH102 - its error is what callers know
     if not path.is_dir():
-        raise NotADirectoryError(20, "there is a file of this name; move it away", str(path))
+        what = "there is a file of this name; move it away"
+        raise FileExistsError(errno.EEXIST, what, str(path))

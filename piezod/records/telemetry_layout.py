@@ -145,8 +145,8 @@ def _check_columns(name: str, group: h5py.Group) -> None:
         place = f"{name}/{column}"
         if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1:
             raise _wrong(place, f"the shape {getattr(dataset, 'shape', None)}", "one dimension")
-        if dataset.dtype.kind not in _NUMBERS:
-            raise _wrong(place, f"the type {dataset.dtype}", "numbers")
+        if dataset.dtype.kind not in ("iu" if "bits" in dataset.attrs else _NUMBERS):
+            raise _wrong(place, f"the type {dataset.dtype}", "numbers, whole ones for bits")
 
 
 def _check_weights(name: str, group: h5py.Group) -> None:
