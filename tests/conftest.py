@@ -134,6 +134,28 @@ def layout(monkeypatch: pytest.MonkeyPatch, plain_figures: tuple[str, int]) -> N
     monkeypatch.setitem(vars(style)["_SETTINGS"], "savefig.dpi", dots_per_inch)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def looks_here() -> Iterator[Callable[[], bool]]:
+    """Look through HDF5 files in this process, without the start of another one for each.
+
+    Yield what users have; see `looks_elsewhere`.
+    """
+    from piezod import bounds  # noqa: PLC0415 - as above
+
+    of_users = bounds.is_bounded
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bounds, "is_bounded", lambda: True)
+        yield of_users
+
+
+@pytest.fixture
+def looks_elsewhere(monkeypatch: pytest.MonkeyPatch, looks_here: Callable[[], bool]) -> None:
+    """Look through HDF5 files in a process of its own, as for users."""
+    from piezod import bounds  # noqa: PLC0415 - as above
+
+    monkeypatch.setattr(bounds, "is_bounded", looks_here)
+
+
 Figure = Callable[[str], None]
 """Told a line of text with what a test has measured."""
 

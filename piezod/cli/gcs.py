@@ -43,6 +43,7 @@ def gcs(
     Programs for such controllers, for example Micro-Manager or pylablib, then move the stage. They
     act as the user of this command. Refusals are printed with their reasons on stderr.
     """
+    from piezod.cli.limited_report import LimitedReport
     from piezod.client.places import find_socket
     from piezod.gcs.server import Plan, serve
 
@@ -53,4 +54,4 @@ def gcs(
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--allow") from error
     plan = Plan(socket or find_socket(stage), mode, port, allowed, pty, like)
-    serve(plan, announce=typer.echo, report=lambda text: typer.echo(text, err=True))
+    serve(plan, announce=typer.echo, report=LimitedReport())

@@ -1,11 +1,13 @@
 """`piezod install-service`: run the daemon as a systemd service."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+import piezod as piezod_package
 from piezod.cli.options import JsonOption
 from piezod.errors import PiezodError
 
@@ -15,6 +17,7 @@ _ACTIVATE = (
     "udevadm control --reload && udevadm trigger",
     "systemctl daemon-reload",
 )
+_LONGEST_FIRST_LINE = 4096
 _USE = (
     "cp -r CONFIGURATION.yaml models /etc/piezod/   # examples: piezod init",
     "usermod -aG piezod-view,piezod USER   # a user who may move the stage",
@@ -53,15 +56,20 @@ def install_service(
         _print_files("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)
         return
     from piezod.cli.shipped import shipped
+    from piezod.service_view import SERVICES, who_may_change
 
     command = piezod or _this_command()
-    if root == Path("/"):
-        _check_reachable(command)
     try:
+        service_files.check_command(command)
+        if root == Path("/"):
+            _check_reachable(command)
         written = service_files.install(shipped("systemd"), root, command)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--piezod") from error
     _print_files("written", written, (*_ACTIVATE, *_USE), json=json)
+    for place in (command, SERVICES) if root == Path("/") else ():
+        for sentence in who_may_change(place):
+            typer.echo(f"! {sentence}", err=True)
 
 
 def _this_command() -> Path:
@@ -78,22 +86,21 @@ def _this_command() -> Path:
 
 def _check_reachable(command: Path) -> None:
     """Refuse a command that the service could not start, before the unit fails to start."""
-    from piezod.daemon.service_files import why_unreachable
+    from piezod.daemon.service_files import ELSEWHERE
+    from piezod.service_view import why_unreachable
 
     if not command.is_file():
         raise typer.BadParameter(f"no such file (got {command})", param_hint="--piezod")
     parts = [command]
     with command.open("rb") as file:
-        first = file.readline()
-    if first.startswith(b"#!/"):
-        parts.append(Path(first[2:].split()[0].decode()))
+        first = file.readline(_LONGEST_FIRST_LINE)
+    if first.startswith(b"#!") and (words := first[2:].split()):
+        parts.append(Path(os.fsdecode(words[0])))
+    if command == _this_command():
+        parts.append(Path(piezod_package.__file__))  # another place, if it was installed with -e
     for part in parts:
         if why := why_unreachable(part):
-            what = f"{part.resolve()}: {why}; install piezod elsewhere: python3 -m venv /opt/piezod"
-            raise typer.BadParameter(
-                f"{what}, then /opt/piezod/bin/pip install the wheel of piezod",
-                param_hint="--piezod",
-            )
+            raise typer.BadParameter(f"{part}: {why}; {ELSEWHERE}", param_hint="--piezod")
 
 
 def _print_files(what: str, files: list[Path], commands: tuple[str, ...], *, json: bool) -> None:

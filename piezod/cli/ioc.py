@@ -45,6 +45,7 @@ def ioc(
     """
     from ipaddress import IPv4Address
 
+    from piezod.cli.limited_report import LimitedReport
     from piezod.client.places import find_socket, running_stages
     from piezod.errors import NotRunningError
     from piezod.ioc.server import Plan, serve, write_lists
@@ -64,4 +65,4 @@ def ioc(
         for file in write_lists(plan, write):
             typer.echo(f"written: {file}")
         return
-    serve(plan, announce=typer.echo, report=lambda text: typer.echo(text, err=True))
+    serve(plan, announce=typer.echo, report=LimitedReport())

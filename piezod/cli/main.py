@@ -105,6 +105,8 @@ def run() -> None:
     _require_utf8()
     # The matrices of a fit are small, and several threads would mostly wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Whatever the umask is, no other user may write what piezod makes.
+    os.umask(os.umask(0o077) | 0o002)
     # pydantic would search all installed packages for plugins; our models need none.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Otherwise Python visits every object once more at its end, a tenth of a short command.

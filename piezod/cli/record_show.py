@@ -26,8 +26,8 @@ def show(
     from piezod.cli.output import new_console, print_json
     from piezod.cli.record_show_view import as_document, print_summary
     from piezod.errors import DataError
+    from piezod.records.opened import is_hdf5
     from piezod.records.summary import summary_of
-    from piezod.records.telemetry_reader import is_hdf5
 
     with local_file(recording, stage, socket) as file:
         if not is_hdf5(file):

@@ -1,15 +1,15 @@
 """Text and document of `piezod record show`."""
 
-import json
 from collections.abc import Iterator
 from math import isnan
 from pathlib import Path
+from typing import Any
 
-import yaml
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from piezod.config.yaml_loader import parse_yaml
 from piezod.records.summary import Summary, UsedModel
 
 
@@ -34,7 +34,7 @@ def as_document(recording: Path, size_bytes: int, summary: Summary) -> dict[str,
         "states_s": summary.states,
         "errors": [each._asdict() for each in summary.errors],
         "faults": [each._asdict() for each in summary.faults],
-        "configuration": json.loads(header.notes.get("configuration", "null")),
+        "configuration": header.configuration(),
         "models": [each._asdict() for each in summary.models],
         "events": [each._asdict() for each in summary.events],
     }
@@ -85,7 +85,7 @@ def _lines(recording: Path, size_bytes: int, summary: Summary) -> Iterator[tuple
     invalid = (f"{axis}, {count} samples invalid" for axis, count in summary.invalid.items())
     yield "axes", "; ".join(invalid)
     yield "states", ", ".join(f"{name} {time_s:.1f} s" for name, time_s in summary.states.items())
-    yield "configuration", _title(header.notes.get("configuration", ""))
+    yield "configuration", _title(header.configuration())
     for model in summary.models:
         since = "" if isnan(model.since_s) else f", adopted at {model.since_s:.3f} s"
         yield f"model {model.axis}", f"{_model_text(model)}{since}"
@@ -106,17 +106,19 @@ def _duration(duration_s: float) -> str:
     return f"{hours} h {minutes} min {seconds:.0f} s" if hours else f"{minutes} min {seconds:.0f} s"
 
 
-def _title(configuration: str) -> str:
-    if not configuration:
+def _title(document: dict[str, Any] | None) -> str:
+    if document is None:
         return "not in the file"
-    document = json.loads(configuration)
-    devices = ", ".join(f"{name} ({each['driver']})" for name, each in document["devices"].items())
+    found = document.get("devices", {}).items()
+    devices = ", ".join(f"{name} ({each.get('driver')})" for name, each in found)
     return "; ".join(filter(None, (document.get("title"), f"devices {devices}")))
 
 
 def _model_text(model: UsedModel) -> str:
-    document = yaml.safe_load(model.text)
-    return f"{document['method']} of {document['source']['file']}, {document['created_at']}"
+    document = parse_yaml(model.text, f"model of axis {model.axis} in the recording").data
+    source = document.get("source")
+    file = source.get("file") if isinstance(source, dict) else None
+    return f"{document.get('method')} of {file}, {document.get('created_at')}"
 
 
 def _error_table(summary: Summary) -> Table:

@@ -106,7 +106,8 @@ def read_part(
     from math import inf
 
     from piezod.errors import DataError
-    from piezod.records.telemetry_reader import is_hdf5, read_telemetry
+    from piezod.records.opened import is_hdf5
+    from piezod.records.telemetry_reader import read_telemetry
 
     if not is_hdf5(file):
         raise DataError(f"{file}: this is not an HDF5 file; needed is one of `piezod record get`")

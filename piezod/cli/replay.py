@@ -113,14 +113,14 @@ def _recorded_axis(
     """
     from piezod.errors import DataError
 
-    notes = telemetry.header.notes
-    if "configuration" not in notes:
-        raise DataError(f"{recording}: the file has no configuration of the stage")
+    document = telemetry.header.configuration()
+    drivers = [each.get("driver") for each in (document or {}).get("devices", {}).values()]
+    if document is None or axis not in document.get("axes", {}) or not all(drivers):
+        raise DataError(f"{recording}: the file has no configuration of the stage with axis {axis}")
 
     from piezod.control.law.model_files import read_model
     from piezod.daemon import accepted_config
 
-    document = json.loads(notes["configuration"])
     with TemporaryDirectory(prefix="piezod-") as folder:
         for name, each in document["axes"].items():
             each.pop("model", None)  # its path may lead to another model by now

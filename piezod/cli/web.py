@@ -46,4 +46,8 @@ def web(
     if (certificate is None) != (key is None):
         raise typer.BadParameter("--certificate and --key need each other")
     encryption = Certificate(certificate, key) if certificate and key else None
-    serve(WebPlan(host, port, encryption, tokens), announce=typer.echo)
+    serve(
+        WebPlan(host, port, encryption, tokens),
+        announce=typer.echo,
+        warn=lambda text: typer.echo(f"! {text}", err=True),
+    )

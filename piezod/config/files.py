@@ -4,6 +4,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
@@ -12,11 +13,16 @@ from pydantic import BeforeValidator, ValidationInfo
 from piezod.config.fields import Context, Quantity, broken_rule, context_of
 from piezod.config.messages import show, suggest
 from piezod.config.scalars import NUMBER
+from piezod.errors import DataError
+from piezod.given_file import open_given
+from piezod.service_view import service_hint
 
 TIME_COLUMN: Final = "t_s"
 # Points closer than this count as one instant with two values: no line joins them.
 MIN_STEP_S: Final = 1e-6
 MAX_POINTS: Final = 1_000_000
+MAX_POINTS_BYTES: Final = 256_000_000
+MAX_COLUMNS: Final = 1000
 MAX_VALUE: Final = 1e6
 
 Point: TypeAlias = tuple[float, float]
@@ -51,7 +57,8 @@ def existing_file(value: object, context: Context) -> Path:
     except (OSError, ValueError):
         exists = False
     if not exists:
-        raise broken_rule(f"no such file in {folder.absolute()} (got {show(value)})")
+        hint = service_hint(folder.absolute() / value)
+        raise broken_rule(f"no such file in {folder.absolute()} (got {show(value)}){hint}")
     path = folder / value
     context.named_files[str(path.absolute())] = digest(path)
     return path
@@ -81,8 +88,10 @@ def read_points(path: Path, column: str) -> tuple[Point, ...]:
         ValueError: If the file breaks a rule; the text names the file and the line.
     """
     try:
-        with path.open(encoding="utf-8-sig") as stream:
+        with TextIOWrapper(open_given(path, MAX_POINTS_BYTES), encoding="utf-8-sig") as stream:
             points = _points(_rows(stream), column)
+    except DataError as error:
+        raise ValueError(str(error)) from error
     except (OSError, UnicodeError) as error:
         raise ValueError(f"{path} cannot be read: {error}") from error
     except ValueError as error:
@@ -104,6 +113,8 @@ def _rows(lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
 
 def _points(rows: Iterator[tuple[int, list[str]]], column: str) -> tuple[Point, ...]:
     _, names = next(rows, (1, []))
+    if len(names) > MAX_COLUMNS:
+        raise ValueError(f"1: too many columns ({len(names)}), allowed: at most {MAX_COLUMNS}")
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"1: column {name!r} appears {names.count(name)} times")

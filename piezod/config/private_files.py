@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from piezod.errors import PiezodError
+from piezod.given_file import read_given
 
 SHORTEST: Final = 20
 """Least number of characters of a token; a shorter one can be guessed."""
+
+_MOST_BYTES: Final = 65_536
 
 
 def check_private(file: Path) -> Path:
@@ -33,7 +36,7 @@ def read_token(file: Path) -> str:
         PiezodError: If the file is not private, or there is no token in it.
         OSError: If the file cannot be read.
     """
-    token = check_private(file).read_text(encoding="utf-8", errors="replace").strip()
+    token = read_given(check_private(file), _MOST_BYTES).decode(errors="replace").strip()
     return checked_token(token, str(file))
 
 

@@ -8,7 +8,8 @@ from typing import Final
 import yaml
 
 from piezod.config.document import SourcePlace
-from piezod.errors import ConfigError, Problem
+from piezod.errors import ConfigError, DataError, Problem
+from piezod.given_file import read_given
 
 MAX_BYTES: Final = 256 * 1024
 
@@ -29,14 +30,13 @@ def read_text(path: Path) -> str:
         ConfigError: If it cannot be read, is too large, or is not UTF-8.
     """
     try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)  # one byte more shows that the file is too large
+        raw = read_given(path, MAX_BYTES)
+    except DataError as error:
+        what = str(error).removeprefix(f"{path}: ")
+        raise ConfigError(Problem(str(path), 0, 0, "", what)) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ConfigError(Problem(str(path), 0, 0, "", f"cannot be read: {reason}")) from error
-    if len(raw) > MAX_BYTES:
-        what = f"the file is too large, allowed: at most {MAX_BYTES} bytes"
-        raise ConfigError(Problem(str(path), 0, 0, "", what))
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

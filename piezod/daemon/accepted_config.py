@@ -73,7 +73,7 @@ def parsed(text: str, source: Path) -> DaemonConfig:
         ConfigError: If it is not valid.
     """
     found = parse_yaml(text, str(source))
-    drivers = _KeptDrivers([device["driver"] for device in found.data["devices"].values()])
+    drivers = _KeptDrivers([device["driver"] for device in found.data.get("devices", {}).values()])
     return validate(found, DaemonConfig, Context(source.parent, drivers))
 
 

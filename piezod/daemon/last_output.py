@@ -50,7 +50,8 @@ class LastOutputWriter:
 
     def __init__(self, path: Path, axes: int) -> None:
         size = 8 * (1 + _WORDS_PER_AXIS * axes)
-        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        file = os.open(path, flags, 0o600)
         try:
             # The voltages of an earlier run are kept: this one may die before its first write.
             kept = os.fstat(file).st_size == size

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.errors import ConfigError, Problem
+from piezod.own_folder import make_folder
 
 # The address of a unix socket has 108 bytes, the last of which is zero.
 LONGEST_SOCKET_PATH: Final = 107
@@ -109,20 +110,20 @@ class StagePaths(NamedTuple):
                 is too long.
         """
         for folder in (self.runtime, self.state):
-            make_folder(folder)
+            make_private_folder(folder)
         if len(os.fsencode(self.api_socket)) > LONGEST_SOCKET_PATH:
             what = f"too long for a socket, allowed: {LONGEST_SOCKET_PATH} bytes; "
             remedy = "set XDG_RUNTIME_DIR to a shorter path"
             raise OSError(errno.ENAMETOOLONG, what + remedy, str(self.api_socket))
 
 
-def make_folder(folder: Path) -> None:
+def make_private_folder(folder: Path) -> None:
     """Make a folder for this user only; an existing one keeps its mode.
 
     Raises:
         OSError: If it cannot be made or belongs to another user.
     """
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_folder(folder)
     # The parent too: a user who may write there could replace the folder.
     _check_owner(folder.parent)
     _check_owner(folder)
@@ -178,5 +179,7 @@ def _check_owner(folder: Path) -> None:
     # With the sticky bit, as in /tmp, others cannot replace what is not theirs.
     shared = found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX
     if not stat.S_ISDIR(found.st_mode) or found.st_uid not in (os.getuid(), 0) or shared:
-        what = "must be a folder of this user that no other user may write to; remove it"
+        own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
+        remedy = f"`chmod o-w {folder}`" if own else "move it away, or ask its owner"
+        what = f"must be a folder of this user that no other user may write to: {remedy}"
         raise PermissionError(errno.EACCES, what, str(folder))

@@ -7,13 +7,13 @@ replaces that by the present command.
 import errno
 import grp
 import os
-import stat
 import subprocess
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Final
 
 from piezod.records.atomic import replacing
+from piezod.service_view import why_hidden
 
 TARGETS: Final = {
     "piezod@.service": Path("usr/lib/systemd/system/piezod@.service"),
@@ -27,11 +27,14 @@ TARGETS: Final = {
 PACKAGED: Final = "/usr/bin/piezod"
 SERIAL_GROUPS: Final = ("dialout", "uucp")
 """Names of the group of serial ports; the first one is in the shipped file, Arch has the second."""
+ELSEWHERE: Final = (
+    "install piezod elsewhere: python3 -m venv /opt/piezod, then /opt/piezod/bin/pip install the "
+    "wheel of piezod"
+)
+"""What to do if the service cannot reach the command."""
 _UNITS: Final = ("piezod@*.service", "piezod-web.service", "piezod-ioc.service")
 _WANTED: Final = Path("/etc/systemd/system")
 """`systemctl list-unit-files` does not list enabled instances of a unit."""
-_HIDDEN: Final = (Path("/home"), Path("/root"), Path("/run/user"))
-"""Folders that ProtectHome= of the unit hides."""
 
 
 def install(source: Path, root: Path, command: Path) -> list[Path]:
@@ -49,7 +52,7 @@ def install(source: Path, root: Path, command: Path) -> list[Path]:
         OSError: If one cannot be written.
         ValueError: If a unit cannot have that command, or its service could not run it.
     """
-    _check_command(command)
+    check_command(command)
     # Read all before the first is written: a missing file must not leave half an installation.
     texts = {name: (source / name).read_text(encoding="utf-8") for name in TARGETS}
     for unit in (name for name in TARGETS if name.endswith(".service")):
@@ -111,19 +114,15 @@ def check_root(root: Path) -> None:
         raise PermissionError(errno.EACCES, what, str(root / TARGETS["piezod@.service"].parent))
 
 
-def why_unreachable(path: Path) -> str:
-    """Return why the user of the service could not run a file of this machine, or ""."""
-    real = path.resolve()
-    for folder in real.parents:  # each of them needs the x permission for others
-        if folder in _HIDDEN:
-            return f"the service sees nothing below {folder}"
-        if folder.exists() and not folder.stat().st_mode & stat.S_IXOTH:
-            return f"{folder} is closed to other users"
-    return ""
+def check_command(command: Path) -> None:
+    """Check that a unit can have a command, and that its service would see it.
 
-
-def _check_command(command: Path) -> None:
+    Raises:
+        ValueError: If not; the text has the remedy.
+    """
     # Any other character would need quotes in a unit.
     text = str(command)
     if not command.is_absolute() or any(not (c.isalnum() or c in "/._-+@") for c in text):
         raise ValueError(f"must be an absolute path of letters, digits and /._-+@ (got {text!r})")
+    if why := why_hidden(command):
+        raise ValueError(f"{text}: {why}; {ELSEWHERE}")

@@ -1,6 +1,6 @@
 """Checks whether a file of any kind can be used."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -23,6 +23,7 @@ from piezod.control.law.trim_gains import margins_text
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
 from piezod.experiment.warnings import rate_warnings
+from piezod.service_view import SERVICES, who_may_change, why_hidden
 
 _EXPERIMENT_KEYS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()
 _RESPONSE_KEYS: Final = (
@@ -70,15 +71,25 @@ def check_file(path: Path) -> Checked:
         described = _DESCRIBE[kind](path)
     except ConfigError as error:
         return Checked(kind, "", error)
-    return Checked(kind, described.contents, None, described.warnings, described.margins)
+    warnings = (*described.warnings, *_open_files(path, described.named))
+    return Checked(kind, described.contents, None, warnings, described.margins)
+
+
+def _open_files(path: Path, named: Iterable[str]) -> Iterator[str]:
+    """Yield what to know about the places of a file and of those that it names."""
+    files = [path, *map(Path, named)]
+    yield from dict.fromkeys(each for file in files for each in who_may_change(file))
+    if SERVICES in path.absolute().parents:
+        yield from (f"{file}: {why}" for file in files if (why := why_hidden(file.absolute())))
 
 
 class _Description(NamedTuple):
-    """Summary of a file, its warnings, and the margins in it."""
+    """Summary of a file, its warnings, the margins in it, and the files that it names."""
 
     contents: str
     warnings: tuple[str, ...] = ()
     margins: tuple[str, ...] = ()
+    named: tuple[str, ...] = ()
 
 
 def _kind(path: Path) -> FileKind:
@@ -120,7 +131,8 @@ def _describe_experiment(path: Path) -> _Description:
 
 
 def _describe_stage(path: Path) -> _Description:
-    config = load_daemon(path, registry)
+    named: dict[str, str] = {}
+    config = load_daemon(path, registry, named)
     try:
         check_stage(config)
     except (DataError, ModelError) as error:
@@ -134,7 +146,7 @@ def _describe_stage(path: Path) -> _Description:
         *_without_model(config.axes),
         *_unknown_modes(config.axes, config.rate_hz),
     )
-    return _Description(contents, warnings, _margins(config.axes, config.rate_hz))
+    return _Description(contents, warnings, _margins(config.axes, config.rate_hz), tuple(named))
 
 
 def _without_model(axes: Mapping[str, AxisConfig]) -> tuple[str, ...]:

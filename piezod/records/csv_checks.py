@@ -14,6 +14,7 @@ MAX_STEP_PERIODS: Final = 1.5
 
 FIRST_DATA_LINE: Final = 2
 """Line of the first sample, counted from 1; the header is above it."""
+_MOST_SHOWN: Final = 300
 
 
 def check_finite(path: Path, table: FloatArray, names: Sequence[str]) -> None:
@@ -94,6 +95,11 @@ def counted(number: int, noun: str) -> str:
         noun: The noun in the singular.
     """
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def shortened(text: str) -> str:
+    """Return a text from a file, cut to a length that a message can have."""
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]} …"
 
 
 def fail(path: Path, line: int, what: str, allowed: str, remedy: str) -> NoReturn:

@@ -8,6 +8,7 @@ from typing import Final, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from piezod.given_file import read_given
 from piezod.records.atomic import replacing
 from piezod.records.csv_checks import (
     FIRST_DATA_LINE,
@@ -17,6 +18,7 @@ from piezod.records.csv_checks import (
     check_varies,
     counted,
     fail,
+    shortened,
 )
 from piezod.records.frozen import FloatArray
 
@@ -25,6 +27,11 @@ MIN_SAMPLES: Final = 100
 
 _MUST_VARY: Final = ("drive_v", "position_um")
 _HEADER_LINE: Final = 1
+MOST_BYTES: Final = 512_000_000
+"""Largest size of a file: 20 million samples of a usual record."""
+LONGEST_LINE: Final = 65_536
+"""Longest line, in bytes."""
+MOST_COLUMNS: Final = 1000
 
 
 def read_csv(
@@ -109,7 +116,8 @@ def _texts(column: npt.ArrayLike) -> list[str]:
 
 
 def _lines(path: Path) -> list[str]:
-    raw = path.read_bytes()
+    raw = read_given(path, MOST_BYTES)
+    _check_lines(path, raw)
     try:
         text = raw.decode("utf-8-sig")  # spreadsheets put a byte order mark first
     except UnicodeDecodeError as error:
@@ -120,15 +128,41 @@ def _lines(path: Path) -> list[str]:
     while lines and not lines[-1].strip():
         lines.pop()
     if '"' in text:
-        lines = [",".join(fields) for fields in csv.reader(lines)]
+        lines = _unquoted(path, lines)
     if not lines:
         remedy = "begin with a line such as t_s,drive_v,position_um"
         fail(path, _HEADER_LINE, "the file is empty", "allowed is a header and samples", remedy)
     return lines
 
 
+def _unquoted(path: Path, lines: list[str]) -> list[str]:
+    rows = csv.reader(lines)
+    try:
+        return [",".join(fields) for fields in rows]
+    except csv.Error as error:
+        remedy = "delete the quotation marks"
+        fail(path, rows.line_num, str(error), "allowed are quotation marks in pairs", remedy)
+
+
+def _check_lines(path: Path, raw: bytes) -> None:
+    """Refuse a line that is too long, before it is split."""
+    begin = 0
+    while len(raw) - begin > LONGEST_LINE:
+        end = max(raw.rfind(sign, begin, begin + LONGEST_LINE + 1) for sign in (b"\n", b"\r"))
+        if end < begin:
+            line = raw[:begin].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
+            what = f"the line has more than {LONGEST_LINE} bytes"
+            remedy = f"write one row per sample, with at most {MOST_COLUMNS} columns"
+            fail(path, line, what, f"allowed are {LONGEST_LINE}", remedy)
+        begin = end + 1
+
+
 def _check_header(path: Path, header: list[str], required: Sequence[str]) -> None:
-    found = "found " + ", ".join(repr(name) for name in header)
+    if len(header) > MOST_COLUMNS:
+        what = f"the header has {len(header)} columns"
+        remedy = f"keep those that are needed: {', '.join(required)}"
+        fail(path, _HEADER_LINE, what, f"allowed are {MOST_COLUMNS}", remedy)
+    found = "found " + shortened(", ".join(repr(name) for name in header))
     repeated = sorted({name for name in header if header.count(name) > 1})
     if repeated:
         what = f"column {repeated[0]!r} appears {header.count(repeated[0])} times"
@@ -192,7 +226,7 @@ def _fail_not_numeric(
     path: Path, index: int, row: str, header: list[str], required: Sequence[str]
 ) -> NoReturn:
     name = next(name for name in required if not _is_number(row, header.index(name)))
-    text = row.split(",")[header.index(name)].strip()
+    text = shortened(row.split(",")[header.index(name)].strip())
     what = f"{name} is {text!r}" if text else f"{name} is empty"
     remedy = "correct or delete the row"
     fail(path, index + FIRST_DATA_LINE, what, "allowed is a number such as -1.25e-3", remedy)

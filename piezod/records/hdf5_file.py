@@ -30,7 +30,7 @@ from piezod.errors import DataError
 from piezod.records.atomic import replacing
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import new_group
-from piezod.records.opened import damage_is_an_error
+from piezod.records.opened import MOST_READ_BYTES, damage_is_an_error, open_recording
 from piezod.records.recording import (
     COLUMN_NAMES,
     FIT_COLUMN_NAMES,
@@ -97,10 +97,11 @@ def read_hdf5(path: Path) -> ExperimentResult:
 
     Raises:
         DataError: If the file has another layout.
-        OSError: If the file cannot be opened, or is not HDF5.
+        OSError: If the file cannot be opened.
     """
-    with h5py.File(path, "r") as file, damage_is_an_error(path):
+    with open_recording(path) as file, damage_is_an_error(path):
         try:
+            _check_room(file)
             return _read_entry(file[_ENTRY])
         except KeyError as error:
             raise DataError(
@@ -183,6 +184,16 @@ def _write_attributes(group: h5py.Group, name: str, values: Mapping[str, float |
     collection = new_group(group, name, "NXcollection")
     for key, value in values.items():
         collection.attrs[key] = value
+
+
+def _check_room(file: h5py.File) -> None:
+    sizes: list[int] = []
+    file.visititems(
+        lambda _, each: sizes.append(each.nbytes) if isinstance(each, h5py.Dataset) else None
+    )
+    if sum(sizes) > MOST_READ_BYTES:
+        what = f"its data need {sum(sizes) / 1e9:.1f} GB"
+        raise DataError(f"{what}; allowed: {MOST_READ_BYTES / 1e9:.0f} GB; use an HDF5 viewer")
 
 
 def _read_entry(entry: h5py.Group) -> ExperimentResult:

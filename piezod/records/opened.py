@@ -1,16 +1,30 @@
-"""Opens HDF5 files of unknown condition: a file in progress, a finished one, a damaged one."""
+"""Opens HDF5 files of unknown condition: a file in progress, a finished, damaged or hostile one."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import h5py
 
+from piezod import bounds
 from piezod.errors import DataError
+from piezod.given_file import open_given
+from piezod.records.hdf5_structure import check_structure
+from piezod.records.repair import HDF5_MAGIC
 
+MOST_FILE_BYTES: Final = 100_000_000_000
+MOST_READ_BYTES: Final = 4_000_000_000
+"""Largest size of what is read at once."""
+LOOK_WITHIN_S: Final = 30
+"""Longest time for a look through a file, in s."""
+_LOOK: Final = "piezod.records.look"
+_REMEDY: Final = "take another copy of it, or record again"
 _WRITER_FLAGS: Final = 11
 """The byte of the superblock, version 3, in which a writer notes that it is at work."""
+_FIRST_USER_BLOCK: Final = 512
 _DAMAGE: Final = (
     ArithmeticError,
     AttributeError,
@@ -23,22 +37,58 @@ _DAMAGE: Final = (
 """What h5py raises, beside OSError, if a part is missing or has another type or an absurd size."""
 
 
+def is_hdf5(path: Path) -> bool:
+    """Return whether a file is in the format of recordings; a missing file is not.
+
+    Raises:
+        DataError: If it is no regular file.
+        OSError: If it cannot be read.
+    """
+    try:
+        with open_given(path, MOST_FILE_BYTES) as file:
+            end, place = file.seek(0, 2), 0
+            while place < end:  # HDF5 may begin behind a block of the user, whose size doubles
+                file.seek(place)
+                if file.read(len(HDF5_MAGIC)) == HDF5_MAGIC:
+                    return True
+                place = 2 * place or _FIRST_USER_BLOCK
+    except FileNotFoundError:
+        pass
+    return False
+
+
 def open_recording(path: Path, **options: Any) -> h5py.File:
-    """Open a recording, which may be in progress.
+    """Open an HDF5 file for reading, after a look through it; it may be in progress.
+
+    HDF5 may loop for ever, take all memory, or crash on a damaged file. Therefore a process of its
+    own looks first, with bounds of time and memory; it takes 0.15 s. A process that has such bounds
+    itself does without.
 
     Args:
         path: Path of the file.
         **options: Further options of `h5py.File`.
 
     Raises:
-        OSError: If the file cannot be opened, or is not HDF5.
+        DataError: If it is no regular file, too large, damaged, or leads out of itself.
+        OSError: If there is no such file, or it may not be read.
     """
-    with path.open("rb") as file:
+    with open_given(path, MOST_FILE_BYTES) as file:
         superblock = file.read(_WRITER_FLAGS + 1)
     # Beside a writer, HDF5 reads metadata with a wrong checksum again and again, for hours. In a
     # finished file they are damaged.
     in_progress = superblock[_WRITER_FLAGS:] not in {b"", b"\0"}
-    return h5py.File(path, "r", swmr=in_progress, libver="v110", **options)
+    if not is_hdf5(path):
+        raise DataError(f"{path}: this is not an HDF5 file; needed is one that piezod wrote")
+    bounded = bounds.is_bounded()
+    if not bounded:
+        _look(path)
+    with damage_is_an_error(path), ExitStack() as stack:
+        opened = h5py.File(path, "r", swmr=in_progress, libver="v110", **options)
+        stack.callback(opened.close)
+        if bounded:
+            check_structure(opened)
+        stack.pop_all()
+    return opened
 
 
 @contextmanager
@@ -46,6 +96,28 @@ def damage_is_an_error(path: Path) -> Iterator[None]:
     """Raise what h5py raises while it reads damaged contents as a DataError with the path."""
     try:
         yield
-    except _DAMAGE as error:
+    except DataError as error:
+        if str(error).startswith(f"{path}: "):
+            raise
+        raise DataError(f"{path}: {error}") from error
+    except (OSError, *_DAMAGE) as error:
+        if isinstance(error, OSError) and error.errno:
+            raise  # of the disk; h5py's own has no number
         what = str(error) or type(error).__name__
         raise DataError(f"{path}: it is damaged, or another program wrote it: {what}") from error
+
+
+def _look(path: Path) -> None:
+    command = [sys.executable, "-m", _LOOK, str(path)]
+    nothing, pipe = subprocess.DEVNULL, subprocess.PIPE
+    try:
+        done = subprocess.run(  # noqa: S603 - our own interpreter and module
+            command, stdin=nothing, stdout=pipe, stderr=nothing, timeout=LOOK_WITHIN_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        what = f"HDF5 has not found its way through it within {LOOK_WITHIN_S} s"
+        raise DataError(f"{path}: {what}: it is damaged; {_REMEDY}") from None
+    if text := done.stdout.decode(errors="surrogateescape"):
+        raise DataError(text)
+    if done.returncode:
+        raise DataError(f"{path}: HDF5 fails on it, or takes too much memory: damaged; {_REMEDY}")

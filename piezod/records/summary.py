@@ -113,7 +113,7 @@ def summary_of(path: Path) -> Summary:
 
     Raises:
         DataError: If the file is not a recording of a stage.
-        OSError: If the file cannot be opened, or is not HDF5.
+        OSError: If the file cannot be opened.
     """
     counts = _Counts()
     for portion in read_portions(path, columns=_COLUMNS):
@@ -205,7 +205,8 @@ class _Counts:
         invalid = int(np.count_nonzero(~np.isfinite(position_um)))
         self.invalid[axis] = self.invalid.get(axis, 0) + invalid
         error_um = position_um - columns["command_um"]
-        running = portion.cycles["state"] == list(names["state"]).index(_RUN)
+        states = list(names["state"])
+        running = portion.cycles["state"] == (states.index(_RUN) if _RUN in states else -1)
         judged = running & np.isfinite(error_um)
         for number in np.unique(modes[judged]):
             total = self.errors.setdefault((axis, names["mode"][number]), _Error())

@@ -1,7 +1,11 @@
 """Header of the recording of a running stage."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+from piezod.errors import DataError
 
 
 @dataclass(frozen=True)
@@ -36,3 +40,25 @@ class TelemetryHeader:
     descriptions: Mapping[str, str] = field(default_factory=dict)
     bits: Mapping[str, Sequence[str]] = field(default_factory=dict)
     part: int = 1
+
+    def configuration(self) -> dict[str, Any] | None:
+        """Return the configuration of the stage; None if it is not in the file.
+
+        Raises:
+            DataError: If it is no mapping, or its devices or axes are none.
+        """
+        if "configuration" not in self.notes:
+            return None
+        try:
+            document = json.loads(self.notes["configuration"])
+            parts = [document.get(name, {}) for name in ("devices", "axes")]
+            whole = all(isinstance(each, dict) for part in parts for each in (part, *part.values()))
+        except (ValueError, AttributeError, RecursionError):
+            whole = False
+        if not whole:
+            raise DataError(
+                "it is damaged, or another program wrote it: its configuration is not that of a "
+                "stage, with devices and axes; take another copy of it, or record again"
+            )
+        found: dict[str, Any] = document
+        return found

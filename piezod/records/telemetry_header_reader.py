@@ -2,8 +2,10 @@
 
 import h5py
 
+from piezod.errors import DataError
 from piezod.records.nexus import axis_names
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.telemetry_layout import Named
 
 
 def read_header(entry: h5py.Group) -> TelemetryHeader:
@@ -20,18 +22,16 @@ def read_header(entry: h5py.Group) -> TelemetryHeader:
         if name != "t_s"
     }
     axes = axis_names(entry)
-    enumerations = {name: h5py.check_enum_dtype(each.dtype) for name, each in fields.items()}
     return TelemetryHeader(
         title=str(entry["title"].asstr()[()]),
         axes=axes,
         rate_hz=float(entry.attrs["rate_hz"]),
         started_at=str(entry["start_time"].asstr()[()]),
         start_ns=int(entry.attrs["start_ns"]),
-        names={
-            name: tuple(sorted(numbers, key=numbers.__getitem__))
-            for name, numbers in enumerations.items()
-            if numbers and set(numbers) != {"FALSE", "TRUE"}  # h5py stores bool as such an enum
-        },
+        names=Named(
+            "names of",
+            {name: numbers for name, each in fields.items() if (numbers := names_of_numbers(each))},
+        ),
         notes={
             name: str(group["data"].asstr()[()])
             for name, group in entry.items()
@@ -60,3 +60,18 @@ def read_header(entry: h5py.Group) -> TelemetryHeader:
         },
         part=int(entry.attrs.get("part", 1)),
     )
+
+
+def names_of_numbers(dataset: h5py.Dataset) -> tuple[str, ...]:
+    """Return the names of the numbers of a column, from that of 0; none of a plain column.
+
+    Raises:
+        DataError: If a number between 0 and the last one has no name.
+    """
+    numbers = h5py.check_enum_dtype(dataset.dtype)
+    if not numbers or set(numbers) == {"FALSE", "TRUE"}:  # h5py stores bool as such an enum
+        return ()
+    names = tuple(sorted(numbers, key=numbers.__getitem__))
+    if [numbers[name] for name in names] != list(range(len(names))):
+        raise DataError(f"it is damaged: the numbers of {dataset.name} are not 0, 1, 2, …")
+    return names

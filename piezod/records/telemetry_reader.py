@@ -15,10 +15,17 @@ from piezod.errors import DataError
 from piezod.records.nexus import CHUNK_CACHE_BYTES, axis_names
 from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.recording import Recording
-from piezod.records.telemetry_columns import ENTRY, FORMS
+from piezod.records.telemetry_columns import FORMS
 from piezod.records.telemetry_events import AdoptedModel, read_events, read_models
 from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_header_reader import read_header
+from piezod.records.telemetry_header_reader import names_of_numbers, read_header
+from piezod.records.telemetry_layout import (
+    Named,
+    check_numbers,
+    check_room,
+    check_time,
+    stage_entry,
+)
 from piezod.telemetry.record import StageEvent
 
 _PORTION: Final = 2**15
@@ -131,11 +138,6 @@ class RecordedTelemetry:
         return self.header.names["mode"][int(found[0])] if found.size == 1 else "mixed"
 
 
-def is_hdf5(path: Path) -> bool:
-    """Return whether a file is in the format of recordings; a missing file is not."""
-    return bool(h5py.is_hdf5(path))
-
-
 def read_telemetry(
     path: Path,
     begin_s: float = -inf,
@@ -152,7 +154,7 @@ def read_telemetry(
 
     Raises:
         DataError: If the file is not a recording of a stage.
-        OSError: If the file cannot be opened, or is not HDF5.
+        OSError: If the file cannot be opened.
     """
     with _opened(path) as entry:
         return _read(entry, _rows(entry, begin_s, end_s), (begin_s, end_s), columns)
@@ -181,15 +183,7 @@ def read_portions(
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.Group]:
     with open_recording(path, rdcc_nbytes=CHUNK_CACHE_BYTES) as file, damage_is_an_error(path):
-        try:
-            entry = file[ENTRY]
-            _ = [entry[name] for name in ("cycles", "gaps")]
-        except KeyError as error:
-            raise DataError(
-                f"{path}: this is not the recording of a stage, which `piezod record` makes. "
-                "Open other files, as those of experiments, with an HDF5 viewer"
-            ) from error
-        yield entry
+        yield stage_entry(file)
 
 
 def _read(
@@ -215,8 +209,19 @@ def _read_columns(
     entry: h5py.Group, rows: slice, names: Collection[str] | None
 ) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, NDArray[Any]]]]:
     """Return rows of the columns of the cycles, and of those of each axis."""
-    axes = {axis: _columns(entry[f"axis_{axis}"], rows, names) for axis in axis_names(entry)}
-    return _columns(entry["cycles"], rows, names), axes
+    groups = {axis: entry[f"axis_{axis}"] for axis in axis_names(entry)}
+    chosen = [
+        dataset
+        for group in (entry["cycles"], *groups.values())
+        for name, dataset in group.items()
+        if names is None or name in names
+    ]
+    check_room(chosen, rows.stop - rows.start)
+    axes: dict[str, dict[str, NDArray[Any]]] = {
+        axis: Named(f"column of axis {axis}", _columns(group, rows, names))
+        for axis, group in groups.items()
+    }
+    return Named("column", _columns(entry["cycles"], rows, names)), axes
 
 
 def _rows(entry: h5py.Group, begin_s: float, end_s: float) -> slice:
@@ -228,7 +233,9 @@ def _weights(entry: h5py.Group, axis: str, begin_s: float, end_s: float) -> dict
     group = entry.get(f"weights_{axis}")
     if group is None:
         return {name: np.empty((0, 0) if name == "weights" else 0) for name in _WEIGHTS}
-    found = _columns(group, _part("weights_t_s", [group], begin_s, end_s))
+    part = _part("weights_t_s", [group], begin_s, end_s)
+    check_room(group.values(), part.stop - part.start)
+    found = _columns(group, part)
     # Files from before a recording noted the form of each row have that of the start.
     form = FORMS["surface" if group.attrs.get("surface", False) else "stops"]
     return {"weights_form": np.full(found["weights_t_s"].size, form, "u1")} | found
@@ -237,13 +244,20 @@ def _weights(entry: h5py.Group, axis: str, begin_s: float, end_s: float) -> dict
 def _part(time: str, groups: Sequence[h5py.Group], begin_s: float, end_s: float) -> slice:
     # A write in progress, or an interrupted one, leaves columns of different lengths.
     size = min(len(dataset) for group in groups for dataset in group.values())
-    begin, end = np.searchsorted(groups[0][time][:size], [begin_s, end_s])
-    return slice(int(begin), int(end))
+    check_room([groups[0][time]], size)
+    t_s = groups[0][time][:size]
+    check_time(t_s)
+    begin, end = np.searchsorted(t_s, [begin_s, end_s])
+    return slice(int(begin), max(int(begin), int(end)))
 
 
 def _columns(
     group: h5py.Group, part: slice, names: Collection[str] | None = None
 ) -> dict[str, NDArray[Any]]:
-    return {
+    found = {
         name: dataset[part] for name, dataset in group.items() if names is None or name in names
     }
+    for name, values in found.items():
+        if (numbers := names_of_numbers(group[name])) and values.dtype.kind != "b":
+            check_numbers(f"{group.name}/{name}", values, len(numbers))
+    return found

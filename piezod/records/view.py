@@ -14,7 +14,7 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.telemetry_columns import ENTRY
+from piezod.records.telemetry_layout import check_time, stage_entry
 
 _TIME: Final = "cycles/t_s"
 _BLOCK_ROWS: Final = 16
@@ -84,15 +84,18 @@ class RecordingView:
 
     Raises:
         DataError: If the file is not a recording of a stage.
-        OSError: If it cannot be opened, or is not HDF5.
+        OSError: If it cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = open_recording(path, rdcc_nbytes=CHUNK_CACHE_BYTES)
-        if f"{ENTRY}/{_TIME}" not in self._file:
+        self._path = path
+        try:
+            with damage_is_an_error(path):
+                self._entry = stage_entry(self._file)
+        except DataError:
             self._file.close()
-            raise DataError(f"{path}: this is not the recording of a stage")
-        self._path, self._entry = path, self._file[ENTRY]
+            raise
         self._block_rows = _BLOCK_ROWS
         self._blocks: dict[str, _Extremes] = {}
         self._lock = Lock()
@@ -128,6 +131,8 @@ class RecordingView:
             begin, end = (self._row_at(time, n_rows, instant_s) for instant_s in (begin_s, end_s))
             instants = self._pieces(_TIME, time, begin, end, points)
             pieces = self._pieces(column, values, begin, end, points)
+            check_time(instants.minimum)
+            check_time(instants.maximum)
         return _buckets(instants, pieces, points)
 
     def _column(self, name: str) -> h5py.Dataset:
@@ -155,7 +160,8 @@ class RecordingView:
         block = int(np.searchsorted(self._extremes(_TIME, time, n_rows).maximum, instant_s))
         start = block * self._block_rows
         inside_s = time[start : min(start + self._block_rows, n_rows)]
-        return start + int(np.searchsorted(inside_s, instant_s))
+        # More rows of the time may be known than this column has.
+        return min(start + int(np.searchsorted(inside_s, instant_s)), n_rows)
 
     def _pieces(
         self, name: str, dataset: h5py.Dataset, begin: int, end: int, points: int
@@ -201,7 +207,7 @@ def view(
 
     Raises:
         DataError: If the file is not a recording of a stage, or has no such column.
-        OSError: If it cannot be opened, or is not HDF5.
+        OSError: If it cannot be opened.
         ValueError: If `points` is below 1.
     """
     status = path.stat()

@@ -14,8 +14,8 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import axis_names
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.telemetry_columns import ENTRY
 from piezod.records.telemetry_events import read_events
+from piezod.records.telemetry_layout import stage_entry
 from piezod.records.telemetry_marks import LATE_PART
 from piezod.records.view import view
 from piezod.telemetry.record import StageEvent
@@ -105,10 +105,9 @@ def contents(path: Path) -> Contents:
 
     Raises:
         DataError: If the file is not a recording of a stage.
-        OSError: If it cannot be opened, or is not HDF5.
+        OSError: If it cannot be opened.
     """
-    with _opened(path) as file:
-        entry = file[ENTRY]
+    with _opened(path) as entry:
         t_s = entry["cycles/t_s"]
         t_s.refresh()
         rows = len(t_s)
@@ -146,10 +145,9 @@ def marks(path: Path, axis: str, begin_s: float = -inf, end_s: float = inf) -> t
 
     Raises:
         DataError: If the file is not a recording of a stage, or has no such axis.
-        OSError: If it cannot be opened, or is not HDF5.
+        OSError: If it cannot be opened.
     """
-    with _opened(path) as file:
-        entry = file[ENTRY]
+    with _opened(path) as entry:
         rate_hz = float(entry.attrs["rate_hz"])
         lost = _lost(entry)
         start_ns, events = int(entry.attrs["start_ns"]), read_events(entry)
@@ -202,13 +200,13 @@ def loop(
 
     Raises:
         DataError: If the file is not a recording of a stage, or has no such axis.
-        OSError: If it cannot be opened, or is not HDF5.
+        OSError: If it cannot be opened.
         ValueError: If `points` is below 4.
     """
     if points < _PICKS:
         raise ValueError(f"points must be {_PICKS} or more (got {points})")
-    with _opened(path) as file:
-        group = _axis_group(file[ENTRY], axis)
+    with _opened(path) as entry:
+        group = _axis_group(entry, axis)
         columns = [group[name] for name in ("t_s", "in_force_v", "position_um")]
         for column in columns:
             column.refresh()
@@ -226,11 +224,9 @@ def loop(
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
+def _opened(path: Path) -> Iterator[h5py.Group]:
     with open_recording(path) as file, damage_is_an_error(path):
-        if f"{ENTRY}/cycles/t_s" not in file:
-            raise DataError(f"{path}: this is not the recording of a stage")
-        yield file
+        yield stage_entry(file)
 
 
 def _axis_group(entry: h5py.Group, axis: str) -> h5py.Group:

@@ -98,7 +98,7 @@ def attach(path: Path, *, writable: bool = False) -> SharedMap:
         MapError: If it is another file, or one of another version of piezod.
     """
     flags = os.O_RDWR if writable else os.O_RDONLY
-    file = os.open(path, flags | os.O_CLOEXEC)
+    file = os.open(path, flags | os.O_CLOEXEC | os.O_NOFOLLOW)
     try:
         size = os.fstat(file).st_size
         access = mmap.PROT_READ | (mmap.PROT_WRITE if writable else 0)

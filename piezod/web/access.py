@@ -14,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from piezod.config.endpoints import Role
 from piezod.config.origins import host_name, is_own_host, is_same_origin
 from piezod.config.private_files import kept_token
+from piezod.own_folder import make_folder
 
 METRICS: Final = "/metrics"
 API: Final = ("/v1/", "/stages/")
@@ -65,7 +66,7 @@ def kept_tokens(folder: Path) -> Tokens:
         PiezodError: If other users can read a token, or a file has none.
         OSError: If a file can be neither read nor made.
     """
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_folder(folder)
     return Tokens(*(kept_token(folder / name) for name in Tokens._fields))
 
 

@@ -12,6 +12,7 @@ from typing import Final
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.types import Receive, Scope, Send
 
+from piezod.bounds import bound_other
 from piezod.web.connected import while_connected
 from piezod.web.errors import NOT_FOUND, PageError
 from piezod.web.job_commands import RECORDING
@@ -19,6 +20,9 @@ from piezod.web.stages import Stages
 
 MEDIA_TYPES: Final = {"csv": "text/csv", "parquet": "application/vnd.apache.parquet"}
 """The formats of a table, which are the endings of its file, and their media types."""
+MOST_BYTES: Final = 4_000_000_000
+"""Most address space of the command; Parquet reserves more of it than it uses."""
+MOST_CPU_S: Final = 3600
 _FOLDER: Final = "piezod-export-"
 _REMEDY: Final = "`piezod export` in a shell has more options"
 
@@ -104,6 +108,7 @@ async def _export(socket: Path, name: str, path: Path) -> None:
         stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE, cwd=path.parent, start_new_session=True,
     )  # fmt: skip
+    bound_other(process.pid, MOST_BYTES, MOST_CPU_S)
     try:
         _, text = await process.communicate()
     finally:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from piezod.client.results import Document
+from piezod.own_folder import make_folder
 from piezod.web.message import Message, MessagePart
 
 MODEL: Final = "model.yaml"
@@ -113,7 +114,7 @@ def learn_command(wanted: Learn, folder: Path) -> list[str]:
     file = folder / "wave.yaml"
     file.write_text(json.dumps({"command_um": wanted.command_um}))
     tables = tables_folder(wanted.stage)
-    tables.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_folder(tables)
     return [
         "play", str(file), "--axis", wanted.axis, "--learn", str(wanted.passes),
         "--interval-us", f"{wanted.interval_us:.10g}", "--settle-s", f"{wanted.settle_s:.10g}",

@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from piezod.bounds import bound_other
 from piezod.client.results import Document
 from piezod.config.yaml_loader import load_yaml
 from piezod.errors import PiezodError
@@ -22,6 +23,9 @@ from piezod.web.errors import PageError
 from piezod.web.job_commands import MODEL, JobMessage, command_of
 from piezod.web.rows import encoded
 
+MOST_BYTES: Final = 6_000_000_000
+"""Most address space of a command; compiled kernels and threads reserve more than they use."""
+MOST_CPU_S: Final = 4 * 3600
 _LONGEST_LINE: Final = 16 * 1024 * 1024
 _MOST_TEXT: Final = 20
 """Lines of text that are kept of what the command prints."""
@@ -106,6 +110,7 @@ class Job:
             env={**os.environ, "PIEZOD_PROGRESS": "json"}, cwd=folder,
             start_new_session=True,  # Ctrl-C reaches this server, which interrupts the command
         )  # fmt: skip
+        bound_other(process.pid, MOST_BYTES, MOST_CPU_S)
         if self._ending:
             self.end()
         output = asyncio.create_task(_all_of(process.stdout))

@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, Self
 
+from piezod.own_folder import make_folder
+
 MOST_BYTES: Final = 4_000_000_000
 """Largest size of all copies together; the newest copy stays even if it is larger."""
 
@@ -42,7 +44,7 @@ class RecordingCache:
         Raises:
             OSError: If the folder cannot be written.
         """
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_folder(path.parent)
         fetch(path)
         self._make_room(path)
         return path

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from piezod.bounds import bound
 from piezod.client import StageClient
 from piezod.client.results import Document
 from piezod.errors import ClientError, DataError, NotRunningError
@@ -22,6 +23,10 @@ from piezod.records.view import view
 from piezod.records.view_parts import contents, loop, marks
 from piezod.web.recording_cache import RecordingCache
 
+MOST_BYTES: Final = 2_000_000_000
+"""Most memory of the process; the extremes of a recording of a day take a tenth of it."""
+WITHIN_S: Final = 120
+"""Most time of the processor for one answer, in s: then nobody waits for it any more."""
 _TRY_OTHER: Final = "choose another recording, or open it with an HDF5 viewer"
 
 
@@ -52,6 +57,9 @@ class RecordingWorker:
         except (DataError, ValueError, OSError) as error:
             self._places.clear()  # a file may have been removed
             return _error("recording", str(error), _TRY_OTHER)
+        except MemoryError:
+            what = f"the recording needs more than {MOST_BYTES / 1e9:.0f} GB of memory"
+            return _error("recording", what, _TRY_OTHER)
         return {"result": as_json(found)}
 
     def _place(self, wanted: Document) -> Path:
@@ -103,6 +111,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, and then this process
     worker = RecordingWorker(RecordingCache.of_user())
     for line in sys.stdin:
+        bound(MOST_BYTES, WITHIN_S)  # the time is that for one answer
         print(json.dumps(worker.answer(json.loads(line))), flush=True)
 
 

@@ -60,21 +60,22 @@ class WebServer(uvicorn.Server):
         yield
 
 
-def serve(plan: WebPlan, announce: Callable[[str], None]) -> None:
+def serve(plan: WebPlan, announce: Callable[[str], None], warn: Callable[[str], None]) -> None:
     """Serve the page and the API until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         plan: What to serve.
         announce: Gets the address, when it can be opened: with the token if it is of this start
             and in no file, otherwise with the name of its file.
+        warn: Gets a warning about the certificate.
 
     Raises:
         PiezodError: If the port is in use, the host is not one of this machine, other computers
             reach it without TLS, or a file cannot be used.
         OSError: If a file cannot be read.
     """
-    if plan.certificate is not None:
-        check_certificate(plan.certificate)
+    if plan.certificate is not None and (warning := check_certificate(plan.certificate)):
+        warn(warning)
     tokens = kept_tokens(plan.tokens) if plan.tokens else None
     with bind(plan.host, plan.port, encrypted=plan.certificate is not None) as endpoint:
         asyncio.run(_serve(endpoint, plan, tokens, announce))

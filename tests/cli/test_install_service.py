@@ -11,7 +11,8 @@ import pytest
 
 from piezod.cli.shipped import shipped
 from piezod.daemon import service_files
-from piezod.daemon.service_files import TARGETS, why_unreachable
+from piezod.daemon.service_files import TARGETS
+from piezod.service_view import why_unreachable
 from tests.cli.conftest import Command
 
 COMMAND = "/opt/piezod/bin/piezod"
@@ -130,7 +131,8 @@ def test_interpreter_that_the_service_cannot_reach(
     """A script with an unreachable interpreter is refused, with a remedy."""
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     closed = {Path("/opt/python"): "closed"}
-    monkeypatch.setattr(service_files, "why_unreachable", lambda path: closed.get(path, ""))
+    monkeypatch.setattr("piezod.service_view.why_unreachable", lambda path: closed.get(path, ""))
+    monkeypatch.setattr(service_files, "check_command", lambda _: None)  # it is in /tmp
     script = folder / "piezod"
     script.write_text("#!/opt/python -I\n")
     code, _, err = piezod("install-service", "--piezod", script)
@@ -166,10 +168,14 @@ def test_command_that_is_not_found(
     assert "--piezod" in err
 
 
-@pytest.mark.parametrize("path", ["/root/piezod", "/home/olga/.venv/bin/piezod"])
-def test_homes_are_out_of_reach(path: str) -> None:
-    """Home folders are out of reach, because the unit hides them."""
-    assert "the service sees nothing below" in why_unreachable(Path(path))
+@pytest.mark.parametrize("path", ["/root/piezod", "/home/olga/.local/bin/piezod", "/var/tmp/p"])  # noqa: S108
+def test_command_that_the_unit_hides_is_refused(piezod: Command, folder: Path, path: str) -> None:
+    """The unit could not start, also one that is written for a package."""
+    code, _, err = piezod("install-service", "--root", folder, "--piezod", path)
+
+    assert code == 2
+    assert "the service sees nothing below" in err
+    assert list(folder.iterdir()) == []
 
 
 def test_command_that_everybody_can_run_is_reachable() -> None:

@@ -107,7 +107,7 @@ def test_text_has_the_same(piezod: Command, recording: Path) -> None:
         "SAFE 1.0 s, RUN 2.0 s",
         "Bench; devices rig (simulated)",
         "surface of scan.csv, 2024-05-01",
-        "lms of scan.csv, 2024-05-01 12:00:00+00:00, adopted at 0.900 s",
+        "lms of scan.csv, 2024-05-01T12:00:00+00:00, adopted at 0.900 s",
         "fault S5       101 cycles, 1.200 to 2.500 s",
         "the last 2 of 30 events\n       1.200 s  fault S5 x: no sample 28\n",
     ):

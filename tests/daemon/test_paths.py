@@ -80,6 +80,20 @@ def test_folder_that_others_write_to_is_refused(tmp_path: Path) -> None:
     assert caught.value.filename == str(paths.runtime)
 
 
+def test_umask_opens_no_folder(tmp_path: Path) -> None:
+    """Under the umask 000 all new folders are private, so that a second start is not refused."""
+    paths = stage_paths(CONFIG, _in(tmp_path / "new"))
+    before = os.umask(0)
+    try:
+        paths.make_folders()
+        paths.make_folders()
+    finally:
+        os.umask(before)
+
+    made = [each for each in (tmp_path / "new").rglob("*") if each.is_dir()]
+    assert {each.stat().st_mode & 0o777 for each in made} == {0o700}
+
+
 def test_link_is_refused(tmp_path: Path) -> None:
     """A link instead of the folder may lead anywhere."""
     paths = stage_paths(CONFIG, _in(tmp_path))

@@ -189,11 +189,11 @@ def test_incomplete_file_is_refused(file: Path, result: ExperimentResult) -> Non
         read_hdf5(file)
 
 
-def test_file_that_is_not_hdf5_is_an_os_error(file: Path) -> None:
-    """A text file raises the error of opening it."""
+def test_file_that_is_not_hdf5_is_refused(file: Path) -> None:
+    """A text file is another one than the record of an experiment."""
     file.write_text("text", encoding="utf-8")
 
-    with pytest.raises(OSError, match="signature"):
+    with pytest.raises(DataError, match="not an HDF5 file"):
         read_hdf5(file)
 
 

@@ -18,7 +18,7 @@ from piezod.cli.web import web as web_command
 from piezod.client.place import Place, find_place
 from piezod.config.endpoints import Role
 from piezod.config.private_files import kept_token, read_token
-from piezod.errors import ClientError, PiezodError
+from piezod.errors import ClientError, DataError, PiezodError
 from piezod.web.access import Access, kept_tokens
 from piezod.web.encryption import Certificate, check_certificate
 from piezod.web.server import WebPlan, bind, serve
@@ -33,7 +33,7 @@ TOKEN = "t" * 43
 def test_other_computers_need_encryption(host: str) -> None:
     """Without a certificate the server listens on this machine only, and says what to do."""
     with pytest.raises(PiezodError, match=r"without encryption: .*--certificate FILE --key FILE"):
-        serve(WebPlan(host, 0), announce=print)
+        serve(WebPlan(host, 0), announce=print, warn=print)
 
 
 def test_certificate_and_key_need_each_other() -> None:
@@ -50,7 +50,7 @@ def test_key_that_others_can_read_is_refused(tmp_path: Path) -> None:
 
     made.key.chmod(0o604)
     with pytest.raises(PiezodError, match=r"labpc.key: other users .*mode 0604.*: chmod 600"):
-        serve(WebPlan("127.0.0.1", 0, made), announce=print)
+        serve(WebPlan("127.0.0.1", 0, made), announce=print, warn=print)
 
 
 def test_key_with_a_passphrase_is_refused(tmp_path: Path) -> None:
@@ -76,6 +76,43 @@ def test_key_of_another_certificate_is_refused(tmp_path: Path) -> None:
             check_certificate(wrong)
     with pytest.raises(FileNotFoundError):
         check_certificate(Certificate(tmp_path / "none", made.key))
+
+
+@pytest.mark.parametrize("which", ["file", "key"])
+@pytest.mark.parametrize("kind", ["device", "pipe", "folder", "large"])
+def test_certificate_that_is_no_small_file_is_refused(
+    tmp_path: Path, kind: str, which: str
+) -> None:
+    """A device never ends, and a pipe waits for a writer."""
+    made, odd = new_certificate(tmp_path), tmp_path / "odd"
+    if kind == "pipe":
+        os.mkfifo(odd, 0o600)
+    elif kind == "folder":
+        odd.mkdir(0o700)
+    elif kind == "large":
+        odd.touch(0o600)
+        os.truncate(odd, 10**9)
+    path = Path("/dev/zero") if kind == "device" else odd
+
+    with pytest.raises(DataError, match="allowed"):
+        check_certificate(made._replace(**{which: path}))
+
+
+@pytest.mark.parametrize(("days", "outcome"), [(-1, "refused"), (10, "warned"), (100, "served")])
+def test_validity_of_a_certificate_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, days: int, outcome: str
+) -> None:
+    """An expired one is refused, as every client would; one that expires soon is a warning."""
+    made = new_certificate(tmp_path)
+    end_s = ssl.cert_time_to_seconds(ssl._ssl._test_decode_cert(made.file)["notAfter"])  # type: ignore[attr-defined]  # noqa: SLF001 - there is no public one
+    monkeypatch.setattr("piezod.web.encryption.time.time", lambda: end_s - 86_400 * days)
+
+    try:
+        found = "warned" if check_certificate(made) else "served"
+    except PiezodError:
+        found = "refused"
+
+    assert found == outcome
 
 
 @pytest.mark.fault("C12")

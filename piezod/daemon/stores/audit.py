@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.daemon.logging import logger
+from piezod.own_folder import make_folder
 
 MAX_BYTES: Final = 4 << 20
 """Largest size of a file; then a new one is begun."""
@@ -65,7 +66,7 @@ class AuditLog:
         now: Callable[[], datetime] = _utc_now,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        path.parent.mkdir(mode=0o750, parents=True, exist_ok=True)
+        make_folder(path.parent, 0o750)
         self._path, self._now, self._max_bytes = path, now, max_bytes
         self._descriptor = _open(path)
         self._size = os.fstat(self._descriptor).st_size

@@ -16,6 +16,7 @@ from piezod.daemon.stores.parameter_document import (
     encode,
 )
 from piezod.errors import DataError
+from piezod.own_folder import make_folder
 
 KEPT: Final = 20
 """Number of valid files that are kept."""
@@ -88,7 +89,7 @@ class ParameterStore:
     """
 
     def __init__(self, folder: Path, stage_id: str, now: Callable[[], datetime] = _utc_now) -> None:
-        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
+        make_folder(folder, 0o750)
         sweep_temporaries(folder)  # the daemon's lock excludes other writers
         self._folder, self._stage_id, self._now = folder, stage_id, now
 

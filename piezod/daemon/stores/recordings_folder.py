@@ -6,6 +6,7 @@ from math import inf
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from piezod.own_folder import make_folder
 from piezod.records.part_names import RECORDING_NAME, without_part
 
 _LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
@@ -39,7 +40,7 @@ class RecordingsFolder:
     """
 
     def __init__(self, path: Path) -> None:
-        path.mkdir(mode=0o750, parents=True, exist_ok=True)
+        make_folder(path, 0o750)
         self.path = path
 
     def new(self, when: datetime, label: str = "") -> Path:

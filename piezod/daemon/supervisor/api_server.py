@@ -8,7 +8,7 @@ from typing import Final
 from fastapi import FastAPI
 
 from piezod.daemon.logging import logger
-from piezod.daemon.paths import StagePaths, make_folder
+from piezod.daemon.paths import StagePaths, make_private_folder
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.server import bind, make_server
 from piezod.daemon.supervisor.kept_files import KeptFiles
@@ -95,7 +95,7 @@ class ApiServer:
                 await asyncio.to_thread(self._files.restore)
 
     def _bound(self, path: Path) -> socket.socket:
-        make_folder(path.parent)
+        make_private_folder(path.parent)
         endpoint = bind(path)
         self._inodes[path] = path.stat().st_ino
         return endpoint

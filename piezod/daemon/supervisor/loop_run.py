@@ -14,6 +14,7 @@ from piezod import __version__
 from piezod.config.requests import Shutdown
 from piezod.daemon import accepted_config
 from piezod.daemon.durations import loop_gone_within_s
+from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import UnavailableError
 from piezod.daemon.supervisor import processes
@@ -21,6 +22,7 @@ from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.rescuer import Rescuer
 from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.errors import ConfigError, PiezodError, Problem
+from piezod.service_view import who_may_change
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 from piezod.telemetry.succession import Succession, put_succession
@@ -30,6 +32,8 @@ from piezod.units import NS_PER_S
 END_GRACE_S: Final = 10.0
 """How much longer than its ramp the loop may take to end, in s."""
 _POLL_S: Final = 0.1
+
+_log = logger("supervisor")
 
 
 class LoopRun:
@@ -100,6 +104,9 @@ class LoopRun:
             what = f"piezod {answer['version']} is installed now, and {__version__} runs"
             raise PiezodError(f"{what}: restart the daemon when the stage is at rest")
         self.source_files.add(answer["named_files"])
+        for file in (self._source, *map(Path, answer["named_files"])):
+            for sentence in who_may_change(file):
+                _log.warning("others may change a file", text=sentence)
         self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
         # It loads while the loop compiles; `arm` waits for it.
         try:

@@ -5,9 +5,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from piezod.errors import naming
+from piezod.errors import DataError, naming
+from piezod.given_file import open_given
 
 _HUNG: Final = b"hung\n"
+_MOST_BYTES: Final = 4096
+_FLAGS: Final = os.O_WRONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+"""Neither a link is followed nor a reader of a named pipe awaited."""
 
 
 class Marker:
@@ -19,12 +23,12 @@ class Marker:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.unclean = path.exists()
+        self.unclean = os.path.lexists(path)  # a link is not followed
         """Whether the run before this one did not end in order."""
         self.hung = False
         """Whether its loop was killed because it hung."""
-        with suppress(OSError):
-            self.hung = path.read_bytes().endswith(_HUNG)
+        with suppress(OSError, DataError), open_given(path, _MOST_BYTES, follow=False) as file:
+            self.hung = file.read().endswith(_HUNG)
 
     def put(self) -> None:
         """Make the file, so that it survives a power failure.
@@ -32,7 +36,7 @@ class Marker:
         Raises:
             OSError: If that fails.
         """
-        file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        file = os.open(self._path, _FLAGS | os.O_CREAT, 0o600)
         try:
             with naming(self._path):
                 os.ftruncate(file, 0)
@@ -48,10 +52,13 @@ class Marker:
 
     def note_hung(self) -> None:
         """Note for the next run that the loop of this one hung; without room, that is lost."""
-        with suppress(OSError), self._path.open("ab") as file:
-            file.write(_HUNG)
-            file.flush()
-            os.fsync(file.fileno())
+        with suppress(OSError):
+            file = os.open(self._path, _FLAGS | os.O_APPEND | os.O_CREAT, 0o600)
+            try:
+                os.write(file, _HUNG)
+                os.fsync(file)
+            finally:
+                os.close(file)
 
     def remove(self) -> None:
         """Remove the file: the run has ended in order.

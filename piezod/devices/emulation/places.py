@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 from piezod.errors import DeviceUnavailableError
+from piezod.own_folder import make_folder
 
 
 def own_folder() -> Path:
@@ -26,7 +27,7 @@ def make_own_folder() -> Path:
         DeviceUnavailableError: If it belongs to another user.
     """
     folder = own_folder()
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_folder(folder)
     # Everyone can write to /tmp, so another user may have made the folder first.
     if folder.stat().st_uid != os.getuid():
         raise DeviceUnavailableError(f"{folder} belongs to another user, name another place")
@@ -48,7 +49,7 @@ def hold(path: Path) -> int | None:
     """
     if path.parent != own_folder():
         return None
-    held = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    held = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:

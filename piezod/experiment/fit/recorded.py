@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from piezod.config.states import State
+from piezod.config.yaml_loader import parse_yaml
 from piezod.errors import DataError
 from piezod.experiment.fit.record import Rows
 from piezod.hysteresis.memory import FloatArray
@@ -22,6 +22,7 @@ MAX_FILLED: Final = 5
 """This many samples in a row may be filled in at any rate."""
 MAX_FILLED_S: Final = 0.05
 """At fast rates as many as this time contains, in s."""
+_LONGEST_DELAY_S: Final = 10.0
 MAX_MISSING_SHARE: Final = 0.02
 """Largest share of the samples that may be filled in."""
 _DRIVEN: Final = (State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP)
@@ -50,7 +51,8 @@ def columns_of_recording(
     """
     telemetry = read_telemetry(path)
     name = telemetry.chosen_axis(axis)
-    known = [telemetry.header.names["state"].index(state) for state in _DRIVEN]
+    names = telemetry.header.names["state"]
+    known = [number for number, state in enumerate(names) if state in _DRIVEN]
     driven = np.isin(telemetry.cycles["state"], known)
     driven &= np.isfinite(telemetry.axes[name]["in_force_v"])
     if not driven.any():
@@ -67,7 +69,13 @@ def delay_of_recording(path: Path, axis: str | None) -> float | None:
     """Return the delay of the model that a recorded axis used, in s; None if it is not known."""
     telemetry = read_telemetry(path, 0.0, 0.0)  # the header only
     note = telemetry.header.notes.get(f"model_{telemetry.chosen_axis(axis)}")
-    return None if note is None else float(yaml.safe_load(note)["delay_s"])
+    if note is None:
+        return None
+    delay_s = parse_yaml(note, f"{path}: its model").data.get("delay_s")
+    if not isinstance(delay_s, float | int) or not 0.0 <= delay_s <= _LONGEST_DELAY_S:
+        what = f"the delay of the model in it is {delay_s!r}"
+        raise DataError(f"{path}: {what}; allowed: 0 to {_LONGEST_DELAY_S:g} s; give --delay-s")
+    return float(delay_s)
 
 
 def on_deadlines(

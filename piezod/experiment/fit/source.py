@@ -21,7 +21,7 @@ from piezod.experiment.fit.recorded import (
 )
 from piezod.records.csv_checks import MAX_STEP_PERIODS
 from piezod.records.csv_file import read_csv
-from piezod.records.telemetry_reader import is_hdf5
+from piezod.records.opened import is_hdf5
 
 LONG_STEP_S: Final = 0.1
 """A time step from which on the time is probably in ms."""

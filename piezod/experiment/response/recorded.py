@@ -9,8 +9,9 @@ from piezod.experiment.fit.recorded import columns_of_recording, on_cycles
 from piezod.experiment.fit.source import columns_of_csv, prefix_errors
 from piezod.experiment.response.judgement import judged
 from piezod.experiment.response.measurement import measured_in_recording
+from piezod.records.opened import is_hdf5
 from piezod.records.response_record import ResponseRecord
-from piezod.records.telemetry_reader import is_hdf5, read_telemetry
+from piezod.records.telemetry_reader import read_telemetry
 
 REMEDY: Final = (
     "record for longer, with a drive that contains more frequencies, or measure the running stage "

@@ -39,3 +39,17 @@ def test_orderly_end_leaves_no_mark(tmp_path: Path) -> None:
 
     assert not marker.unclean
     assert not Marker(tmp_path / "running").unclean
+
+
+def test_link_is_not_followed(tmp_path: Path) -> None:
+    """Nothing is written to the target of a link, and the run before counts as not ended."""
+    target = tmp_path / "target"
+    target.write_text("kept")
+    (tmp_path / "running").symlink_to(target)
+    marker = Marker(tmp_path / "running")
+    marker.note_hung()
+
+    with pytest.raises(OSError, match="symbolic links"):
+        marker.put()
+
+    assert (marker.unclean, target.read_text()) == (True, "kept")

@@ -246,21 +246,28 @@ def test_reload_that_fails_leaves_the_old_configuration(rig: Rig) -> None:
 
 
 @pytest.mark.fault("P11")
-def test_second_reload_at_the_same_time_is_refused(rig: Rig) -> None:
+def test_second_reload_at_the_same_time_is_refused(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Two exchanges would start two loops. Other commands do not wait for the first."""
     answers: list[httpx.Response] = []
+    start = processes.start
+
+    def start_held(module: str, *arguments: str) -> "Popen[bytes]":
+        process = start(module, *arguments)
+        if module.endswith("loop.process"):
+            os.kill(process.pid, signal.SIGSTOP)
+        return process
 
     def reload() -> None:
-        text = rig.config.read_text(encoding="utf-8")
-        rig.config.unlink()
-        os.mkfifo(rig.config)  # the process that reads the configuration waits for a writer
+        monkeypatch.setattr(processes, "start", start_held)
         with ThreadPoolExecutor(1) as beside:
             first = beside.submit(rig.ask, "POST", "reload", {})
             eventually(lambda: len(rig.loops) == 2)
             answers.append(rig.ask("POST", "reload", {}))
             answers.append(rig.ask("POST", "stop", {}))
             assert not first.done()
-            rig.config.write_text(text, encoding="utf-8")
+            os.kill(rig.loops[1].pid, signal.SIGCONT)
             answers.append(first.result())
 
     assert rig.run(reload)
