@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, Self
 
+from piezod.home import user_folder
+
 MOST_BYTES: Final = 4_000_000_000
 """Largest size of all copies together; the newest copy stays even if it is larger."""
 
@@ -25,8 +27,7 @@ class RecordingCache:
         """Return that of this user, or of this service."""
         if folder := environ.get("CACHE_DIRECTORY"):
             return cls(Path(folder) / "recordings")
-        base = environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        return cls(Path(base) / "piezod" / "recordings")
+        return cls(user_folder("XDG_CACHE_HOME", environ) / "piezod" / "recordings")
 
     def path(self, stage: str, name: str) -> Path:
         """Return where the copy of a recording is, or would be."""
