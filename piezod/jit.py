@@ -45,7 +45,8 @@ def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """
     kernel: Any = numba.njit(**_OPTIONS)(function)
     if isinstance(kernel, Dispatcher):  # under NUMBA_DISABLE_JIT it is the function itself
-        kernel._cache = _cache_of(function)  # noqa: SLF001 - numba's own raises where it has no place
+        # In place of numba's own, which raises where it finds no folder, or a damaged file.
+        cast("Any", kernel)._cache = _cache_of(function)  # noqa: SLF001
     return cast("Callable[_P, _R]", kernel)
 
 
@@ -87,7 +88,7 @@ def tell_compilations(listener: Callable[[int], None]) -> None:
     _notices.listeners.append(listener)
 
 
-class _NoCache(NullCache):  # type: ignore[misc] # numba has no types
+class _NoCache(NullCache):
     """The cache of a kernel where no folder can be written to."""
 
     stamp: frozenset[Any] = frozenset()
@@ -97,7 +98,7 @@ class _NoCache(NullCache):  # type: ignore[misc] # numba has no types
         _notices.compiling()
 
 
-class _Files(IndexDataCacheFile):  # type: ignore[misc] # numba has no types
+class _Files(IndexDataCacheFile):
     """The files of a kernel, of which only those are used that are whole and belong to it.
 
     Each data file has its key, the stamp of its sources and a digest. numba's own has none of them:
@@ -144,22 +145,23 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc] # numba has no types
     def _tell(self, name: str, error: Exception) -> None:
         _notices.bad_cache(
             f"{Path(self._cache_path, name)}: this file of the cache of compiled kernels cannot be "
-            f"used ({error or type(error).__name__}); the kernel is compiled again"
+            f"used ({error!r}); the kernel is compiled again"
         )
 
 
-class _Places(CompileResultCacheImpl):  # type: ignore[misc] # numba has no types
+class _Places(CompileResultCacheImpl):
     """Where numba looks for a folder for the cache."""
 
     # Without a home, its folder of the user would be a folder "~" where the process was started.
-    _locator_classes: Final = [
-        place
-        for place in CompileResultCacheImpl._locator_classes  # noqa: SLF001 - numba has no public list
-        if place is not UserWideCacheLocator or os.path.expanduser("~") != "~"  # noqa: PTH111 - pathlib raises
-    ]
+    if os.path.expanduser("~") == "~":  # noqa: PTH111 - pathlib raises
+        _locator_classes = [  # noqa: RUF012 - numba's
+            place
+            for place in CompileResultCacheImpl._locator_classes  # noqa: SLF001 - no public list
+            if place is not UserWideCacheLocator
+        ]
 
 
-class _Cache(FunctionCache):  # type: ignore[misc] # numba has no types
+class _Cache(FunctionCache):
     """The cache of a kernel; whatever is wrong with it is a miss."""
 
     _impl_class = _Places
@@ -215,7 +217,7 @@ def _stamp(own: Any, function: Callable[..., Any]) -> frozenset[Any]:
     for name in function.__code__.co_names:
         used = function.__globals__.get(name)
         if isinstance(used, Dispatcher):
-            stamps |= used._cache.stamp  # noqa: SLF001 - it is one of ours
+            stamps |= cast("Any", used)._cache.stamp  # noqa: SLF001 - one of ours
         elif isinstance(used, int | float):
             stamps.add((name, used))
     return frozenset(stamps)

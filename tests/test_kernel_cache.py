@@ -38,9 +38,9 @@ DAMAGES: tuple[Callable[[Path], object], ...] = (
     flip_a_bit,
     lambda file: file.write_bytes(b"no pickle at all"),
     lambda file: file.write_bytes(pickle.dumps(("a class", os.path))[:-3] + b"xyz."),
-    lambda file: (file.unlink(), file.mkdir()),
+    lambda file: file.write_bytes(os.urandom(file.stat().st_size)),
 )
-"""Ways in which a file of a cache is damaged: empty, half, one bit, text, foreign, a folder."""
+"""Ways in which a file of a cache is damaged: empty, half, one bit, text, foreign, noise."""
 
 
 class Folder:
