@@ -154,7 +154,7 @@ class _Places(CompileResultCacheImpl):
 
     # Without a home, its folder of the user would be a folder "~" where the process was started.
     if os.path.expanduser("~") == "~":  # noqa: PTH111 - pathlib raises
-        _locator_classes = [  # noqa: RUF012 - numba's
+        _locator_classes = [
             place
             for place in CompileResultCacheImpl._locator_classes  # noqa: SLF001 - no public list
             if place is not UserWideCacheLocator
