@@ -2,18 +2,6 @@
 
 BIN := .venv/bin
 STAMP := .venv/.installed
-PEERS := build/peers/.installed
-BROWSER := build/browser/.installed
-BLUESKY := build/bluesky/.installed
-EPICS := build/epics/.installed
-PYMODAQ := build/pymodaq/.installed
-QUDI := build/qudi/.installed
-BENCH_PEERS := build/bench-peers/.installed
-DOCS_ENV := build/docs-env/.installed
-MUTANTS := build/mutants/.installed
-SCHEMATHESIS := build/schemathesis/.installed
-FUZZ := build/fuzz/.installed
-AUDIT := build/audit/.installed
 DEMO := build/demo
 HOURS := 24
 STARTED := $(shell date +%s)
@@ -25,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test test-all coverage stress faults mutants chaos soak vm peers epics \
+.PHONY: help demo docs docs-test test test-all test-lowest coverage stress faults mutants chaos soak vm peers epics \
 	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
@@ -41,6 +29,10 @@ test: $(STAMP) ## run the tests
 
 test-all: ## run the tests with each Python that piezod supports (some ten minutes each)
 	@.ci/test-all $(WORKERS)
+
+# Other numba, other machine code: it must not take turns with that of .venv.
+test-lowest: build/lowest/.installed ## run the tests with the oldest versions that pyproject.toml allows
+	NUMBA_CACHE_DIR=$(CURDIR)/build/lowest/kernels build/lowest/bin/python -m pytest $(WORKERS) -W ignore::DeprecationWarning
 
 coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice as long)
 	$(BIN)/python -m pytest --cov $(WORKERS)
@@ -61,42 +53,42 @@ soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20
 vm: $(STAMP) ## install the wheel in a virtual Debian with systemd, and check the service there
 	$(BIN)/python -m tests.vm
 
-mutants: $(STAMP) $(MUTANTS) ## change what stops a stage, place by place; each change must fail a test
+mutants: $(STAMP) build/mutants/.installed ## change what stops a stage, place by place; each change must fail a test
 	build/mutants/bin/python -m tests.mutants $(MODULES)
 
-peers: $(STAMP) $(PEERS) ## run programs by others against drivers and emulators
+peers: $(STAMP) build/peers/.installed ## run programs by others against drivers and emulators
 	$(BIN)/python -m pytest -rs -m peers tests/peers
 
-bluesky: $(STAMP) $(BLUESKY) ## scan simulated stages with Bluesky's RunEngine
+bluesky: $(STAMP) build/bluesky/.installed ## scan simulated stages with Bluesky's RunEngine
 	build/bluesky/bin/python -m mypy --cache-dir build/bluesky/mypy piezod/bluesky tests/bluesky
 	build/bluesky/bin/python -m pytest -rs -m bluesky tests/bluesky --timeout 600
 
-epics: $(STAMP) $(EPICS) ## run the IOC and EPICS clients by others against it
+epics: $(STAMP) build/epics/.installed ## run the IOC and EPICS clients by others against it
 	$(BIN)/python -m pytest -rs -m epics tests/epics
 
-pymodaq: $(STAMP) $(PYMODAQ) ## move a simulated stage with the example plug-in of PyMoDAQ
+pymodaq: $(STAMP) build/pymodaq/.installed ## move a simulated stage with the example plug-in of PyMoDAQ
 	$(BIN)/python -m pytest -rs -m pymodaq tests/pymodaq
 
-qudi: $(STAMP) $(QUDI) ## move a simulated stage with the example module of qudi
+qudi: $(STAMP) build/qudi/.installed ## move a simulated stage with the example module of qudi
 	$(BIN)/python -m pytest -rs -m qudi tests/qudi
 
-docs: $(STAMP) $(DOCS_ENV) ## build the documentation as a site
+docs: $(STAMP) build/docs-env/.installed ## build the documentation as a site
 	NO_MKDOCS_2_WARNING=1 build/docs-env/bin/python -m mkdocs --quiet build --strict --config-file docs/site/mkdocs.yml
 	@echo "Site: build/docs/index.html. With search: $(BIN)/python -m http.server --directory build/docs"
 
-docs-test: $(STAMP) $(DOCS_ENV) ## run the long commands of the documentation, its notebook and its site
+docs-test: $(STAMP) build/docs-env/.installed ## run the long commands of the documentation, its notebook and its site
 	$(BIN)/python -m pytest -rs -m docs tests/docs
 
-browser: $(STAMP) $(BROWSER) ## use the page in a browser, as people do (needs chromium)
+browser: $(STAMP) build/browser/.installed ## use the page in a browser, as people do (needs chromium)
 	build/browser/bin/python -m pytest -rs -m browser tests/browser
 
-screenshots: $(STAMP) $(BROWSER) ## make the pictures of the page anew (needs chromium)
+screenshots: $(STAMP) build/browser/.installed ## make the pictures of the page anew (needs chromium)
 	build/browser/bin/python -m tests.browser.screenshots
 
-fuzz: $(STAMP) $(FUZZ) ## feed what a fuzzer makes up to every reader and driver (20 s each)
+fuzz: $(STAMP) build/fuzz/.installed ## feed what a fuzzer makes up to every reader and driver (20 s each)
 	build/fuzz/bin/python -m tests.fuzz $(TARGETS)
 
-schemathesis: $(STAMP) $(SCHEMATHESIS) ## send a simulated stage what its description allows, and more (1 min)
+schemathesis: $(STAMP) build/schemathesis/.installed ## send a simulated stage what its description allows, and more (1 min)
 	$(BIN)/python -m tests.openapi
 
 # The tests come last, so that their verdict is the last line.
@@ -110,65 +102,36 @@ lint: $(STAMP) ## check style, types and import directions
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-audit: $(STAMP) $(AUDIT) ## look for known vulnerabilities and other licences in the dependencies
+audit: $(STAMP) build/audit/.installed ## look for known vulnerabilities and other licences in the dependencies
 	$(BIN)/python -m tests.supply.audit
 
-wheel: $(STAMP) $(AUDIT) ## build sdist, wheel and the parts list of the wheel in dist/
+wheel: $(STAMP) build/audit/.installed ## build sdist, wheel and the parts list of the wheel in dist/
 	$(BIN)/python -m build --no-isolation .
 	$(BIN)/python -m tests.supply.sbom dist
 
 bench: $(STAMP) ## measure what a sample, a start and a recording cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
 
-bench-peers: $(STAMP) $(BENCH_PEERS) ## compare inverse models by others with ours (some minutes)
+bench-peers: $(STAMP) build/bench-peers/.installed ## compare inverse models by others with ours (some minutes)
 	$(BIN)/python -m benchmarks.peers
 
 figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 	$(BIN)/python -m docs.figures
 
 lock: ## pin the newest versions of all dependencies (needs uv)
-	uv pip compile --quiet --universal --upgrade --no-strip-extras --generate-hashes --python-version 3.11 \
-		--extra dev --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
-	@for tool in .ci/tools/*.in; do \
-		uv pip compile --quiet --universal --upgrade --no-strip-extras --generate-hashes --python-version 3.11 \
-			--constraint requirements.lock --custom-compile-command "make lock" \
-			--output-file "$${tool%.in}.txt" "$$tool" || exit; \
-	done
+	@.ci/lock
 
 clean: ## remove .venv, builds and caches
 	rm -rf .venv build dist .coverage .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-$(STAMP): requirements.lock pyproject.toml .ci/setup
+$(STAMP): requirements.lock pyproject.toml .ci/setup .ci/environment.sh
 	@.ci/setup
 	@echo "piezod: compiling the kernels and the tests"
 	@$(BIN)/python -m pytest --collect-only --quiet >/dev/null & $(BIN)/python -m tests.kernels && wait
 	@touch $@
 
-$(PEERS): tests/peers/requirements.txt .ci/setup-peers
-	@.ci/setup-peers
-	@touch $@
-
-$(DOCS_ENV): docs/site/requirements.txt .ci/setup-docs
-	@.ci/setup-docs
-	@touch $@
-
-$(PYMODAQ): tests/pymodaq/requirements.txt .ci/setup-plugin | $(STAMP)
-	@.ci/setup-plugin pymodaq
-	@touch $@
-
-$(QUDI): tests/qudi/requirements.txt .ci/setup-plugin | $(STAMP)
-	@.ci/setup-plugin qudi --no-deps
-	@touch $@
-
-$(BROWSER): tests/browser/requirements.txt .ci/setup-browser | $(STAMP)
-	@.ci/setup-browser
-	@touch $@
-
-$(EPICS) $(BLUESKY) $(MUTANTS) $(SCHEMATHESIS) $(FUZZ) $(AUDIT): build/%/.installed: .ci/tools/%.txt .ci/setup-tool | $(STAMP)
+build/lowest/.installed: pyproject.toml
+build/%/.installed: .ci/tools/%.txt .ci/setup-tool .ci/environment.sh | $(STAMP)
 	@.ci/setup-tool $*
-	@touch $@
-
-$(BENCH_PEERS): benchmarks/peers/requirements.txt .ci/setup-bench-peers
-	@.ci/setup-bench-peers
 	@touch $@

@@ -1,24 +1,40 @@
-"""Compilation of all numeric kernels of piezod."""
+"""Compilation of all numeric kernels of piezod, and their cache on disk."""
 
+import hashlib
+import logging
+import os
+import pickle
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar, cast
+from pathlib import Path
+from typing import Any, Final, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    NullCache,
+)
 from numba.core.dispatcher import Dispatcher
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 _OPTIONS: dict[str, Any] = {
-    "cache": True,
     "error_model": "numpy",  # a division by zero gives inf or NaN instead of an exception
     "forceinline": True,  # kernels are short: calls between them would cost more than their work
     "_nrt": False,  # no memory runtime, so no allocation and no reference counting
 }
+_REMEDY: Final = "set NUMBA_CACHE_DIR to a folder that this user may write to"
+_EVERY: Final = 10
+"""A line of progress for so many kernels."""
+_DIGEST_BYTES: Final = 32
+
+_log = logging.getLogger(__name__)
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a kernel with numba and cache it on disk.
+    """Compile a kernel with numba and cache it on disk, as far as there is a place for it.
 
     A kernel can neither allocate nor raise: numba's memory runtime is off, so that a kernel that
     allocates does not compile (reference counting alone would cost ten times the arithmetic), and
@@ -28,26 +44,179 @@ def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """
     kernel: Any = numba.njit(**_OPTIONS)(function)
     if isinstance(kernel, Dispatcher):  # under NUMBA_DISABLE_JIT it is the function itself
-        _stamp_with_callees(kernel, function)
+        # In place of numba's own, which raises where it finds no folder, or a damaged file.
+        cast("Any", kernel)._cache = _cache_of(function)  # noqa: SLF001
     return cast("Callable[_P, _R]", kernel)
 
 
-def _stamp_with_callees(kernel: Any, function: Callable[..., Any]) -> None:
-    """Make a cached kernel stale if a kernel or a constant that it uses changes.
+class _Notices:
+    """What people are told: that kernels are being compiled, and what is wrong with the cache.
+
+    Attributes:
+        listeners: Each gets the number of kernels whose compilation has begun.
+    """
+
+    def __init__(self) -> None:
+        self.listeners: list[Callable[[int], None]] = []
+        self._count, self._told = 0, False
+
+    def compiling(self) -> None:
+        """Count a kernel, and say so now and then."""
+        self._count += 1
+        if self._count == 1:
+            _log.warning(
+                "piezod: compiling the kernels for this processor; this takes up to a minute"
+            )
+        elif self._count % _EVERY == 0:
+            _log.warning("piezod: compiling: %d kernels so far", self._count)
+        for listener in self.listeners:
+            listener(self._count)
+
+    def bad_cache(self, what: str) -> None:
+        """Say once in this process what is wrong with the cache."""
+        if not self._told:
+            self._told = True
+            _log.warning("piezod: %s", what)
+
+
+_notices = _Notices()
+
+
+def tell_compilations(listener: Callable[[int], None]) -> None:
+    """Call this from now on with the number of kernels, whenever the compilation of one begins."""
+    _notices.listeners.append(listener)
+
+
+class _NoCache(NullCache):
+    """The cache of a kernel where no folder can be written to."""
+
+    stamp: frozenset[Any] = frozenset()
+
+    def load_overload(self, sig: Any, target_context: Any) -> None:  # noqa: ARG002 - numba's
+        """Find nothing."""
+        _notices.compiling()
+
+
+class _Files(IndexDataCacheFile):
+    """The files of a kernel, of which only those are used that are whole and belong to it.
+
+    Each data file has its key, the stamp of its sources and a digest. numba's own has none of them:
+    a write that ended half-way, or two processes at a time, can leave an index that names the
+    machine code of another version or signature; and code with a wrong bit is executed.
+    """
+
+    def load(self, key: Any) -> Any:
+        """Return the content of a kernel's file, or None."""
+        data_name = self._load_index().get(key)
+        if data_name is None:
+            return None
+        try:
+            return self._content(Path(self._data_path(data_name)).read_bytes(), key)
+        except FileNotFoundError:
+            return None
+        except Exception as error:  # noqa: BLE001 - see `_load_index`
+            self._tell(data_name, error)
+            return None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write the file of a kernel, and name it in the index."""
+        super().save(key, (key, self._source_stamp, data))
+
+    def _content(self, file: bytes, key: Any) -> Any:
+        digest, rest = file[:_DIGEST_BYTES], file[_DIGEST_BYTES:]
+        if hashlib.sha256(rest).digest() != digest:
+            raise ValueError("it is damaged")
+        found_key, stamp, data = pickle.loads(rest)  # noqa: S301 - of this user, as the code is
+        return data if (found_key, stamp) == (key, self._source_stamp) else None
+
+    def _save_data(self, name: str, data: Any) -> None:
+        file = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as stream:
+            stream.write(hashlib.sha256(file).digest() + file)
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            return dict(super()._load_index())
+        except Exception as error:  # noqa: BLE001 - unpickling damaged bytes can raise anything
+            self._tell(self._index_name, error)
+            return {}
+
+    def _tell(self, name: str, error: Exception) -> None:
+        _notices.bad_cache(
+            f"{Path(self._cache_path, name)}: this file of the cache of compiled kernels cannot be "
+            f"used ({error!r}); the kernel is compiled again"
+        )
+
+
+class _Places(CompileResultCacheImpl):
+    """Where numba looks for a folder for the cache."""
+
+    # Without a home, its folder of the user would be a folder "~" where the process was started.
+    if os.path.expanduser("~") == "~":  # noqa: PTH111 - pathlib raises
+        _locator_classes = [
+            place
+            for place in CompileResultCacheImpl._locator_classes  # noqa: SLF001 - no public list
+            if "UserWide" not in place.__name__  # older versions of numba have an underscore
+        ]
+
+
+class _Cache(FunctionCache):
+    """The cache of a kernel; whatever is wrong with it is a miss."""
+
+    _impl_class = _Places
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self.stamp = _stamp(self._impl.locator.get_source_stamp(), function)
+        self._cache_file = _Files(self._cache_path, self._impl.filename_base, self.stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return a kernel from the cache; None if it has to be compiled."""
+        found = None
+        try:
+            found = super().load_overload(sig, target_context)
+        except Exception as error:  # noqa: BLE001 - of another version of LLVM, for example
+            self._tell("be used", error)
+        if found is None:
+            _notices.compiling()
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write a kernel to the cache, if that is possible."""
+        try:
+            super().save_overload(sig, data)
+        except Exception as error:  # noqa: BLE001 - a full disk, a folder made read-only
+            self._tell("be written", error)
+
+    def _tell(self, what: str, error: Exception) -> None:
+        _notices.bad_cache(
+            f"{self._cache_path}: the cache of compiled kernels cannot {what} ({error}); the next "
+            f"start compiles them again: {_REMEDY}"
+        )
+
+
+def _cache_of(function: Callable[..., Any]) -> _Cache | _NoCache:
+    try:
+        return _Cache(function)
+    except Exception as error:  # noqa: BLE001 - no home, no entry of this user, nowhere to write
+        _notices.bad_cache(
+            "no folder for the cache of compiled kernels can be written to; each start compiles "
+            f"them, which takes up to a minute: {_REMEDY} ({error})"
+        )
+        return _NoCache()
+
+
+def _stamp(own: Any, function: Callable[..., Any]) -> frozenset[Any]:
+    """Return what makes a cached kernel stale: its file, this one, and what the kernel uses.
 
     numba checks only the file of the function itself. The machine code also contains its callees,
     so that after a change of another file the old callee would still run.
     """
-    cache_file = _cache_file(kernel)
-    stamps = {cache_file._source_stamp}  # noqa: SLF001 - see `_cache_file`
+    stamps = {own, hashlib.sha256(Path(__file__).read_bytes()).digest()}
     for name in function.__code__.co_names:
         used = function.__globals__.get(name)
         if isinstance(used, Dispatcher):
-            stamps |= _cache_file(used)._source_stamp  # noqa: SLF001
+            stamps |= cast("Any", used)._cache.stamp  # noqa: SLF001 - one of ours
         elif isinstance(used, int | float):
             stamps.add((name, used))
-    cache_file._source_stamp = frozenset(stamps)  # noqa: SLF001
-
-
-def _cache_file(kernel: Any) -> Any:
-    return kernel._cache._cache_file  # noqa: SLF001 - numba has no public way to the stamp
+    return frozenset(stamps)

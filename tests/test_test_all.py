@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-SCRIPT = Path(__file__).parents[1] / ".ci" / "test-all"
+CI = Path(__file__).parents[1] / ".ci"
 # It answers the question for its version as a Python of that version does.
 PYTHON = """#!/bin/sh
 case "$2" in *"'{version}'"*) exit 0;; *) exit 1;; esac
@@ -31,7 +31,8 @@ def program(path: Path, text: str) -> None:
 def run(folder: Path) -> "subprocess.CompletedProcess[str]":
     """Run a copy of the script in a folder, with the interpreters in `bin` and `pyenv` there."""
     program(folder / ".ci" / "setup", SET_UP)
-    shutil.copy(SCRIPT, folder / ".ci")
+    for name in ("test-all", "environment.sh"):
+        shutil.copy(CI / name, folder / ".ci")
     environ = {"PATH": f"{folder}/bin:/usr/bin:/bin", "PYENV_ROOT": f"{folder}/pyenv"}
     return subprocess.run(
         [str(folder / ".ci" / "test-all"), "--quiet"],

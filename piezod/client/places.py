@@ -18,6 +18,7 @@ from piezod.errors import (
     NotRunningError,
     UnreachableError,
 )
+from piezod.home import user_folder
 
 SOCKET_NAME: Final = "api.sock"
 _SYSTEM: Final = Path("/run/piezod")
@@ -150,8 +151,10 @@ def groups_file(environ: Mapping[str, str] = os.environ, system: Path = _GROUPS)
     """
     if path := environ.get("PIEZOD_GROUPS"):
         return Path(path)
-    home = environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    own = Path(home) / "piezod" / _GROUPS.name
+    try:
+        own = user_folder("XDG_CONFIG_HOME", environ) / "piezod" / _GROUPS.name
+    except FileNotFoundError:  # a user without a home
+        return system
     return own if own.exists() else system
 
 

@@ -1,4 +1,4 @@
-"""The paths of a stage's files; imports only the standard library.
+"""The paths of a stage's files; imports little.
 
 systemd sets `$RUNTIME_DIRECTORY` and `$STATE_DIRECTORY`; without them the user's own folders are
 used.
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.errors import ConfigError, Problem
+from piezod.home import user_folder
 from piezod.own_folder import make_folder
 
 # The address of a unix socket has 108 bytes, the last of which is zero.
@@ -163,8 +164,7 @@ def _runtime(name: str, environ: Mapping[str, str]) -> Path:
 def _state(name: str, environ: Mapping[str, str]) -> Path:
     if given := _given("STATE_DIRECTORY", environ):
         return given
-    users = _given("XDG_STATE_HOME", environ) or Path.home() / ".local" / "state"
-    return users / "piezod" / name
+    return user_folder("XDG_STATE_HOME", environ) / "piezod" / name
 
 
 def _given(variable: str, environ: Mapping[str, str]) -> Path | None:

@@ -78,6 +78,8 @@ class Word(IntEnum):
     """Likewise, bits 32 to 63."""
     LATCHED_HIGH = 30
     """Likewise, from bit 64."""
+    COMPILED_KERNELS = 31
+    """Kernels whose compilation has begun since the shared memory is there."""
 
 
 HUNG: Final = 2

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from piezod.client.results import Document
+from piezod.home import user_folder
 from piezod.own_folder import make_folder
 from piezod.web.message import Message, MessagePart
 
@@ -141,8 +142,7 @@ def tables_folder(stage: str, environ: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of the tables that this user, or this service, has learned for a stage."""
     if folder := environ.get("STATE_DIRECTORY"):
         return Path(folder) / "tables" / stage
-    base = environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(base) / "piezod-web" / "tables" / stage
+    return user_folder("XDG_STATE_HOME", environ) / "piezod-web" / "tables" / stage
 
 
 def _drive(drive: ChosenDrive) -> dict[str, Any]:

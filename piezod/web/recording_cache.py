@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, Self
 
+from piezod.home import user_folder
 from piezod.own_folder import make_folder
 
 MOST_BYTES: Final = 4_000_000_000
@@ -27,8 +28,7 @@ class RecordingCache:
         """Return that of this user, or of this service."""
         if folder := environ.get("CACHE_DIRECTORY"):
             return cls(Path(folder) / "recordings")
-        base = environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        return cls(Path(base) / "piezod" / "recordings")
+        return cls(user_folder("XDG_CACHE_HOME", environ) / "piezod" / "recordings")
 
     def path(self, stage: str, name: str) -> Path:
         """Return where the copy of a recording is, or would be."""

@@ -1,38 +1,98 @@
-"""`requirements.lock` can be installed by every pip, also after newer releases of what it pins."""
+"""The lock files are whole, and the oldest versions that `pyproject.toml` allows are tested."""
 
-import re
 from collections.abc import Iterator
 from importlib import metadata
+from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from packaging.version import Version
 
-from tests.supply.audit import LOCK
+from tests.supply.lock import LOCK, TOOLS, named, pins, project
 
-PINNED = re.compile(r"^([A-Za-z0-9._-]+)(?:\[([^]]+)\])?==", re.MULTILINE)
-
-
-def requirements() -> Iterator[Requirement]:
-    """Yield what the installed packages require here."""
-    for package in metadata.distributions():
-        for text in package.requires or ():
-            requirement = Requirement(text)
-            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
-                yield requirement
+PLACES = [
+    {"python_version": version, "python_full_version": f"{version}.1", "platform_machine": machine}
+    for version in ("3.11", "3.12", "3.13")
+    for machine in ("x86_64", "aarch64")
+]
+"""Where piezod runs; all else of a marker is as here."""
 
 
-def test_lock_names_the_extras_that_packages_require() -> None:
-    """Pip 23 takes the newest release for a package with extras that the lock pins without them."""
+def version_of(pin: Requirement) -> Version:
+    """Return the version that a lock file pins."""
+    (specifier,) = pin.specifier
+    return Version(specifier.version)
+
+
+def required(text: str, extras: set[str], place: dict[str, str]) -> Requirement | None:
+    """Return a requirement if it counts with these extras in a place."""
+    requirement = Requirement(text)
+    marker = requirement.marker
+    if marker is None or any(marker.evaluate(place | {"extra": each}) for each in extras | {""}):
+        return requirement
+    return None
+
+
+def missing(place: dict[str, str]) -> Iterator[str]:
+    """Yield what packages of `requirements.lock` require in a place and it does not pin there."""
     pinned = {
-        canonicalize_name(name): set(extras.split(","))
-        for name, extras in PINNED.findall(LOCK.read_text())
+        canonicalize_name(pin.name): version_of(pin)
+        for pin in pins(LOCK)
+        if pin.marker is None or pin.marker.evaluate(place)
     }
-    required = {
-        (name, extra)
-        for each in requirements()
-        for extra in each.extras
-        if (name := canonicalize_name(each.name)) in pinned
-    }
+    waiting = [*named(["can", "parquet", "dev"])]
+    seen = set()
+    while waiting:
+        requirement = waiting.pop()
+        if str(requirement) in seen:
+            continue
+        seen.add(str(requirement))
+        name = canonicalize_name(requirement.name)
+        if name not in pinned or not requirement.specifier.contains(pinned[name]):
+            yield str(requirement)
+            continue
+        try:
+            texts = metadata.requires(name) or ()
+        except metadata.PackageNotFoundError:  # needed elsewhere only
+            continue
+        found = (required(text, requirement.extras, place) for text in texts)
+        waiting += [each for each in found if each is not None]
 
-    assert ("coverage", "toml") in required
-    assert [each for each in sorted(required) if each[1] not in pinned[each[0]]] == []
+
+@pytest.mark.parametrize("place", PLACES, ids=lambda each: " ".join(each.values()))
+def test_lock_is_whole(place: dict[str, str]) -> None:
+    """Nothing has to be resolved at set-up, on no Python and processor that piezod runs on."""
+    assert list(missing(place)) == []
+
+
+@pytest.mark.parametrize("lock", [LOCK, *sorted(TOOLS.glob("*.txt"))], ids=lambda each: each.stem)
+def test_every_pin_has_a_hash(lock: Path) -> None:
+    """A set-up takes no file that was not there when the lock was made."""
+    blocks = lock.read_text().replace("\\\n", "").splitlines()
+    lines = [each for each in blocks if each and not each.lstrip().startswith("#")]
+
+    assert [line for line in lines if "==" not in line or "--hash=sha256:" not in line] == []
+
+
+@pytest.mark.parametrize(
+    ("lock", "extras"),
+    [("lowest", ["can", "parquet", "dev"]), ("bluesky", ["bluesky"]), ("epics", ["epics"])],
+)
+def test_lower_bounds_are_tested(lock: str, extras: list[str]) -> None:
+    """Each lower bound of `pyproject.toml` is the version with which its tests run."""
+    pinned = {canonicalize_name(pin.name): version_of(pin) for pin in pins(TOOLS / f"{lock}.txt")}
+    everybodys = {each.name for each in named([])} if lock != "lowest" else set()
+    for requirement in named(extras):
+        if requirement.name in everybodys:
+            continue
+        (bound,) = [each.version for each in requirement.specifier if each.operator == ">="]
+        assert (requirement.name, pinned[canonicalize_name(requirement.name)]) == (
+            requirement.name,
+            Version(bound),
+        )
+
+
+def test_every_extra_is_tested() -> None:
+    """No extra has bounds that nothing tests."""
+    assert set(project()["optional-dependencies"]) == {"can", "parquet", "dev", "bluesky", "epics"}

@@ -56,6 +56,7 @@ from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import IDENTITIES, PLAYED
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
+from piezod.jit import tell_compilations
 from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
@@ -97,6 +98,7 @@ def main(
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
     if not warm:
+        tell_compilations(partial(shared.words.__setitem__, Word.COMPILED_KERNELS))
         _compile(config)
     channels, clock, period_ns = make_channels(config), MonotonicClock(), shared.layout.period_ns
     lock = wait_for_lock(lock_file, shared, clock, loop_gone_within_s(config))

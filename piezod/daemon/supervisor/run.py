@@ -55,7 +55,7 @@ def run_stage(source: Path, options: RunOptions, paths: StagePaths, signals: Sig
 
 def _run_stage(source: Path, options: RunOptions, paths: StagePaths, signals: Signals) -> bool:
     marker = Marker(paths.running)
-    _log.info("starting", stage=paths.name, note="the first start after an installation takes 20 s")
+    _log.info("starting", stage=paths.name)
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
     # Imported while that process loads.
     from piezod.daemon.supervisor.supervisor import Supervisor  # noqa: PLC0415 - see above
