@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from piezod.cli.commission_steps import walk
+from piezod.cli.commission_steps import print_note, walk
 from piezod.cli.guardian import guardian
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
@@ -87,7 +87,7 @@ def commission(
         ):
             guard.watch(name, opened)
             _print_identities(opened)
-            steps = steps_of(opened.session, results.findings)
+            steps = steps_of(opened.session, results.findings, print_note)
             walk(opened.session, steps, results.not_done, asking=not yes)
     except BaseException:  # Ctrl-C too: its cause is reported, with or without a sheet
         if opened is not None and results.findings.traces:
