@@ -210,9 +210,13 @@ def test_commission_interrupted_before_it_has_found_anything_leaves_no_sheet(
 @pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("out", [(), ("--out", "mine")])
 def test_commission_replaces_nothing(
-    piezod: Command, config: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, out: tuple[str]
+    piezod: Command,
+    config: Path,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    out: tuple[str, ...],
 ) -> None:
-    """A second run, and one whose folder is the link of somebody else, have folders of their own."""
+    """A second run has a folder of its own, also where somebody else has put a link."""
     name = out[-1] if out else "stage-x-commissioned"
     (folder / "elsewhere").mkdir()
     (folder / f"{name}-2").symlink_to(folder / "elsewhere")

@@ -287,7 +287,8 @@ class LiveStage:
         """Drop the recording, and wait for some time until the cycles are punctual again."""
         if self._recording:
             self._recording = False
-            self._client.stop_recording()
+            with suppress(ClientError):  # it may have ended by itself
+                self._client.stop_recording()
         start_s = inf
 
         def over(interval: Interval) -> bool:
