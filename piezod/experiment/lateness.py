@@ -95,7 +95,7 @@ def until_punctual(
     Raises:
         LatenessError: If it was late each time, or could not be repeated.
     """
-    total, why = Lateness(), ""
+    total = Lateness()
     for attempt in range(ATTEMPTS):
         if attempt:
             try:
@@ -108,10 +108,9 @@ def until_punctual(
             now = lateness()
             if not (now.excuses or isinstance(error, LatenessError)):
                 raise
-            why = f"; {error}"
         else:
-            now, why = lateness(), ""
+            now = lateness()
             if not now.spoils:
                 return found
         total = total.plus(now)
-    raise LatenessError(f"{total}{why}")
+    raise LatenessError(str(total))  # without the last error, which may be the wrong reason
