@@ -5,6 +5,7 @@
     PiezodError
     ├── ConfigError               a configuration, experiment or model file cannot be used
     ├── DataError                 recorded data cannot be used
+    │   └── LatenessError             a measurement was late, and cannot be judged
     ├── ModelError                a hysteresis model, or a loop with it, violates a condition
     ├── RegistryError             a driver's name does not lead to exactly one working plug-in
     ├── DeviceError               a device was used out of order or answered wrongly
@@ -79,6 +80,10 @@ class ConfigError(PiezodError):
 
 class DataError(PiezodError):
     """Raised if recorded data has gaps, NaN, unsorted time, wrong columns, or is too short."""
+
+
+class LatenessError(DataError):
+    """Raised if a measurement cannot be judged because the computer, or a device, was late."""
 
 
 class ModelError(PiezodError):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from piezod.cli.commission_steps import walk
+from piezod.cli.commission_steps import print_note, walk
 from piezod.cli.guardian import guardian
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
@@ -37,7 +37,8 @@ OutOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
-        help="Folder for sheet, configuration and data. Default: AXIS-commissioned.",
+        help="Folder for sheet, configuration and data, with a number if there is one of that "
+        "name. Default: STAGE-AXIS-commissioned, in the current folder.",
     ),
 ]
 OutputOption: TypeAlias = Annotated[
@@ -67,28 +68,39 @@ def commission(
     procedure. The results so far are stored as an acceptance sheet, a configuration for `piezod
     run`, and the data.
     """
-    from piezod.commission.bench import one_axis
-    from piezod.commission.procedure import steps_of
     from piezod.config.daemon import load_daemon
+    from piezod.daemon.paths import stage_paths
     from piezod.devices import registry
+    from piezod.records.new_name import new_folder
 
     stage = load_daemon(config, registry)
     name = _axis_of(stage, axis)
-    results = _Results(stage, name, out or Path(f"{name}-commissioned"))
-    results.folder.mkdir(parents=True, exist_ok=True)
-    check_writable(results.folder)
+    default = Path(f"{stage_paths(config).name}-{name}-commissioned")
+    with new_folder(out or default) as folder:
+        check_writable(folder)
+        results = _Results(stage, name, folder)
+        _measure(config, results, output_v, asking=not yes, json=json)
+
+
+def _measure(
+    config: Path, results: "_Results", output_v: float, *, asking: bool, json: bool
+) -> None:
+    """Do the steps and store their results, also those before an error."""
+    from piezod.commission.bench import one_axis
+    from piezod.commission.procedure import steps_of
+
     opened: OneAxis | None = None
     try:
         with (
             owning(config),
             unwinding(),
             guardian(config) as guard,
-            one_axis(stage, name, output_v, note=guard.note) as opened,
+            one_axis(results.stage, results.axis, output_v, note=guard.note) as opened,
         ):
-            guard.watch(name, opened)
+            guard.watch(results.axis, opened)
             _print_identities(opened)
-            steps = steps_of(opened.session, results.findings)
-            walk(opened.session, steps, results.not_done, asking=not yes)
+            steps = steps_of(opened.session, results.findings, print_note)
+            walk(opened.session, steps, results.not_done, asking=asking)
     except BaseException:  # Ctrl-C too: its cause is reported, with or without a sheet
         if opened is not None and results.findings.traces:
             try:

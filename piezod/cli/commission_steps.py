@@ -31,6 +31,7 @@ def walk(
 
     Raises:
         DeviceError: If a device reports an error.
+        LatenessError: If the computer was too late for a step each time.
     """
     for step in steps:
         done = False
@@ -42,6 +43,11 @@ def walk(
         finally:
             if not done:
                 not_done += [step.name, *(later.name for later in steps)]
+
+
+def print_note(text: str) -> None:
+    """Print a remark on a step to stderr."""
+    typer.echo(text, err=True)
 
 
 def _confirmed(step: "ProcedureStep", session: "Session", prefix: str) -> bool:

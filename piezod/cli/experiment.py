@@ -1,5 +1,6 @@
 """`piezod experiment`: run an experiment file, write a report with errors, figures and data."""
 
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from piezod.cli.paths import check_writable
 from piezod.cli.stage_options import SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from contextlib import AbstractContextManager
 
     from piezod.client import StageClient
@@ -60,29 +61,39 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     check_play(plays=config.play is not None, largest_step_pct=largest_step_pct, tables=tables)
     if seed is not None:
         config = config.model_copy(update={"seed": seed})
-    folder = out or Path(f"{file.stem}-results")
-    folder.mkdir(parents=True, exist_ok=True)  # before the run, which may take minutes
-    check_writable(folder)
-    if config.play is not None:
-        from piezod.cli.experiment_play import run_play
+    with _folder(out or Path(f"{file.stem}-results"), live=live) as folder:
+        if config.play is not None:
+            from piezod.cli.experiment_play import run_play
 
-        on = connect(stage, socket) if live else None
-        run_play(config, config.play, folder, tables, on, json=json)
-        return
-    with progress_bar() as progress:
-        text = file.read_text(encoding="utf-8-sig")
-        what = config, text, config.title or file.stem
-        if live:
-            result = _run_live(*what, largest_step_pct, connect(stage, socket), progress)
-        else:
-            result = run_experiment(*what, progress)
-        progress("writing the report", 1.0)
-        reference = reference_of(config)
-        report = write_outputs(folder, result, reference)
+            on = connect(stage, socket) if live else None
+            run_play(config, config.play, folder, tables, on, json=json)
+            return
+        with progress_bar() as progress:
+            text = file.read_text(encoding="utf-8-sig")
+            what = config, text, config.title or file.stem
+            if live:
+                result = _run_live(*what, largest_step_pct, connect(stage, socket), progress)
+            else:
+                result = run_experiment(*what, progress)
+            progress("writing the report", 1.0)
+            reference = reference_of(config)
+            report = write_outputs(folder, result, reference)
     if json:
         print_json(as_document(result, report))
     else:
         print_result(new_console(), result, reference, report)
+
+
+@contextmanager
+def _folder(wanted: Path, *, live: bool) -> "Iterator[Path]":
+    """Make the folder before the run, which may take minutes; what was measured is not replaced."""
+    from piezod.records.new_name import new_folder
+
+    if not live:
+        wanted.mkdir(parents=True, exist_ok=True)
+    with new_folder(wanted) if live else nullcontext(wanted) as folder:
+        check_writable(folder)
+        yield folder
 
 
 def _run_live(

@@ -19,7 +19,8 @@ OutOption: TypeAlias = Annotated[
         metavar="DIR",
         readable=False,
         help="Folder for report, figures and data; the results of an earlier run in it are "
-        "replaced. Default: the name of FILE with -results, in the current folder.",
+        "replaced, but with --live an existing folder is left alone, and the name gets a number. "
+        "Default: the name of FILE with -results, in the current folder.",
     ),
 ]
 SeedOption: TypeAlias = Annotated[

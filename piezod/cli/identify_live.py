@@ -34,7 +34,8 @@ def record_and_fit(
         fit: Function of a data file, of its excluded start in s, and of whether the axis takes a
             surface; returns the fit.
         drive: File with the drive; None for the default drive.
-        out: Model file; the record is written beside it, or into the current folder if it is None.
+        out: Model file; the record is written beside it, or into the current folder if it is None,
+            with a number if there is one of that name.
         axis: Name of the axis; None for the only one.
         client: Connection to the daemon of the stage.
 
@@ -43,13 +44,16 @@ def record_and_fit(
     """
     from piezod.experiment.live.drive import read_drive
     from piezod.experiment.live.identify import record_live
+    from piezod.records.new_name import new_file
 
     settings = read_drive(drive) if drive else None
-    file = out.with_suffix(".csv") if out else Path(f"{client.place.stage}-record.csv")
-    check_writable(file.parent)
-    with progress_bar() as progress:
+    wanted = out.with_suffix(".csv") if out else Path(f"{client.place.stage}-record.csv")
+    check_writable(wanted.parent)
+    with new_file(wanted) as file, progress_bar() as progress:
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
-    fitted = fit(file, recorded.run_in_s, recorded.takes_surface)  # with a progress bar of its own
+    fitted = fit(
+        recorded.file, recorded.run_in_s, recorded.takes_surface
+    )  # with a progress bar of its own
     fitted = replace(fitted, warnings=(*fitted.warnings, *recorded.warnings))
     return fitted.beside(recorded.first_mode), recorded.axis
 

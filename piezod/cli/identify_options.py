@@ -114,7 +114,7 @@ LiveOption: TypeAlias = Annotated[
     typer.Option(
         "--live",
         help="Drive a running stage from rest and fit its record, which is stored beside the model "
-        "or in the current folder.",
+        "or in the current folder, with a number if there is one of that name.",
     ),
 ]
 DriveOption: TypeAlias = Annotated[

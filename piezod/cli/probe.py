@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from piezod.cli.commission_steps import walk
+from piezod.cli.commission_steps import print_note, walk
 from piezod.cli.guardian import Guardian, guardian
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import ConfigArgument, JsonOption
@@ -106,7 +106,7 @@ def _wiggle(
         with one_axis(stage, axis, note=guard.note) as opened:
             guard.watch(axis, opened)
             session = opened.session
-            steps = islice(steps_of(session, findings), 2)
+            steps = islice(steps_of(session, findings, print_note), 2)
             walk(session, steps, [], asking=asking, prefix=f"axis {axis}: ", err=err)
         if findings.polarity is not None:
             moved[axis] = findings.polarity._asdict()

@@ -1,6 +1,7 @@
 """`piezod record`: recordings of every cycle."""
 
 import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
@@ -86,7 +87,11 @@ def get(
     name: NameArgument,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="File to write; default: NAME.h5 in the current folder."),
+        typer.Option(
+            metavar="FILE",
+            help="File to write; default: NAME.h5 in the current folder, with a number if there is "
+            "one of that name.",
+        ),
     ] = None,
     stage: StageOption = None,
     socket: SocketOption = None,
@@ -94,9 +99,10 @@ def get(
 ) -> None:
     """Copy the file of a recording and print its size."""
     from piezod.cli.output import new_console, print_json
+    from piezod.records.new_name import new_file
 
-    file = out or Path(f"{name}.h5")
-    with connect(stage, socket) as client:
+    wanted = Path(f"{name}.h5")
+    with nullcontext(out) if out else new_file(wanted) as file, connect(stage, socket) as client:
         size_bytes = client.fetch_recording(name, file)
     if json:
         print_json({"name": name, "file": str(file), "size_bytes": size_bytes})

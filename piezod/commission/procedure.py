@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite
 from typing import Final, NamedTuple, TypeVar
 
@@ -20,6 +21,8 @@ from piezod.commission.travel import (
     farther_end_v,
     travel_of,
 )
+from piezod.errors import DataError, DeviceError
+from piezod.experiment.lateness import until_punctual
 
 BIAS_STEPS: Final = 5
 """Bias for delay and resonance, relative to the initial voltage, in steps of the polarity step."""
@@ -60,8 +63,32 @@ class ProcedureStep(NamedTuple):
     run: Callable[[], str]
 
 
-def steps_of(session: Session, findings: Findings) -> Iterator[ProcedureStep]:
-    """Yield the steps one after the other; they drive exactly the announced voltages."""
+def steps_of(
+    session: Session, findings: Findings, note: Callable[[str], object] = str
+) -> Iterator[ProcedureStep]:
+    """Yield the steps one after the other; they drive exactly the announced voltages.
+
+    A step is repeated while the computer was late; `run` raises LatenessError if it stays late.
+
+    Args:
+        session: The axis.
+        findings: Receives the results.
+        note: Called with the reason before a step is repeated.
+    """
+    for step in _steps(session, findings):
+        yield step._replace(run=partial(_punctual, session, step.run, note))
+
+
+def _punctual(session: Session, run: Callable[[], str], note: Callable[[str], object]) -> str:
+    def again(reason: str) -> None:
+        note(reason)
+        session.back()
+
+    session.take_lateness()  # that of the time before the step does not count
+    return until_punctual(run, session.take_lateness, again, DeviceError, DataError)
+
+
+def _steps(session: Session, findings: Findings) -> Iterator[ProcedureStep]:
     # Computed once, before the first step: what is announced must be what is driven.
     size_v, way_v = step_v(session), farther_end_v(session) - session.found_v
     yield _noise(session, findings)

@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 
 from piezod.commission.session import Session
 from piezod.commission.session_trace import SessionTrace, joined
+from piezod.errors import LatenessError
 from piezod.hysteresis.memory import FloatArray
 
 STEPS: Final = 24
@@ -70,6 +71,7 @@ def find_ringing(session: Session, size_v: float) -> tuple[Ringing, SessionTrace
 
     Raises:
         DeviceError: If a device reports a fault.
+        LatenessError: If too many samples are late.
     """
     searched_hz = FOLDS * session.rate_hz
     traces: list[SessionTrace] = []
@@ -88,18 +90,27 @@ def find_ringing(session: Session, size_v: float) -> tuple[Ringing, SessionTrace
 def _mean_response(
     session: Session, size_v: float, rate_hz: float, traces: list[SessionTrace]
 ) -> tuple[FloatArray, float]:
-    """Return the mean response to the steps, in µm; steps back count with reversed sign."""
+    """Return the mean response to the steps, in µm; steps back count with reversed sign.
+
+    Raises:
+        LatenessError: If half of the responses are not even in time.
+    """
     begin_v = session.drive_v
     n = round(RECORD_S * rate_hz)
-    total, count = np.zeros(n), 0
+    total, count, late = np.zeros(n), 0, 0
     for i in range(STEPS):
         target_v = begin_v + size_v if i % 2 == 0 else begin_v
         trace = session.drive(lambda _t_s, v=target_v: v, RECORD_S * 1.05, rate_hz)  # type: ignore[misc] # a default that binds the loop's value
         traces.append(trace)
+        if trace.has_gap(rate_hz, n + 1):
+            late += 1
+            continue
         response = trace.position_um[1 : n + 1]  # the first sample is from before the step
         if response.size == n and np.all(np.isfinite(response)):
             total += response if i % 2 == 0 else -response
             count += 1
+    if 2 * late >= STEPS:
+        raise LatenessError(f"{late} of {STEPS} responses to steps lack samples")
     return total / max(count, 1), rate_hz
 
 

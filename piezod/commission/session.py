@@ -3,20 +3,22 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import compress
 from math import inf, isfinite, nan
 from typing import Final
 
 import numpy as np
 
+from piezod.commission.cycles import SessionCycles
 from piezod.commission.session_trace import SessionTrace
 from piezod.control.guard import Guard, Limits
 from piezod.control.in_force import Claim, Evidence, voltage_in_force
 from piezod.control.signals import RecentRange
 from piezod.daemon.clock import Clock
-from piezod.daemon.loop.pacer import Pacer
 from piezod.devices.channels import Channels
 from piezod.devices.status import MOVED, DeviceFlag
 from piezod.errors import DeviceError
+from piezod.experiment.lateness import Lateness
 from piezod.units import NS_PER_S, s_to_ns
 
 PATIENCE_S: Final = 2.0
@@ -35,6 +37,8 @@ ENDING: Final = MOVED | {
     DeviceFlag.SHORT_OR_OPEN,
 }
 """Flags of a device that end a step."""
+LEAST_ROWS: Final = 2
+"""Smallest number of rows in a trace."""
 LONGEST_PERIODS: Final = 2
 """Largest time step of a cycle, in periods: after a pause the voltage makes no jump."""
 
@@ -68,12 +72,12 @@ class Session:
         self._channels, self._clock, self._note = channels, clock, note
         self.limits, self.rate_hz, self._ramp_v_per_s = limits, rate_hz, ramp_v_per_s
         self._reads_back = channels.capabilities().read_back
-        initial_v = channels.read_back(clock.now_ns())[0] if self._reads_back else output_v
+        self._lateness = Lateness()
+        initial_v = self._read_back_v() if self._reads_back else output_v
         if not isfinite(initial_v):
-            no_read_back = "does not read back; give it with `piezod commission --output-v`"
             raise DeviceError(
-                "the voltage in force is unknown: the amplifier "
-                + ("reports none" if self._reads_back else no_read_back)
+                "the voltage in force is unknown: the amplifier does not read back; give it with "
+                "`piezod commission --output-v`"
             )
         slack_v = limits.read_back_tolerance_v
         if not limits.drive_min_v - slack_v <= initial_v <= limits.drive_max_v + slack_v:
@@ -174,7 +178,7 @@ class Session:
     def drive(
         self, wave_v: Callable[[float], float], duration_s: float, rate_hz: float | None = None
     ) -> SessionTrace:
-        """Drive a voltage over time and record.
+        """Drive a voltage over time and record; leave out late cycles without a valid sample.
 
         The time of the waveform advances with every accepted write, by at most two periods.
 
@@ -186,50 +190,67 @@ class Session:
         Raises:
             DeviceError: If a device reports a fault.
         """
-        period_ns = round(NS_PER_S / (rate_hz or self.rate_hz))
+        cycles = SessionCycles(self._clock, rate_hz or self.rate_hz)
+        longest_ns = LONGEST_PERIODS * cycles.period_ns
         # The slew limit must use the same time step as the waveform, or a ramp would lag behind.
         lag_s = self._channels.capabilities().lag_ns / NS_PER_S
-        guard = Guard([self.limits], LONGEST_PERIODS * period_ns / NS_PER_S, [lag_s])
-        pacer = Pacer(self._clock, period_ns, 0)
-        rows: list[tuple[float, float, float, float]] = []
+        guard = Guard([self.limits], longest_ns / NS_PER_S, [lag_s])
+        rows, told = list[tuple[float, float, float, float]](), list[bool]()
         begin_ns = before_ns = self._clock.now_ns()
         wave_s = 0.0  # time of the waveform
-        while len(rows) < 2 or wave_s < duration_s:
-            pacer.wait()
-            now_ns = self._clock.now_ns()
-            position_um = self._read(now_ns)
-            read_back_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
-            self._check_devices(read_back_v, now_ns)
-            # Before the write: a sample belongs to the voltage that was in force when it was taken.
-            rows.append(((now_ns - begin_ns) / NS_PER_S, self.drive_v, read_back_v, position_um))
-            elapsed_s = min(now_ns - before_ns, LONGEST_PERIODS * period_ns) / NS_PER_S
-            admitted = guard.admit(
-                now_ns,
-                now_ns,
-                [wave_v(wave_s)],
-                [self.drive_v],
-                elapsed_s,
-                read_back_v=[read_back_v],
-            )
-            self._watch.check_wait(read_back_v, self.drive_v, now_ns, waits=bool(admitted.waits))
-            accepted = False
-            if not admitted.waits:
-                self._note(admitted.drive_v[0])
-                accepted = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
-                self._watch.check_write(
-                    accepted=accepted, drive_v=admitted.drive_v[0], now_ns=now_ns
-                )
-            # After a refused write the waveform waits, so that it continues without a jump.
-            if accepted:
-                self.drive_v, wave_s = admitted.drive_v[0], wave_s + elapsed_s
-            before_ns = now_ns
-        return SessionTrace(*np.array(rows).T)
+        try:
+            while len(rows) < LEAST_ROWS or wave_s < duration_s:
+                late = cycles.wait()
+                now_ns = self._clock.now_ns()
+                position_um = self._read(now_ns)
+                read_back_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
+                flags = self._flags(now_ns)
+                late |= cycles.note(flags)
+                self._watch.check_read_back(read_back_v, self.drive_v, flags)
+                # Before the write: a sample belongs to the voltage in force when it was taken.
+                t_s = (now_ns - begin_ns) / NS_PER_S
+                rows.append((t_s, self.drive_v, read_back_v, position_um))
+                told.append(isfinite(position_um) or not late)
+                elapsed_s = min(now_ns - before_ns, longest_ns) / NS_PER_S
+                # After a refused write the waveform waits, so that it continues without a jump.
+                if self._write(guard, wave_v(wave_s), read_back_v, now_ns, elapsed_s):
+                    wave_s += elapsed_s
+                before_ns = now_ns
+        finally:
+            self._lateness = self._lateness.plus(cycles.lateness)
+        # A sample that is missing because it is late says nothing about the sensor.
+        used = list(compress(rows, told)) if sum(told) >= LEAST_ROWS else rows
+        return SessionTrace(*np.array(used).T)
 
-    def _check_devices(self, read_back_v: float, now_ns: int) -> None:
+    def take_lateness(self) -> Lateness:
+        """Return the lateness of all driving since the last call."""
+        taken, self._lateness = self._lateness, Lateness()
+        return taken
+
+    def _write(
+        self, guard: Guard, wished_v: float, read_back_v: float, now_ns: int, elapsed_s: float
+    ) -> bool:
+        """Write a voltage as the guard admits it; return whether it was accepted."""
+        in_force_v = [self.drive_v]
+        admitted = guard.admit(
+            now_ns, now_ns, [wished_v], in_force_v, elapsed_s, read_back_v=[read_back_v]
+        )
+        waits = bool(admitted.waits)
+        self._watch.check_wait(read_back_v, self.drive_v, now_ns, waits=waits)
+        if waits:
+            return False
+        self._note(admitted.drive_v[0])
+        accepted = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
+        self._watch.check_write(accepted=accepted, drive_v=admitted.drive_v[0], now_ns=now_ns)
+        if accepted:
+            self.drive_v = admitted.drive_v[0]
+        return accepted
+
+    def _flags(self, now_ns: int) -> frozenset[DeviceFlag]:
         flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))
         if elsewhere := flags & MOVED:  # the session leaves the voltage as it is
             self._not_ours = ", ".join(sorted(elsewhere))
-        self._watch.check_read_back(read_back_v, self.drive_v, flags)
+        return flags
 
     def _start_v(self, read_back_v: float) -> float:
         """Return the voltage at which the way back starts, in V.
@@ -256,7 +277,10 @@ class Session:
             if isfinite(read_back_v):
                 return read_back_v
             if now_ns > end_ns:
-                raise DeviceError(f"the amplifier has reported no voltage for {PATIENCE_S:g} s")
+                raise DeviceError(
+                    "the voltage in force is unknown: the amplifier has reported none for "
+                    f"{PATIENCE_S:g} s"
+                )
             self._clock.sleep_until_ns(now_ns + s_to_ns(1.0 / self.rate_hz))
 
     def _read(self, now_ns: int) -> float:

@@ -1,10 +1,14 @@
 """What a session recorded of one axis."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from piezod.hysteresis.memory import FloatArray
+
+LARGEST_PERIODS: Final = 1.6
+"""Time between two rows, in periods, above which a cycle lies between them."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,10 @@ class SessionTrace:
     def valid_pct(self) -> float:
         """Share of valid samples, in %."""
         return 100.0 * float(np.mean(np.isfinite(self.position_um)))
+
+    def has_gap(self, rate_hz: float, rows: int) -> bool:
+        """Return whether a period is missing between the first rows."""
+        return bool(np.any(np.diff(self.t_s[:rows]) * rate_hz > LARGEST_PERIODS))
 
     def after(self, t_s: float) -> "SessionTrace":
         """Return the part of the record from an instant on."""

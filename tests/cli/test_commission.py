@@ -136,8 +136,8 @@ def test_commission_leaves_a_sheet_and_a_configuration_that_runs(
     assert outcome.code == 0, outcome.err
     assert document["not_done"] == []
     assert re.search(r"first mode at 80[678] Hz", outcome.err)
-    assert (folder / "x-commissioned" / "acceptance.html").exists()
-    assert piezod("check", "x-commissioned/stage.yaml").code == 0
+    assert (folder / "stage-x-commissioned" / "acceptance.html").exists()
+    assert piezod("check", "stage-x-commissioned/stage.yaml").code == 0
 
 
 def test_commission_ends_with_a_no(
@@ -148,9 +148,9 @@ def test_commission_ends_with_a_no(
     outcome = piezod("commission", str(config))
 
     assert outcome.code == 0, outcome.err
-    sheet = (folder / "x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
+    sheet = (folder / "stage-x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
     assert "Not done: polarity, travel 10 %" in sheet
-    assert not (folder / "x-commissioned" / "stage.yaml").exists()
+    assert not (folder / "stage-x-commissioned" / "stage.yaml").exists()
 
 
 def test_commission_of_an_axis_that_is_not_there(piezod: Command, config: Path) -> None:
@@ -190,21 +190,43 @@ def test_commission_stores_its_results_after_a_signal(
     """After Ctrl-C the sheet lists the steps that were not done."""
     _write_with(monkeypatch, lambda _v: os.kill(os.getpid(), signal.SIGINT), above_v=30.0)
     outcome = piezod("commission", str(config), "--yes")
-    sheet = (folder / "x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
+    sheet = (folder / "stage-x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
 
     assert outcome.code == 130
     assert "Not done: travel 25 %, travel 50 %" in sheet
-    assert (folder / "x-commissioned" / "stage.yaml").exists()
+    assert (folder / "stage-x-commissioned" / "stage.yaml").exists()
 
 
 def test_commission_interrupted_before_it_has_found_anything_leaves_no_sheet(
     piezod: Command, config: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without any result no sheet is written, so that an earlier one stays."""
+    """Without any result no folder is left."""
     monkeypatch.setattr("typer.confirm", lambda *_, **__: os.kill(os.getpid(), signal.SIGINT))
 
     assert piezod("commission", str(config)).code == 130
-    assert list((folder / "x-commissioned").iterdir()) == []
+    assert not (folder / "stage-x-commissioned").exists()
+
+
+@pytest.mark.usefixtures("no_figures")
+@pytest.mark.parametrize("out", [(), ("--out", "mine")])
+def test_commission_replaces_nothing(
+    piezod: Command,
+    config: Path,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    out: tuple[str, ...],
+) -> None:
+    """A second run has a folder of its own, also where somebody else has put a link."""
+    name = out[-1] if out else "stage-x-commissioned"
+    (folder / "elsewhere").mkdir()
+    (folder / f"{name}-2").symlink_to(folder / "elsewhere")
+    for _ in range(2):
+        monkeypatch.setattr("sys.stdin", StringIO("y\nn\n"))
+        assert piezod("commission", str(config), *out).code == 0
+    sheets = sorted(path.parent.name for path in folder.rglob("acceptance.html"))
+
+    assert sheets == [name, f"{name}-3"]
+    assert list((folder / "elsewhere").iterdir()) == []
 
 
 TWO = (signal.SIGINT, signal.SIGTERM)
@@ -286,7 +308,7 @@ def test_commission_reports_its_first_error_if_the_ramp_back_fails_too(
 
     _write_with(monkeypatch, failing, above_v=30.0, broken=broken)
     outcome = piezod("commission", str(config), "--yes")
-    sheet = (folder / "x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
+    sheet = (folder / "stage-x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
 
     assert outcome.code == 1
     assert re.search(

@@ -48,6 +48,7 @@ class FakeStage(StageClient):
         self.state, self.mode_now, self.motion = "SAFE", "feedforward", 0
         self.t_s, self.ends_s = 100.0, 0.0
         self.present: tuple[str, ...] = ()
+        self.skipped = 0
         self.asked: list[str] = []
         self.bodies: list[Document | None] = []
         self.refused: dict[str, str] = {}
@@ -138,6 +139,6 @@ class FakeStage(StageClient):
             lost=0,
             state=self.state,
             faults=self.present,
-            skipped_cycles=0,
+            skipped_cycles=self.skipped,
             axes={"x": axis},
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from piezod.config.states import State
 from piezod.config.yaml_loader import parse_yaml
-from piezod.errors import DataError
+from piezod.errors import DataError, LatenessError
 from piezod.experiment.fit.record import Rows
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
@@ -59,7 +59,8 @@ def columns_of_recording(
         raise DataError(f"{path}: the stage is never armed in this recording; record a movement")
     part, notes = _longest_part(telemetry, name, driven)
     columns, missing = (placed or on_deadlines)(telemetry, name, part)
-    check_missing(f"{path}: axis {name}", missing, columns["t_s"].size)
+    samples = columns["t_s"].size
+    check_missing(f"{path}: axis {name}", missing, samples - int(part.sum()), samples)
     if np.ptp(columns["drive_v"]) == 0.0:
         raise DataError(f"{path}: the voltage of axis {name} is constant; record a movement")
     return columns, (*notes, *told_missing(missing, columns["t_s"].size))
@@ -129,16 +130,30 @@ def on_cycles(
     return columns, int(even.size - np.count_nonzero(valid))
 
 
-def check_missing(what: str, missing: int, samples: int) -> None:
+def check_missing(what: str, missing: int, skipped: int, samples: int) -> None:
     """Refuse a record of which too much is filled in.
 
+    Args:
+        what: What the record is of, for the message.
+        missing: Number of filled-in samples.
+        skipped: Those of them that the loop skipped.
+        samples: Number of samples.
+
     Raises:
-        DataError: If it is more than `MAX_MISSING_SHARE`.
+        LatenessError: If more than `MAX_MISSING_SHARE` was skipped.
+        DataError: If more than `MAX_MISSING_SHARE` is missing.
     """
+    allowed = f"of {samples} samples are missing, allowed are {100 * MAX_MISSING_SHARE:g} %"
+    if skipped > MAX_MISSING_SHARE * samples:
+        raise LatenessError(
+            f"{what}: {missing} {allowed}: the computer was late, and the loop skipped {skipped} "
+            "cycles; end other programs, give the loop a processor and real-time priority, or "
+            "lower rate_hz"
+        )
     if missing > MAX_MISSING_SHARE * samples:
         raise DataError(
-            f"{what}: {missing} of {samples} samples are missing because the loop skipped cycles "
-            f"or the sensor was out of range; allowed are {100 * MAX_MISSING_SHARE:g} %"
+            f"{what}: {missing} {allowed}: the sensor gave no valid sample; check its range, "
+            "cable and alignment"
         )
 
 

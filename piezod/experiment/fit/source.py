@@ -13,8 +13,8 @@ from piezod.experiment.fit.past import mark_unknown_past
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.recorded import (
     MAX_FILLED,
+    MAX_MISSING_SHARE,
     Columns,
-    check_missing,
     columns_of_recording,
     delay_of_recording,
     told_missing,
@@ -97,7 +97,12 @@ def columns_of_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
     missing = int(np.sum(periods - 1))
     if not missing:
         return columns, ()
-    check_missing(str(path), missing, t_s.size + missing)
+    samples = t_s.size + missing
+    if missing > MAX_MISSING_SHARE * samples:
+        raise DataError(
+            f"{path}: {missing} of {samples} samples are missing: t_s has gaps; allowed are "
+            f"{100 * MAX_MISSING_SHARE:g} %; record again, or cut out a part without gaps"
+        )
     # The recorded samples stay as they are; the new ones are between them.
     places = np.concatenate(([0], np.cumsum(periods)))
     even_s = np.interp(np.arange(places[-1] + 1), places, t_s)

@@ -1,5 +1,6 @@
 """Records a running stage for an identification: drives it, and writes a data file."""
 
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -64,6 +65,7 @@ def record_live(
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
         DataError: If there is no such axis, or too much of the record is missing.
+        LatenessError: If the loop was late, also in all repetitions.
         OSError: If the file cannot be written.
     """
     setup = read_setup(client)
@@ -81,10 +83,11 @@ def record_live(
         TemporaryDirectory(prefix="piezod-") as folder,
         LiveStage(client, setup, advance) as stage,
     ):
-        telemetry = _driven(stage, name, drive, Path(folder) / "recording.h5")
+        measure = partial(_driven, stage, name, drive, Path(folder) / "recording.h5")
+        columns, warnings = stage.until_punctual(measure, stage.disarm)
         stage.disarm()
-    columns, warnings = columns_of(telemetry, name)
     write_csv(file, columns)
+    warnings = (*stage.notes, *warnings)
     if stage.faults:
         faults = ", ".join(sorted(stage.faults))
         warnings = (*warnings, f"Faults were present: {faults}. See `piezod faults`.")
@@ -123,13 +126,16 @@ def columns_of(
     if np.count_nonzero(driven) < 2:
         raise DataError(f"axis {axis}: the recording does not contain the drive")
     columns, missing = placed(telemetry, axis, driven)
-    check_missing(f"axis {axis}", missing, columns["t_s"].size)
-    return columns, told_missing(missing, columns["t_s"].size)
+    samples = columns["t_s"].size
+    check_missing(f"axis {axis}", missing, samples - int(driven.sum()), samples)
+    return columns, told_missing(missing, samples)
 
 
-def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> RecordedTelemetry:
+def _driven(
+    stage: LiveStage, axis: str, drive: LiveDrive, file: Path
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     stage.arm_at_rest(drive.settle_s)
     stage.faults.clear()
     stage.start_recording(f"identify-{axis}")
     stage.drive({axis: drive.drive_v}, drive.duration_s)
-    return stage.end_recording(file)
+    return columns_of(stage.end_recording(file), axis)

@@ -1,6 +1,7 @@
 """Measures the frequency response of an axis of a running stage."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -34,6 +35,7 @@ def response_live(
         ClientError: If a request is refused, or the stage leaves the expected states.
         DataError: If there is no such axis, if the drive is not allowed, or if the record cannot be
             used.
+        LatenessError: If the loop was late, also in all repetitions.
     """
     setup = read_setup(client)
     name = setup.measured_axis(axis, "a response")
@@ -62,19 +64,27 @@ def response_live(
 def _driven(
     stage: LiveStage, axis: str, plans: Sequence[ResponsePlan]
 ) -> tuple[list[AboutVoltage], tuple[str, ...]]:
+    def rearm() -> None:
+        stage.disarm()
+        stage.arm()
+
     about, notes = [], dict[str, None]()
-    stage.disarm()
-    stage.arm()
+    rearm()
     stage.faults.clear()
     for plan in plans:
-        with TemporaryDirectory(prefix="piezod-") as folder:
-            stage.start_recording(f"response-{axis}")
-            stage.drive({axis: plan.drive_v}, plan.duration_s)
-            telemetry = stage.end_recording(Path(folder) / "recording.h5")
-        columns, warnings = columns_of(telemetry, axis, on_cycles)
-        about.append(measured(plan, columns))
+        found, warnings = stage.until_punctual(partial(_about, stage, axis, plan), rearm)
+        about.append(found)
         notes.update(dict.fromkeys(warnings))
-    return about, tuple(notes)
+    return about, (*stage.notes, *notes)
+
+
+def _about(stage: LiveStage, axis: str, plan: ResponsePlan) -> tuple[AboutVoltage, tuple[str, ...]]:
+    with TemporaryDirectory(prefix="piezod-") as folder:
+        stage.start_recording(f"response-{axis}")
+        stage.drive({axis: plan.drive_v}, plan.duration_s)
+        telemetry = stage.end_recording(Path(folder) / "recording.h5")
+    columns, warnings = columns_of(telemetry, axis, on_cycles)
+    return measured(plan, columns), warnings
 
 
 def _remedy(plans: Sequence[ResponsePlan]) -> str:

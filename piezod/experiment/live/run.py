@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -50,6 +51,7 @@ def run_live(
             starts with case and mode.
         DataError: If the experiment does not fit the stage, before anything moves, or if a
             recording does not contain the run.
+        LatenessError: If the loop was late in a run, also in all repetitions.
         ModelError: If a model in use is not valid.
     """
     setup, slowed = read_setup(client), list[str]()
@@ -68,10 +70,12 @@ def run_live(
             for mode in config.modes:
                 meter.label = f"{case.name}, {mode.value}"
                 with prefix_errors(meter.label):
-                    for recording, run_notes in runs.run(case, mode):
+                    run = partial(runs.run, case, mode)
+                    for recording, run_notes in stage.until_punctual(run, stage.disarm):
                         recordings.append(recording)
                         warnings += run_notes
         stage.disarm()
+    warnings += stage.notes
     return ExperimentResult(
         title=f"{title} (live on stage {setup.stage})",
         recordings=tuple(recordings),

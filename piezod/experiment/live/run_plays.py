@@ -62,4 +62,4 @@ def run_plays_live(
         )
         stage.disarm()
     title = f"{config.title} (live on stage {setup.stage})".strip()
-    return PlayedExperiment(title, setup.seed, axes, tuple(not_used(config, setup)))
+    return PlayedExperiment(title, setup.seed, axes, (*not_used(config, setup), *stage.notes))

@@ -1,5 +1,7 @@
 """An axis of a running stage that plays tables."""
 
+from functools import partial
+
 import numpy as np
 
 from piezod.experiment.live.setup import LiveSetup
@@ -35,13 +37,16 @@ class RunningAxis:
 
     def play(self, table: AxisTable) -> AxisRecord:
         """Play a table, which the daemon checks; return its record."""
-        played = self._stage.play(
+        play = partial(
+            self._stage.play,
             self._name,
             np.round(table.period_v, _DECIMALS).tolist(),
             np.round(table.lead_in_v, _DECIMALS).tolist(),
             table.interval_ns / NS_PER_S,
             table.cycles,
         )
+        rest = partial(self._stage.arm_at_rest, self._rest_s)
+        played = self._stage.until_punctual(play, rest)
         self.identity = Identity(**played["device"], firmware="")
         position_um = np.array(played["position_um"], dtype=np.float64)  # null becomes NaN
         interval_ns = s_to_ns(played["record_interval_s"])

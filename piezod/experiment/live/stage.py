@@ -6,7 +6,7 @@ from contextlib import ExitStack, closing, suppress
 from math import inf
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Self, TypeVar
 
 from piezod.client import StageClient
 from piezod.client.arrival import because_of
@@ -17,7 +17,15 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Setpoint
-from piezod.errors import ClientError, DataError, NotReachedError, NotRunningError
+from piezod.errors import (
+    ClientError,
+    DataError,
+    NotReachedError,
+    NotRunningError,
+    RefusedError,
+)
+from piezod.experiment.lateness import until_punctual
+from piezod.experiment.live.loop_lateness import LoopLateness
 from piezod.experiment.live.setup import LiveSetup
 from piezod.records.part_names import part_name
 from piezod.records.telemetry_joined import joined
@@ -33,9 +41,12 @@ SHORTEST_S: Final = 0.1
 _NOT_OF_THE_DATA: Final = frozenset({Fault.L1, Fault.P11, Fault.P15})
 """Faults that are no remark about the data: late samples are counted elsewhere."""
 _STATES_TO_SAFE: Final = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP})
+PATIENCE_S: Final = 15.0
+"""Longest wait, in s, for punctual cycles before a repetition; L2 needs 5 s of them to end."""
 _OTHER_CHARACTERS: Final = re.compile(r"[^A-Za-z0-9_-]+")
 _LABEL_LETTERS: Final = 32
 
+T = TypeVar("T")
 Advance = Callable[[float], None]
 """Called with the number of further seconds that have passed."""
 
@@ -61,6 +72,9 @@ class LiveStage:
         self._session, self._recording = ExitStack(), False
         self.faults: set[str] = set()
         """Ids of the faults that were present since the last `clear`."""
+        self.notes: list[str] = []
+        """What was repeated, a sentence each."""
+        self._loop = LoopLateness()
 
     def __enter__(self) -> Self:
         self._session.enter_context(self._client.session())
@@ -94,6 +108,26 @@ class LiveStage:
             raise ClientError(what, "`piezod stop`, or the emergency stop") from error
 
     # ------------------------------------------------------------------ steps
+
+    def until_punctual(self, measure: Callable[[], T], prepare: Callable[[], None]) -> T:
+        """Return the result of a measurement, which is repeated if the loop was late.
+
+        Args:
+            measure: The measurement.
+            prepare: Brings the stage from any state to the one in which `measure` begins.
+
+        Raises:
+            LatenessError: If the loop was late each time.
+        """
+
+        def again(reason: str) -> None:
+            self.notes.append(f"Repeated: {reason}.")
+            self._await_punctual()
+            self.faults.clear()
+            prepare()
+
+        self._loop.take()
+        return until_punctual(measure, self._loop.take, again, RefusedError, DataError)
 
     def disarm(self) -> None:
         """Stop, and wait until the stage is disarmed."""
@@ -249,6 +283,21 @@ class LiveStage:
 
     # ------------------------------------------------------------------ waiting
 
+    def _await_punctual(self) -> None:
+        """Drop the recording, and wait for some time until the cycles are punctual again."""
+        if self._recording:
+            self._recording = False
+            with suppress(ClientError):  # it may have ended by itself
+                self._client.stop_recording()
+        start_s = inf
+
+        def over(interval: Interval) -> bool:
+            nonlocal start_s
+            start_s = min(start_s, interval.t_s)
+            return Fault.L2 not in interval.faults or interval.t_s - start_s >= PATIENCE_S
+
+        self._wait(over, frozenset(State))
+
     def _wait_in(self, duration_s: float, *states: State) -> float:
         start_s = inf
 
@@ -270,6 +319,7 @@ class LiveStage:
         with closing(self._client.telemetry(RATE_HZ)) as intervals:
             for interval in intervals:
                 self.faults.update(set(interval.faults) - _NOT_OF_THE_DATA)
+                self._loop.add(interval)
                 self._advance(max(interval.t_s - before_s, 0.0))
                 before_s = interval.t_s
                 if done(interval):

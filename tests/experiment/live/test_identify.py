@@ -9,7 +9,7 @@ from piezod.config.combined_waveforms import Sequence
 from piezod.config.model_file import load_model
 from piezod.config.states import State
 from piezod.control.reference.waveforms import build_waveform
-from piezod.errors import ConfigError, DataError, NotReachedError
+from piezod.errors import ConfigError, DataError, LatenessError, NotReachedError, RefusedError
 from piezod.experiment.fit.recorded import on_cycles
 from piezod.experiment.live.drive import designed_drive, from_rest, read_drive
 from piezod.experiment.live.identify import adopt_live, columns_of, record_live
@@ -185,6 +185,57 @@ def test_fault_while_driving_stops_the_stage() -> None:
         record(stage)
 
     assert stage.asked[-3:] == ["stop", "recordings/stop", "end of the session"]
+
+
+def late(stage: FakeStage, times: int) -> None:
+    """Have the loop of a stage late in its drive, a number of times: it holds, and goes on."""
+    left = times
+
+    def each(stage: FakeStage) -> None:
+        nonlocal left
+        if stage.state == "IDENT" and left:
+            left -= 1
+            stage.state, stage.present, stage.skipped = "HOLD", ("L2", "S5"), stage.skipped + 30
+        elif stage.state == "HOLD":
+            stage.state, stage.present = "READY", ()
+
+    stage.each = each
+
+
+def test_drive_is_repeated_when_the_loop_was_late() -> None:
+    """It begins anew, from rest, when the cycles are punctual again."""
+    stage, begun = FakeStage(), 2
+    late(stage, begun)
+
+    stage.refused["recordings/stop"] = "no recording here"
+
+    with pytest.raises(RefusedError, match="no recording here"):
+        record(stage)
+
+    assert stage.asked.count("identify") == begun + 1
+    assert stage.asked.count("recordings/start") == begun + 1
+
+
+def test_loop_that_stays_late_is_the_reason() -> None:
+    """The sensor is not blamed for a stage in HOLD."""
+    stage = FakeStage()
+    late(stage, 99)
+
+    with pytest.raises(LatenessError, match=r"^the computer was late: 90 of"):
+        record(stage)
+
+    assert stage.asked[-3:] == ["stop", "recordings/stop", "end of the session"]
+
+
+def test_cycles_that_the_loop_skipped_are_not_the_sensors() -> None:
+    """A record that lacks too many says which."""
+    recorded = telemetry()
+    for columns in (recorded.cycles, recorded.axes["x"]):
+        for name, column in columns.items():
+            columns[name] = np.delete(column, slice(500, 600))
+
+    with pytest.raises(LatenessError, match="the computer was late"):
+        columns_of(recorded, "x")
 
 
 def test_model_is_adopted_disarmed() -> None:
