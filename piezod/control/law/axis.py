@@ -11,8 +11,7 @@ from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.dynamics import ModalMotion
 from piezod.control.law.identifier import Identifier
-from piezod.control.law.learned_bound import LearnedBound
-from piezod.control.law.model_proof import ModelProof
+from piezod.control.law.learned_models import LearnedBound, ModelProof
 from piezod.control.law.output import AxisOutput, TimeFunction
 from piezod.control.law.trim import Trim
 from piezod.control.reference.preview import ReferenceShaper

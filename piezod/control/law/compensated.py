@@ -18,10 +18,9 @@ from piezod.control.law.dynamics import (
     known_dynamics,
 )
 from piezod.control.law.identifier import Identifier, LearningGate
-from piezod.control.law.learned_bound import LearnedBound
+from piezod.control.law.learned_models import LearnedBound, ModelProof
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import StageModel
-from piezod.control.law.model_proof import ModelProof
 from piezod.control.law.output import TimeFunction
 from piezod.control.law.pace import FOLLOWED_SHARE, learning_pace
 from piezod.control.law.trim import NotchedTrim, Trim

@@ -100,16 +100,16 @@ class LearningGate:
         spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise
         self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
         self.credible = not (stuck or spike)
-        inaccurate = stuck or self._spike_cycles or self._noise.unusual
-        self.accurate = not (inaccurate or self.doubted)
-        if reason := self._obstacle(stuck):
+        noisy = self._noise.unusual
+        self.accurate = not (stuck or self._spike_cycles or noisy or self.doubted)
+        if reason := self._obstacle(stuck, noisy):
             return reason
         if quiet:
             return GateReason.QUIET
         # An equal sample may be the first of a stuck sensor, so it is not learned from.
         return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
 
-    def _obstacle(self, stuck: bool) -> GateReason | None:
+    def _obstacle(self, stuck: bool, noisy: bool) -> GateReason | None:
         """Return what forbids to learn from a sample that came in time; None if nothing does."""
         if self.doubted:
             return GateReason.DOUBTED
@@ -117,7 +117,7 @@ class LearningGate:
             return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
         if stuck or self._spike_cycles:
             return GateReason.STUCK if stuck else GateReason.SPIKE
-        return GateReason.NOISY if self._noise.unusual else None
+        return GateReason.NOISY if noisy else None
 
 
 class Identifier:

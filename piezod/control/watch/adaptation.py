@@ -11,8 +11,7 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
-from piezod.control.law.learned_bound import LearnedBound, is_finite
-from piezod.control.law.model_proof import ModelProof
+from piezod.control.law.learned_models import LearnedBound, ModelProof, is_finite
 from piezod.control.signals import RecentRange
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.normalisation import AffineRange

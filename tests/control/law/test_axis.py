@@ -11,7 +11,7 @@ from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.identifier import Identifier
-from piezod.control.law.model_proof import ModelProof
+from piezod.control.law.learned_models import ModelProof
 from piezod.control.law.trim import Trim
 from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample

@@ -5,7 +5,7 @@ from math import nan
 import numpy as np
 import pytest
 
-from piezod.control.law.model_proof import ModelProof
+from piezod.control.law.learned_models import ModelProof
 from piezod.hysteresis import LearnedModel
 
 WINDOW = 10

@@ -14,7 +14,7 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.assembly import check_stage
 from piezod.control.law.identifier import LearningGate
-from piezod.control.law.model_proof import LEAST_ERROR
+from piezod.control.law.learned_models import LEAST_ERROR
 from piezod.errors import ModelError
 from piezod.hysteresis import even_thresholds
 from piezod.testing.injections import InjectionKind

@@ -15,7 +15,7 @@ from piezod.config.waveforms import Sine
 from piezod.control.controller import Learned
 from piezod.control.faults.cases import DOUBTING
 from piezod.control.faults.detection import Detection
-from piezod.control.law.learned_bound import ModelDrift
+from piezod.control.law.learned_models import ModelDrift
 from piezod.control.law.model_files import read_model
 from piezod.devices.interface import Device, Sample
 from piezod.hysteresis import LearnedModel

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from piezod.control.faults.detection import Detection
-from piezod.control.law.learned_bound import LearnedBound, ModelDrift
+from piezod.control.law.learned_models import LearnedBound, ModelDrift, ModelProof
 from piezod.control.law.model import StageModel
-from piezod.control.law.model_proof import ModelProof
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.hysteresis import (
     LearnedModel,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from piezod.control.law.learned_bound import ModelDrift
+from piezod.control.law.learned_models import ModelDrift
 from piezod.control.law.model import StageModel
 from piezod.hysteresis import AffineRange, LearnedModel, ModelForm, StopForm, SurfaceForm
 from tests.hysteresis.surfaces import Floats, drawn
