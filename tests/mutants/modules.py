@@ -20,9 +20,14 @@ class Module(NamedTuple):
 MODULES: Final = {
     "guard": Module(
         "piezod/control/guard.py",
-        ("tests/control/test_guard.py", "tests/control/test_guard_limits.py"),
+        (
+            "tests/control/test_guard.py",
+            "tests/control/test_guard_limits.py",
+            "tests/control/test_guard_waits.py",
+        ),
         ("tests/control/test_guard.py::test_properties_detect_a_broken_guard",),
     ),
+    "in_force": Module("piezod/control/in_force.py", ("tests/control/test_in_force.py",)),
     "states": Module(
         "piezod/control/stage/states.py",
         ("tests/control/stage/test_states.py",),

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import isnan, nan
+from math import nan
 
 import pytest
 from hypothesis import given, settings
@@ -13,7 +13,6 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import ids
-from piezod.control.in_force import Claim, Evidence, Source, voltage_in_force
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind
 from tests.control.fault_cases import SwingingStage
@@ -209,88 +208,6 @@ def test_arming_at_a_voltage_that_the_sensor_excludes_is_refused() -> None:
 
     assert "sensor 16.7" in refused.why
     assert (refused.accepted, written, accepted.accepted) == (False, [], True)
-
-
-voltages = st.floats(-10.0, 160.0)
-positions = st.floats(-5.0, 35.0) | st.just(nan)
-
-
-@st.composite
-def claims(draw: st.DrawFn, *, none: bool = False) -> Claim:
-    """Return a voltage with the positions that a model may allow there, or with none."""
-    drive_v = draw(voltages | st.just(nan)) if none else draw(voltages)
-    if isnan(drive_v) or draw(st.booleans()):
-        return Claim(drive_v)
-    low_um = draw(st.floats(-5.0, 30.0))
-    return Claim(drive_v, low_um, low_um + draw(st.floats(0.0, 10.0)))
-
-
-@given(
-    read_back=claims(),
-    written=claims(none=True),
-    position_um=positions,
-    moved=st.sampled_from([nan, 0.0, 0.3, 1.0]),
-    explained=st.booleans(),
-    reported=st.booleans(),
-)
-@settings(max_examples=300)
-def test_takeover_is_at_a_credible_voltage(
-    read_back: Claim,
-    written: Claim,
-    position_um: float,
-    moved: float,
-    explained: bool,
-    reported: bool,
-) -> None:
-    """It is one of the two or unknown, and doubt is reported.
-
-    It is the read-back if the amplifier reports that its output changed, and otherwise never the
-    voltage that the sensor alone excludes. It is unknown where nothing decides.
-    """
-    known = Evidence(read_back, written, position_um, moved, reported, explained)
-    found = voltage_in_force(known, TOLERANCE_V)
-    claimed = [claim for claim in (read_back, written) if claim.drive_v == found.drive_v]
-    other = [
-        claim for claim in (read_back, written) if abs(claim.drive_v - found.drive_v) > TOLERANCE_V
-    ]
-
-    assert bool(claimed) == (found.source is not Source.UNKNOWN)
-    if not claimed:
-        assert abs(read_back.drive_v - written.drive_v) > TOLERANCE_V
-        assert not (explained or reported or found.proven)
-    elif reported:
-        assert found.drive_v == read_back.drive_v
-    elif other and isnan(moved) and not other[0].excludes(position_um):
-        assert not all(claim.excludes(position_um) for claim in claimed)
-    if claimed:
-        assert bool(found.doubt) == bool(other or claimed[0].excludes(position_um))
-
-
-@given(true_v=st.floats(20.0, 140.0), share=st.floats(0.0, 0.9), sensed=st.booleans())
-def test_ramp_from_the_credible_voltage_keeps_the_slew_limit(
-    true_v: float, share: float, sensed: bool
-) -> None:
-    """A false read-back of a fallen output makes no step; without a sensor nothing is written."""
-    truth, wrong = (
-        Claim(drive_v, drive_v - 15.0, drive_v + 15.0) for drive_v in (true_v, share * true_v)
-    )
-    start_v = voltage_in_force(Evidence(wrong, truth, true_v if sensed else nan), 0.75).drive_v
-    first_v = start_v - min(start_v, SLEW_STEP_V)
-
-    assert isnan(start_v) or abs(first_v - true_v) <= SLEW_STEP_V + TOLERANCE_V
-    assert sensed or isnan(start_v)
-
-
-@pytest.mark.parametrize(
-    ("moved", "source"),
-    [(0.0, Source.WRITTEN), (1.0, Source.READ_BACK), (0.3, Source.UNKNOWN)],
-)
-def test_way_of_the_stage_tells_the_voltage(moved: float, source: Source) -> None:
-    """A sensor that was never zeroed still shows whether the output has moved."""
-    found = voltage_in_force(Evidence(Claim(60.0), Claim(100.0), nan, moved), TOLERANCE_V)
-
-    assert found.source is source
-    assert "60 V, last write 100 V" in found.doubt
 
 
 @pytest.mark.fault("A7")
