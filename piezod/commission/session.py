@@ -4,16 +4,16 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import compress
-from math import inf, isfinite, nan
+from math import isfinite, nan
 from typing import Final
 
 import numpy as np
 
 from piezod.commission.cycles import SessionCycles
+from piezod.commission.device_watch import PATIENCE_S, DeviceWatch
 from piezod.commission.session_trace import SessionTrace
 from piezod.control.guard import Guard, Limits
 from piezod.control.in_force import Claim, Evidence, voltage_in_force
-from piezod.control.signals import RecentRange
 from piezod.daemon.clock import Clock
 from piezod.devices.channels import Channels
 from piezod.devices.status import MOVED, DeviceFlag
@@ -21,22 +21,12 @@ from piezod.errors import DeviceError
 from piezod.experiment.lateness import Lateness
 from piezod.units import NS_PER_S, s_to_ns
 
-PATIENCE_S: Final = 2.0
-"""Longest time, in s, for which refused writes are tolerated; a lost reply is over by then."""
 HOLD_S: Final = 0.1
 """Period, in s, with which a held voltage checks whether the wait is over."""
-OFF_CYCLES: Final = 50
-"""Number of cycles with a wrong read-back voltage that ends a step."""
 LAG_CYCLES, LAG_S = 3, 0.1
 """Allowed delay of the read-back behind the write: a number of cycles plus a time in s."""
 SETTLE_CYCLES, SETTLE_S = 4, 0.05
 """Extra duration of a ramp, in cycles or in s, so that its last write is its end voltage."""
-ENDING: Final = MOVED | {
-    DeviceFlag.OVERLOAD,
-    DeviceFlag.OVER_TEMPERATURE,
-    DeviceFlag.SHORT_OR_OPEN,
-}
-"""Flags of a device that end a step."""
 LEAST_ROWS: Final = 2
 """Smallest number of rows in a trace."""
 LONGEST_PERIODS: Final = 2
@@ -287,66 +277,8 @@ class Session:
         sample = self._channels.read(now_ns)[0]
         return sample.position_um if sample.valid else nan
 
-    def _new_watch(self) -> "_Watch":
+    def _new_watch(self) -> DeviceWatch:
         lag_s = LAG_S + self._channels.capabilities().lag_ns / NS_PER_S
-        return _Watch(self.limits.read_back_tolerance_v, LAG_CYCLES + int(lag_s * self.rate_hz))
-
-
-class _Watch:
-    """Ends a step if the devices do not follow.
-
-    Args:
-        tolerance_v: Allowed difference between read-back and written voltage, in V.
-        lag_cycles: Allowed delay of the read-back, in cycles.
-    """
-
-    def __init__(self, tolerance_v: float, lag_cycles: int) -> None:
-        self._tolerance_v, self._written_v = tolerance_v, RecentRange(lag_cycles)
-        self._refused_ns = self._waits_ns = self._off = 0
-
-    def check_read_back(
-        self, read_back_v: float, drive_v: float, flags: frozenset[DeviceFlag]
-    ) -> None:
-        """Check the read-back voltage, NaN if there is none, and the flags of the devices."""
-        if wrong := flags & ENDING:
-            raise DeviceError(f"the device reports: {', '.join(sorted(wrong))}")
-        self._written_v.add(drive_v)
-        # Distance to the range of recently written voltages: an amplifier may follow late.
-        off_v = max(read_back_v - self._written_v.high, self._written_v.low - read_back_v)
-        # Without read-back the distance is NaN and the comparison false.
-        self._off = self._off + 1 if self._tolerance_v < off_v < inf else 0
-        if self._off >= OFF_CYCLES:
-            raise DeviceError(
-                f"the read-back voltage differs by {read_back_v - drive_v:.1f} V from the written "
-                "one: check the calibration of the channel, the load, and whether another program "
-                "drives the amplifier"
-            )
-
-    def check_wait(self, read_back_v: float, drive_v: float, now_ns: int, *, waits: bool) -> None:
-        """Check for how long the output has not followed its writes.
-
-        Args:
-            read_back_v: Its read-back, in V.
-            drive_v: The last write, in V.
-            now_ns: Instant of the cycle, in ns.
-            waits: Whether it has to be waited for in this cycle.
-        """
-        if not waits:
-            self._waits_ns = 0
-            return
-        self._waits_ns = self._waits_ns or now_ns
-        if (now_ns - self._waits_ns) / NS_PER_S > PATIENCE_S:
-            raise DeviceError(
-                f"the output does not follow its writes: {drive_v:.2f} V written, "
-                f"{read_back_v:.2f} V read back: check the load and the calibration of the channel"
-            )
-
-    def check_write(self, *, accepted: bool, drive_v: float, now_ns: int) -> None:
-        """Check for how long writes have been refused."""
-        if accepted:
-            self._refused_ns = 0
-            return
-        self._refused_ns = self._refused_ns or now_ns
-        refused_s = (now_ns - self._refused_ns) / NS_PER_S
-        if refused_s > PATIENCE_S:
-            raise DeviceError(f"the amplifier has refused {drive_v:.2f} V for {refused_s:.1f} s")
+        return DeviceWatch(
+            self.limits.read_back_tolerance_v, LAG_CYCLES + int(lag_s * self.rate_hz)
+        )

@@ -67,6 +67,8 @@ class Lateness(NamedTuple):
         numbers = f"{late} of {self.cycles} cycles were late or skipped"
         if self.unanswered:
             numbers += f", and in {self.unanswered} no reply came in time"
+        if self.held:
+            numbers += ", and the loop reported lateness that lasts"
         if self.held or self.began_late > SELDOM_SHARE * self.cycles:
             return (
                 f"the computer was late: {numbers}; end other programs, give piezod a processor "

@@ -207,28 +207,6 @@ def test_commission_interrupted_before_it_has_found_anything_leaves_no_sheet(
     assert not (folder / "stage-x-commissioned").exists()
 
 
-@pytest.mark.usefixtures("no_figures")
-@pytest.mark.parametrize("out", [(), ("--out", "mine")])
-def test_commission_replaces_nothing(
-    piezod: Command,
-    config: Path,
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    out: tuple[str, ...],
-) -> None:
-    """A second run has a folder of its own, also where somebody else has put a link."""
-    name = out[-1] if out else "stage-x-commissioned"
-    (folder / "elsewhere").mkdir()
-    (folder / f"{name}-2").symlink_to(folder / "elsewhere")
-    for _ in range(2):
-        monkeypatch.setattr("sys.stdin", StringIO("y\nn\n"))
-        assert piezod("commission", str(config), *out).code == 0
-    sheets = sorted(path.parent.name for path in folder.rglob("acceptance.html"))
-
-    assert sheets == [name, f"{name}-3"]
-    assert list((folder / "elsewhere").iterdir()) == []
-
-
 TWO = (signal.SIGINT, signal.SIGTERM)
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from piezod.commission.bench import one_axis
-from piezod.commission.session import PATIENCE_S, Session
+from piezod.commission.device_watch import PATIENCE_S
+from piezod.commission.session import Session
 from piezod.commission.session_trace import SessionTrace, joined
 from piezod.control.guard import Limits
 from piezod.devices.interface import Device

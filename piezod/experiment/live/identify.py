@@ -136,6 +136,6 @@ def _driven(
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     stage.arm_at_rest(drive.settle_s)
     stage.faults.clear()
-    stage.start_recording(f"identify-{axis}")
+    stage.recorder.start(f"identify-{axis}")
     stage.drive({axis: drive.drive_v}, drive.duration_s)
-    return columns_of(stage.end_recording(file), axis)
+    return columns_of(stage.recorder.end(file), axis)

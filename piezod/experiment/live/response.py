@@ -80,9 +80,9 @@ def _driven(
 
 def _about(stage: LiveStage, axis: str, plan: ResponsePlan) -> tuple[AboutVoltage, tuple[str, ...]]:
     with TemporaryDirectory(prefix="piezod-") as folder:
-        stage.start_recording(f"response-{axis}")
+        stage.recorder.start(f"response-{axis}")
         stage.drive({axis: plan.drive_v}, plan.duration_s)
-        telemetry = stage.end_recording(Path(folder) / "recording.h5")
+        telemetry = stage.recorder.end(Path(folder) / "recording.h5")
     columns, warnings = columns_of(telemetry, axis, on_cycles)
     return measured(plan, columns), warnings
 

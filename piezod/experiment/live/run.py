@@ -108,7 +108,7 @@ class _Runs:
         stage.arm()
         stage.faults.clear()
         # The recording starts before the movement, because its start is found in the recording.
-        stage.start_recording(f"{case.name}-{mode.value}")
+        stage.recorder.start(f"{case.name}-{mode.value}")
         stage.select(mode, commands)
         holding_command_um = stage.holding_command_um()
         longest_s = max(
@@ -118,7 +118,7 @@ class _Runs:
             for name, each in waveforms.items()
         )
         stage.follow(commands, case.duration_s, mode, longest_s)
-        telemetry = stage.end_recording(self._file)
+        telemetry = stage.recorder.end(self._file)
         run = LiveRun(case, mode, self._config.metrics)
         recordings = [
             cut_waveform(telemetry, name, self._setup.axes[name], waveform, run)

@@ -1,10 +1,8 @@
 """A running stage, step by step: at rest, armed, along a waveform, recorded; and left safe."""
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
 from math import inf
-from pathlib import Path
 from types import TracebackType
 from typing import Final, Self, TypeVar
 
@@ -26,10 +24,8 @@ from piezod.errors import (
 )
 from piezod.experiment.lateness import until_punctual
 from piezod.experiment.live.loop_lateness import LoopLateness
+from piezod.experiment.live.recorder import StageRecorder
 from piezod.experiment.live.setup import LiveSetup
-from piezod.records.part_names import part_name
-from piezod.records.telemetry_joined import joined
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 
 RATE_HZ: Final = 20.0
 """Rate of the telemetry, in Hz."""
@@ -43,8 +39,6 @@ _NOT_OF_THE_DATA: Final = frozenset({Fault.L1, Fault.P11, Fault.P15})
 _STATES_TO_SAFE: Final = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP})
 PATIENCE_S: Final = 15.0
 """Longest wait, in s, for punctual cycles before a repetition; L2 needs 5 s of them to end."""
-_OTHER_CHARACTERS: Final = re.compile(r"[^A-Za-z0-9_-]+")
-_LABEL_LETTERS: Final = 32
 
 T = TypeVar("T")
 Advance = Callable[[float], None]
@@ -69,7 +63,9 @@ class LiveStage:
 
     def __init__(self, client: StageClient, setup: LiveSetup, advance: Advance) -> None:
         self._client, self._setup, self._advance = client, setup, advance
-        self._session, self._recording = ExitStack(), False
+        self._session = ExitStack()
+        self.recorder = StageRecorder(client)
+        """Records the cycles of the stage."""
         self.faults: set[str] = set()
         """Ids of the faults that were present since the last `clear`."""
         self.notes: list[str] = []
@@ -96,9 +92,7 @@ class LiveStage:
             self._client.stop()
         except ClientError as not_stopped:
             failure = not_stopped
-        with suppress(ClientError):
-            if self._recording:
-                self._client.stop_recording()
+        self.recorder.drop()
         with suppress(ClientError):
             self._session.close()
         if failure is not None and not isinstance(failure, NotRunningError):
@@ -251,44 +245,11 @@ class LiveStage:
 
         self._wait(ended, {State.RUN})
 
-    def start_recording(self, label: str) -> None:
-        """Record every cycle from now on.
-
-        Args:
-            label: Part of the recording's name, as far as its characters allow.
-        """
-        self._client.start_recording(
-            _OTHER_CHARACTERS.sub("-", label).strip("-_")[:_LABEL_LETTERS] or None
-        )
-        self._recording = True
-
-    def end_recording(self, file: Path) -> RecordedTelemetry:
-        """End the recording, and return it.
-
-        Args:
-            file: Path of its copy; if the recording has several files, that of the first one.
-
-        Raises:
-            DataError: If it has ended by itself.
-        """
-        recording = self._client.stop_recording()
-        self._recording = False
-        if recording.why:
-            raise DataError(f"the recording has ended by itself: {recording.why}")
-        parts = range(1, recording.files + 1)
-        files = [file.with_stem(part_name(file.stem, part)) for part in parts]
-        for part, each in zip(parts, files, strict=True):
-            self._client.fetch_recording(part_name(recording.name, part), each)
-        return joined([read_telemetry(each) for each in files])
-
     # ------------------------------------------------------------------ waiting
 
     def _await_punctual(self) -> None:
         """Drop the recording, and wait for some time until the cycles are punctual again."""
-        if self._recording:
-            self._recording = False
-            with suppress(ClientError):  # it may have ended by itself
-                self._client.stop_recording()
+        self.recorder.drop()
         start_s = inf
 
         def over(interval: Interval) -> bool:

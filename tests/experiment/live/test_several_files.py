@@ -38,8 +38,8 @@ def test_files_of_a_recording_are_one(tmp_path: Path) -> None:
     (tmp_path / "copies").mkdir()
     client = RotatingStage(tmp_path)
     with LiveStage(client, read_setup(client), lambda _s: None) as stage:
-        stage.start_recording("scan")
-        recorded = stage.end_recording(tmp_path / "copies" / "copy.h5")
+        stage.recorder.start("scan")
+        recorded = stage.recorder.end(tmp_path / "copies" / "copy.h5")
 
     np.testing.assert_array_equal(recorded.cycles["seq"], np.arange(2000))
     assert {path.name for path in (tmp_path / "copies").iterdir()} == {"copy.h5", "copy-0002.h5"}

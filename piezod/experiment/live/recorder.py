@@ -1,0 +1,67 @@
+"""Records a running stage by its daemon, and reads the recording."""
+
+import re
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from piezod.client import StageClient
+from piezod.errors import ClientError, DataError
+from piezod.records.part_names import part_name
+from piezod.records.telemetry_joined import joined
+from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+
+_OTHER_CHARACTERS: Final = re.compile(r"[^A-Za-z0-9_-]+")
+_LABEL_LETTERS: Final = 32
+
+
+class StageRecorder:
+    """One recording after the other.
+
+    Args:
+        client: A connection to the daemon.
+    """
+
+    def __init__(self, client: StageClient) -> None:
+        self._client, self._running = client, False
+
+    def start(self, label: str) -> None:
+        """Record every cycle from now on.
+
+        Args:
+            label: Part of the recording's name, as far as its characters allow.
+
+        Raises:
+            ClientError: If the daemon refuses.
+        """
+        self._client.start_recording(
+            _OTHER_CHARACTERS.sub("-", label).strip("-_")[:_LABEL_LETTERS] or None
+        )
+        self._running = True
+
+    def end(self, file: Path) -> RecordedTelemetry:
+        """End the recording, and return it.
+
+        Args:
+            file: Path of its copy; if the recording has several files, that of the first one.
+
+        Raises:
+            ClientError: If the daemon refuses.
+            DataError: If it has ended by itself.
+        """
+        recording = self._client.stop_recording()
+        self._running = False
+        if recording.why:
+            raise DataError(f"the recording has ended by itself: {recording.why}")
+        parts = range(1, recording.files + 1)
+        files = [file.with_stem(part_name(file.stem, part)) for part in parts]
+        for part, each in zip(parts, files, strict=True):
+            self._client.fetch_recording(part_name(recording.name, part), each)
+        return joined([read_telemetry(each) for each in files])
+
+    def drop(self) -> None:
+        """End a running recording; nobody needs it any more."""
+        if self._running:
+            self._running = False
+            with suppress(ClientError):  # it may have ended by itself
+                self._client.stop_recording()
