@@ -34,6 +34,15 @@ def required(text: str, extras: set[str], place: dict[str, str]) -> Requirement 
     return None
 
 
+def requires(name: str, version: Version) -> list[str]:
+    """Return what a version of a package requires; nothing if it is not the one installed here."""
+    try:
+        found = metadata.distribution(name)
+    except metadata.PackageNotFoundError:  # needed elsewhere only
+        return []
+    return (found.requires or []) if Version(found.version) == version else []
+
+
 def missing(place: dict[str, str]) -> Iterator[str]:
     """Yield what packages of `requirements.lock` require in a place and it does not pin there."""
     pinned = {
@@ -52,10 +61,7 @@ def missing(place: dict[str, str]) -> Iterator[str]:
         if name not in pinned or not requirement.specifier.contains(pinned[name]):
             yield str(requirement)
             continue
-        try:
-            texts = metadata.requires(name) or ()
-        except metadata.PackageNotFoundError:  # needed elsewhere only
-            continue
+        texts = requires(name, pinned[name])
         found = (required(text, requirement.extras, place) for text in texts)
         waiting += [each for each in found if each is not None]
 
