@@ -1,0 +1,158 @@
+"""What a stage does while its amplifier begins to lie."""
+
+import time
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from tests.daemon.waiting import eventually
+from tests.liars.bench import Bench
+
+LASTS_S: Final = 4.5
+"""Longer than the HOLD before a ramp, and some of the ramp."""
+LONG_S: Final = 38.0
+"""Longer than a ramp waits for its output."""
+KNOB_V: Final = 40.0
+WAVE: Final = {"kind": "sine", "low": 1.0, "high": 16.0, "frequency_hz": 0.4}
+IDENT: Final = {"kind": "sine", "low": 0.0, "high": 80.0, "frequency_hz": 0.4}
+
+
+class Case(NamedTuple):
+    """A state or verb.
+
+    Attributes:
+        prepare: Brings an honest stage to where the lie begins.
+        act: What a person does just after the lie has begun.
+        lasts_s: How long the lie lasts, in s.
+    """
+
+    prepare: Callable[[Bench], None]
+    act: Callable[[Bench], None]
+    lasts_s: float = LASTS_S
+
+
+def _nothing(_bench: Bench) -> None:
+    """Do nothing."""
+
+
+def _knob(bench: Bench) -> None:
+    bench.amplifier.tell(f"knob {KNOB_V}")
+    bench.rest(0.5)
+
+
+def _ready(bench: Bench) -> None:
+    _knob(bench)
+    bench.armed()
+    bench.until(lambda status: status.get("state") == "READY")
+
+
+def _arm_and_go(bench: Bench) -> None:
+    bench.rest(0.3)
+    if bench.ask("arm"):
+        bench.ask("goto", position_um=14.0)
+
+
+def _go_on(bench: Bench) -> None:
+    bench.rest(0.3)
+    bench.ask("goto", position_um=14.0)
+
+
+def _there(bench: Bench) -> None:
+    bench.armed()
+    bench.ask("goto", position_um=14.0)
+    bench.driven(60.0)
+    bench.rest(0.5)
+
+
+def _going(bench: Bench) -> None:
+    bench.armed()
+    bench.ask("goto", position_um=20.0, speed_um_per_s=6.0)
+    bench.driven(30.0)
+
+
+def _waving(bench: Bench) -> None:
+    bench.armed()
+    bench.ask("wave", command_um={"x": WAVE}, duration_s=600.0)
+    bench.driven(40.0)
+
+
+def _conditioning(bench: Bench) -> None:
+    bench.armed()
+    bench.ask("condition")
+    bench.driven(30.0)
+
+
+def _identifying(bench: Bench) -> None:
+    bench.armed()
+    bench.ask("identify", drive_v={"x": IDENT}, duration_s=600.0)
+    bench.driven(40.0)
+
+
+def _held(bench: Bench) -> None:
+    _there(bench)
+    bench.ask("hold")
+
+
+def _ramping(bench: Bench) -> None:
+    _there(bench)
+    bench.ask("stop")
+    eventually(lambda: bench.amplifier.output_v() < 50.0)
+
+
+def _asks(verb: str) -> Callable[[Bench], None]:
+    def ask(bench: Bench) -> None:
+        bench.ask(verb)
+
+    return ask
+
+
+def _kill_loop(bench: Bench) -> None:
+    bench.kill_loop()
+    bench.daemon_ends()
+
+
+def _kill_all_and_safe(bench: Bench) -> None:
+    bench.kill_all()
+    bench.beside("safe", str(bench.config))
+
+
+def _kill_all_and_restart(bench: Bench) -> None:
+    bench.kill_all()
+    bench.start()
+    bench.until(lambda status: status.get("state") in {"SAFE", "FAULT"}, 60.0)
+    _arm_and_go(bench)
+
+
+def _commissioning(bench: Bench) -> None:
+    bench.shut_down()
+    bench.beside("commission", "--yes", str(bench.config))
+    bench.driven(10.0)
+
+
+def _interrupt(bench: Bench) -> None:
+    time.sleep(1.0)
+    bench.interrupt()
+
+
+CASES: Final = {
+    "SAFE, arm, goto": Case(_knob, _arm_and_go),
+    "READY": Case(_ready, _nothing),
+    "READY, goto": Case(_ready, _go_on),
+    "RUN at rest": Case(_there, _nothing),
+    "goto": Case(_going, _nothing),
+    "wave": Case(_waving, _nothing),
+    "wave, 38 s": Case(_waving, _nothing, LONG_S),
+    "condition": Case(_conditioning, _nothing),
+    "identify": Case(_identifying, _nothing),
+    "HOLD": Case(_held, _nothing),
+    "stop": Case(_there, _asks("stop")),
+    "goto, stop": Case(_going, _asks("stop")),
+    "during a stop": Case(_ramping, _nothing),
+    "estop": Case(_there, _asks("estop")),
+    "disarm": Case(_there, _asks("disarm")),
+    "kill -9 of the loop": Case(_there, _kill_loop),
+    "kill -9 of all, safe": Case(_there, _kill_all_and_safe),
+    "kill -9 of all, run, arm": Case(_there, _kill_all_and_restart),
+    "commission": Case(_commissioning, _nothing),
+    "commission, Ctrl-C": Case(_commissioning, _interrupt),
+}
+"""By name."""

@@ -1,0 +1,103 @@
+"""Judges the writes of a case by the trace of the amplifier."""
+
+from collections.abc import Iterator, Sequence
+from math import nan
+from typing import Final, NamedTuple
+
+from tests.liars.bench import Row
+from tests.liars.config import RATE_HZ, SLEW_V_PER_S, TOLERANCE_V
+
+PERIOD_S: Final = 1.0 / RATE_HZ
+ROUNDING_V: Final = 0.002
+VISIBLE_S: Final = 0.5
+"""A read-back that is unlike the write for so long has to be told."""
+
+
+class Step(NamedTuple):
+    """A write, and how far it was from the voltage on the stage.
+
+    Attributes:
+        t_s: Its instant, in s.
+        drive_v: What was written, in V.
+        output_v: Voltage on the stage before it, in V.
+        shown_v: Last read-back before it, in V; NaN if there was none.
+        distance_v: Distance of the write from the voltage on the stage, less what that has gone by
+            itself since the last read-back, in V.
+        allowed_v: How far it may be, in V.
+        own_v: Distance from the write before it, in V.
+        honest: Whether the last read-back was right.
+    """
+
+    t_s: float
+    drive_v: float
+    output_v: float
+    shown_v: float
+    distance_v: float
+    allowed_v: float
+    own_v: float
+    honest: bool
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the write is farther from the voltage on the stage than it may be."""
+        return self.distance_v > self.allowed_v + ROUNDING_V
+
+    def __str__(self) -> str:
+        return (
+            f"{self.t_s:.3f} s: wrote {self.drive_v:.3f} V on {self.output_v:.3f} V, allowed "
+            f"{self.allowed_v:.2f} V, read-back {self.shown_v:.3f} V "
+            f"({'right' if self.honest else 'wrong'}), {self.own_v:.2f} V from the last write"
+        )
+
+
+def steps_of(rows: Sequence[Row]) -> Iterator[Step]:
+    """Yield the accepted writes of a trace, judged.
+
+    A write may be as far from the voltage on the stage as the slew rate times the age of the last
+    read-back and one period, plus the tolerance. What the output has gone by itself since that
+    read-back does not count.
+    """
+    read: Row | None = None
+    itself_v, last_v = 0.0, nan
+    for row in rows:
+        match row.kind:
+            case "read":
+                read, itself_v = row, 0.0
+            case "own" | "late":
+                itself_v += abs(row.after_v - row.before_v)
+            case "write":
+                age_s = row.t_s - read.t_s if read else 0.0
+                allowed_v = SLEW_V_PER_S * (age_s + PERIOD_S) + TOLERANCE_V
+                shown_v = read.shown_v if read else nan
+                honest = read is not None and abs(shown_v - read.before_v) <= TOLERANCE_V
+                distance_v = max(0.0, abs(row.written_v - row.before_v) - itself_v)
+                own_v = abs(row.written_v - last_v)
+                yield Step(
+                    row.t_s,
+                    row.written_v,
+                    row.before_v,
+                    shown_v,
+                    distance_v,
+                    allowed_v,
+                    own_v,
+                    honest,
+                )
+                last_v = row.written_v
+
+
+def largest_by_itself_v(rows: Sequence[Row]) -> float:
+    """Return the largest step that the amplifier made by itself, in V."""
+    return max((abs(row.after_v - row.before_v) for row in rows if row.kind == "own"), default=0.0)
+
+
+def is_visible(rows: Sequence[Row]) -> bool:
+    """Return whether the read-back was unlike the last write for long while writes were made."""
+    since_s = nan
+    for row in rows:
+        if row.kind == "read" and abs(row.shown_v - row.written_v) > 2.0 * TOLERANCE_V:
+            since_s = row.t_s if since_s != since_s else since_s
+            if row.t_s - since_s > VISIBLE_S:
+                return True
+        elif row.kind == "read":
+            since_s = nan
+    return False

@@ -1,0 +1,33 @@
+"""A stage with hysteresis: straight motion, and a sum of plays."""
+
+import random
+from typing import Final
+
+GAIN_UM_PER_V: Final = 0.15
+PLAYS: Final = ((4.0, 0.02), (12.0, 0.02), (25.0, 0.015), (45.0, 0.01))
+"""Half width in V, and weight in µm/V, of each play."""
+NOISE_UM: Final = 0.002
+
+
+class Stage:
+    """A stage at rest, at 0 V.
+
+    Args:
+        seed: Seed of the noise of its sensor.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._random = random.Random(seed)  # noqa: S311 - the noise of a sensor
+        self._plays_v = [0.0] * len(PLAYS)
+        self._drive_v = 0.0
+
+    def drive(self, drive_v: float) -> None:
+        """Set the voltage on the stage, in V."""
+        self._drive_v = drive_v
+        for i, (half_v, _weight) in enumerate(PLAYS):
+            self._plays_v[i] = max(drive_v - half_v, min(drive_v + half_v, self._plays_v[i]))
+
+    def position_um(self) -> float:
+        """Return what its sensor shows, in µm."""
+        moved_um = sum(w * play_v for (_, w), play_v in zip(PLAYS, self._plays_v, strict=True))
+        return GAIN_UM_PER_V * self._drive_v + moved_um + self._random.gauss(0.0, NOISE_UM)

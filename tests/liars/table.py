@@ -1,0 +1,116 @@
+"""Runs cases, and makes their table."""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from tests.liars.bench import Bench
+from tests.liars.cases import CASES
+from tests.liars.judge import Step, is_visible, largest_by_itself_v, steps_of
+
+HEADING: Final = (
+    "lie",
+    "state or verb",
+    "largest step by piezod (V)",
+    "allowed (V)",
+    "largest step of the amplifier by itself (V)",
+    "told",
+    "end",
+)
+
+
+class Result(NamedTuple):
+    """The result of a case.
+
+    Attributes:
+        lie: Its lie.
+        case: Its state or verb.
+        worst: The write that was farthest from the voltage on the stage; None if nothing was
+            written.
+        itself_v: Largest step of the amplifier by itself, in V.
+        told: What the daemon has told while the lie lasted.
+        end: Where it ended.
+        broken: The bounds that were broken.
+        log: The log of the daemon meanwhile.
+    """
+
+    lie: str
+    case: str
+    worst: Step | None
+    itself_v: float
+    told: Sequence[str]
+    end: str
+    broken: Sequence[str]
+    log: str
+
+    def cells(self) -> Sequence[str]:
+        """Return its line of the table."""
+        step_v = f"{self.worst.distance_v:.2f}" if self.worst else "none"
+        allowed_v = f"{self.worst.allowed_v:.2f}" if self.worst else ""
+        itself_v = f"{self.itself_v:.2f}"
+        told = " ".join(self.told) or "nothing"
+        return self.lie, self.case, step_v, allowed_v, itself_v, told, self.end
+
+
+def run_case(bench: Bench, lie: str, case: str) -> Result:
+    """Let an amplifier lie in a state or during a verb; return what became of it."""
+    chosen = CASES[case]
+    bench.at_rest()
+    chosen.prepare(bench)
+    bench.told.clear()
+    bench.take_log()
+    first = len(bench.amplifier.rows())
+    bench.amplifier.tell(f"lie {lie}")
+    end_s = time.monotonic() + chosen.lasts_s
+    chosen.act(bench)
+    bench.rest(max(0.0, end_s - time.monotonic()))
+    told, ran = sorted(bench.told), bench.runs
+    lied = len(bench.amplifier.rows())
+    bench.amplifier.tell("honest")
+    end = bench.home()
+    rows = bench.amplifier.rows()
+    # A read-back before the lie tells where the output was when it began.
+    before = [row for row in rows[:first] if row.kind in {"read", "write"}][-3:]
+    steps = [step for step in steps_of([*before, *rows[first:]]) if step.t_s > rows[first].t_s]
+    untold = ran and not told and is_visible(rows[first:lied])
+    worst = max(steps, key=lambda step: step.distance_v, default=None)
+    broken = [*_far(steps), *(["not told"] if untold else []), *([end] if "NOT HOME" in end else [])]
+    itself_v = largest_by_itself_v(rows[first:])
+    return Result(lie, case, worst, itself_v, told, end, broken, bench.take_log())
+
+
+def _far(steps: Sequence[Step]) -> list[str]:
+    """Return the writes that were too far, of several in a row the first, and their number."""
+    found, count = list[str](), 0
+    for before, step in zip([None, *steps], steps, strict=False):
+        count += step.is_far
+        if step.is_far and not (before and before.is_far):
+            found.append(str(step))
+    return [*found[:5], f"{count} writes too far"] if found else []
+
+
+def run_lie(folder: Path, model: Path, lie: str, cases: Sequence[str]) -> list[Result]:
+    """Run cases of a lie with one amplifier; a case that fails has a new one after it."""
+    results, left = list[Result](), list(cases)
+    while left:
+        with Bench(folder / f"{len(left)}", model) as bench:
+            while left:
+                case = left.pop(0)
+                try:
+                    results.append(run_case(bench, lie, case))
+                except Exception as error:  # noqa: BLE001 - the other cases are to run
+                    what = f"the case failed: {type(error).__name__}: {error}"
+                    log = bench.take_log()
+                    results.append(Result(lie, case, None, 0.0, (), "", (what,), log))
+                print(" | ".join(results[-1].cells()), *results[-1].broken, sep="\n   ", flush=True)
+                if results[-1].broken:
+                    break
+    return results
+
+
+def table(results: Sequence[Result]) -> str:
+    """Return the table, in Markdown."""
+    lines = [HEADING, ("---",) * len(HEADING), *(each.cells() for each in results)]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
