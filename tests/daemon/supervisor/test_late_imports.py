@@ -3,6 +3,7 @@
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -26,7 +27,7 @@ if not os.path.exists(closed):
 """
 """Python runs it before all else, in each process of the daemon; those of a reload are new."""
 WAVE = {"kind": "sine", "low": 5.0, "high": 8.0, "frequency_hz": 0.5}
-BODIES = {
+BODIES: dict[str, dict[str, Any]] = {
     "mode": {"mode": "feedforward"},
     "goto": {"position_um": 6.0},
     "wave": {"command_um": {"x": WAVE}, "duration_s": 1.0},
