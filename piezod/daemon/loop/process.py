@@ -98,8 +98,7 @@ def main(
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
     if not warm:
-        tell_compilations(partial(shared.words.__setitem__, Word.COMPILED_KERNELS))
-        _compile(config)
+        _compile(config, shared)
     channels, clock, period_ns = make_channels(config), MonotonicClock(), shared.layout.period_ns
     lock = wait_for_lock(lock_file, shared, clock, loop_gone_within_s(config))
     known = noted_identities(runtime / IDENTITIES)
@@ -170,8 +169,10 @@ def _run(loop: Loop, realtime: Realtime, clock: MonotonicClock) -> None:
         realtime.leave()
 
 
-def _compile(config: DaemonConfig) -> None:
+def _compile(config: DaemonConfig, shared: SharedMap | None = None) -> None:
     """Compile everything that a cycle uses: during a cycle that would take seconds."""
+    if shared is not None:
+        tell_compilations(partial(shared.words.__setitem__, Word.COMPILED_KERNELS))
     requests_codec.warm_up()
     warm_up(config)
 
