@@ -27,7 +27,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop.absences import Absences
 from piezod.daemon.loop.accept import accept
 from piezod.daemon.loop.device_counters import DeviceCounters
@@ -110,7 +110,6 @@ def main(
     reports = _use_wrappers(channels, placements, shared)
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
-    noted_v = [each.drive_v for each in read_last_output(runtime / "output.map")]
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
     controller = assemble(config, timed, able, partial(_forget, last_output, clock), plays)
     controller.stay_in_boot(True)
@@ -122,7 +121,7 @@ def main(
     raise_thread_priorities(placements)
     shared.set_report(_report(steps, placements, realtime.processor))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
-    take_over(controller, shared, channels, known, noted_v)
+    take_over(controller, shared, channels, known, last_output.kept_v)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), *reports)
