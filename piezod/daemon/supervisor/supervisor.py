@@ -76,10 +76,9 @@ class Supervisor:
     ) -> None:
         self._source, self._paths, self._options = source, paths, options
         self._notifier, self._signals = notifier, signals
-        self._ending = Ending.IN_ORDER
+        self._ending, self._compiling = Ending.IN_ORDER, CompilingReport(notifier)
         self._stopping = self._ready = self._reloading = self._exchanging = False
         self._state: State | None = None
-        self._compiling = CompilingReport(notifier)
         self.loop_run, self.loop_hung = run, False
         self._link = StageLink(
             paths,
