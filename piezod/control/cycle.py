@@ -91,7 +91,6 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     # Read, read back. A driver that fails gives invalid samples and NaN.
     samples = devices.read(t_ns)
     read_back_v = devices.read_back(t_ns)
-
     if stage is not None and parts.loop_watch is not None:
         try:
             # Screen, watch: the samples that may be used, and the detected faults.
@@ -120,7 +119,6 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, live_v
     )
     drive_v = admitted.drive_v
-
     # Write. The hysteresis memory advances with the voltage that was applied.
     written = admitted.writable and devices.write(drive_v, t_ns)
     if written:

@@ -67,6 +67,8 @@ class LastOutputWriter:
             for axis in range(axes):
                 self._values[2 + axis * _WORDS_PER_AXIS] = nan
             self._words[0] = axes
+        self.kept_v = [self._values[2 + axis * _WORDS_PER_AXIS] for axis in range(axes)]
+        """Last voltage of each axis that an earlier run has stored, in V; NaN if none has."""
 
     def note(self, drive_v: Sequence[float], t_ns: int) -> None:
         """Store the voltages of all axes that are being written, in V. Real-time safe.

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -225,11 +226,15 @@ def test_an_unreadable_file_is_a_matter_of_permission_everywhere(
     """A file that is there and may not be read exits with 77 in every command."""
     (folder / "a.file").touch()
 
-    def refuse(path: Path, *_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied", str(path))
+    opened = os.open
+
+    def refuse(path: str | Path, *arguments: Any, **more: Any) -> int:
+        if Path(path).name == "a.file":
+            raise PermissionError(13, "Permission denied", str(path))
+        return opened(path, *arguments, **more)
 
     monkeypatch.setattr("os.access", lambda *_, **__: False)
-    monkeypatch.setattr("pathlib.Path.open", refuse)
+    monkeypatch.setattr("os.open", refuse)
 
     code, out, err = piezod(*arguments)
 

@@ -193,14 +193,19 @@ class Daemon:
         traceback: TracebackType | None,
     ) -> None:
         """End its processes and remove its files."""
-        pid = self.loop_pid
+        pids = {self.loop_pid} - {0}
         if self.process.poll() is None:
+            pids |= children(self.process.pid)
             self.process.kill()
             self.process.wait()
-        if pid and is_alive(pid):
+        for pid in filter(is_alive, pids):
             os.kill(pid, signal.SIGKILL)
-            eventually(lambda: not is_alive(pid))
-        shutil.rmtree(self.folder)
+        eventually(lambda: not any(map(is_alive, pids)))
+        eventually(self._removed)  # a rescuer whose daemon was killed may still take its lock
+
+    def _removed(self) -> bool:
+        shutil.rmtree(self.folder, ignore_errors=True)
+        return not self.folder.exists()
 
 
 class StartedDaemon(Daemon):
@@ -235,6 +240,12 @@ def configuration(folder: Path, **replaced: str) -> Path:
 def latched(status: dict[str, Any]) -> list[str]:
     """Return the ids of latched faults, except those of the loop, which a busy machine causes."""
     return [each["id"] for each in status["faults"] if each["latched"] and each["id"][0] != "L"]
+
+
+def children(pid: int) -> set[int]:
+    """Return the processes that a process has started and not waited for."""
+    text = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii")
+    return set(map(int, text.split()))
 
 
 def is_alive(pid: int) -> bool:

@@ -3,16 +3,14 @@
 import os
 import signal
 import time
-from contextlib import suppress
 from itertools import groupby, pairwise
 from pathlib import Path
 
-from piezod.daemon.supervisor.rescuer import MODULE as RESCUER
 from piezod.units import NS_PER_S
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import EmulatedOptions
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import configuration, is_alive
+from tests.daemon.daemons import children, configuration, is_alive
 from tests.daemon.waiting import eventually
 from tests.hosted_rig import Write, writes
 
@@ -81,6 +79,7 @@ class HostedStage:
     def kill(self, victim: str) -> None:
         """Kill one of its processes or both, and wait until no process drives the stage."""
         supervisor = self.daemon.process
+        pids = children(supervisor.pid)
         if victim != "loop":
             supervisor.kill()
         if victim.startswith(("loop", "both")):
@@ -89,15 +88,12 @@ class HostedStage:
         if victim.endswith("safe"):  # as the service manager does; a loop may still be ramping
             safe = self.daemon.command("safe", str(self.daemon.config), "--unless-clean")
             assert safe.returncode == 0, safe.stderr
-        eventually(lambda: not is_alive(self.loop_pid))
+        eventually(lambda: not any(map(is_alive, pids)), 60.0)  # the rescuer ends last
 
     def kill_rescuer(self) -> None:
-        """Kill the process that would ramp the stage down; it was started as a program."""
-        for each in Path("/proc").glob("[0-9]*/cmdline"):
-            with suppress(OSError):  # it has ended
-                command = each.read_text(encoding="utf-8", errors="replace")
-                if RESCUER in command and str(self.daemon.folder) in command:
-                    os.kill(int(each.parent.name), signal.SIGKILL)
+        """Kill the process that would ramp the stage down."""
+        for pid in children(self.daemon.process.pid) - {self.loop_pid}:
+            os.kill(pid, signal.SIGKILL)
 
     def in_force_v(self) -> float:
         """Return the present voltage of the rig, in V; the rig must have no other client."""

@@ -212,7 +212,7 @@ class VirtualRun(LoopRun):
             self.config, timed, channels.capabilities(), lambda: output.forget(clock.t_ns)
         )
         self._controller = StageController(stage, LoopWatch(stage.period_ns, strict=False))
-        noted_v = [each.drive_v for each in read_last_output(paths.output_map)]
+        noted_v = output.kept_v
         take_over(self._controller, shared, channels, known, noted_v)
         self._watch()
         self._period_ns, self._began_ns = shared.layout.period_ns, clock.t_ns

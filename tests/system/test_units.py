@@ -3,7 +3,6 @@
 import shutil
 import stat
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -26,7 +25,9 @@ with_systemd = pytest.mark.skipif(
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
     """Return a root below which all files are installed, for a command that exists."""
-    service_files.install(shipped("systemd"), tmp_path, Path(sys.executable))
+    command = shutil.which("true")
+    assert command is not None
+    service_files.install(shipped("systemd"), tmp_path, Path(command))
     return tmp_path
 
 

@@ -27,7 +27,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop.absences import Absences
 from piezod.daemon.loop.accept import accept
 from piezod.daemon.loop.device_counters import DeviceCounters
@@ -98,8 +98,7 @@ def main(
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
     if not warm:
-        tell_compilations(partial(shared.words.__setitem__, Word.COMPILED_KERNELS))
-        _compile(config)
+        _compile(config, shared)
     channels, clock, period_ns = make_channels(config), MonotonicClock(), shared.layout.period_ns
     lock = wait_for_lock(lock_file, shared, clock, loop_gone_within_s(config))
     known = noted_identities(runtime / IDENTITIES)
@@ -111,7 +110,6 @@ def main(
     reports = _use_wrappers(channels, placements, shared)
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
-    noted_v = [each.drive_v for each in read_last_output(runtime / "output.map")]
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
     controller = assemble(config, timed, able, partial(_forget, last_output, clock), plays)
     controller.stay_in_boot(True)
@@ -123,7 +121,7 @@ def main(
     raise_thread_priorities(placements)
     shared.set_report(_report(steps, placements, realtime.processor))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
-    take_over(controller, shared, channels, known, noted_v)
+    take_over(controller, shared, channels, known, last_output.kept_v)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), *reports)
@@ -170,8 +168,10 @@ def _run(loop: Loop, realtime: Realtime, clock: MonotonicClock) -> None:
         realtime.leave()
 
 
-def _compile(config: DaemonConfig) -> None:
+def _compile(config: DaemonConfig, shared: SharedMap | None = None) -> None:
     """Compile everything that a cycle uses: during a cycle that would take seconds."""
+    if shared is not None:
+        tell_compilations(partial(shared.words.__setitem__, Word.COMPILED_KERNELS))
     requests_codec.warm_up()
     warm_up(config)
 

@@ -92,6 +92,7 @@ class Rescuer:
         end_s = time.monotonic() + ramped_down_within_s(self._config)
         line = self._line(end_s - time.monotonic())
         if line == _READY:
+            self._ready = True
             line = self._line(end_s - time.monotonic())
         reached: list[str] = []
         if not line:

@@ -21,6 +21,7 @@ from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
 from piezod.daemon.service.stage_service import Document, NotNowError, Peer, StageError
 from piezod.daemon.supervisor.api_server import ApiServer
+from piezod.daemon.supervisor.compiling import CompilingReport
 from piezod.daemon.supervisor.heartbeat import Heartbeat
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.daemon.supervisor.loop_run import LoopRun
@@ -35,7 +36,6 @@ from piezod.daemon.supervisor.reload import (
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
-from piezod.telemetry.words import Word
 
 PERIOD_S: Final = 0.1
 """Period of `_watch`, in s."""
@@ -45,9 +45,6 @@ _ACCEPTS_PARAMS: Final = frozenset({State.SAFE, State.FAULT})
 
 _RESTORED_WITHIN_S: Final = 5.0
 """How long the answer to a reload waits until the new loop has its parameters, in s."""
-
-_COMPILING_WITHIN_S: Final = 60.0
-"""How long one kernel may take to compile, in s."""
 
 _log = logger("supervisor")
 
@@ -79,10 +76,9 @@ class Supervisor:
     ) -> None:
         self._source, self._paths, self._options = source, paths, options
         self._notifier, self._signals = notifier, signals
-        self._ending = Ending.IN_ORDER
+        self._ending, self._compiling = Ending.IN_ORDER, CompilingReport(notifier)
         self._stopping = self._ready = self._reloading = self._exchanging = False
         self._state: State | None = None
-        self._compiled = 0
         self.loop_run, self.loop_hung = run, False
         self._link = StageLink(
             paths,
@@ -191,19 +187,11 @@ class Supervisor:
                 self._ending = Ending.ABSENT
                 self.stop("a device is absent")
         if not self._stopping:
-            self._report_compiling(run)
+            self._compiling.update(run)
             self._restore_params(run)
         if run.loop.state is not self._state and not self._stopping:
             self._state = run.loop.state
             self._notifier.status(self._state.value)
-
-    def _report_compiling(self, run: LoopRun) -> None:
-        """Tell the service manager that the loop still compiles: a slow computer takes minutes."""
-        compiled = run.loop.shared.words[Word.COMPILED_KERNELS]
-        if compiled != self._compiled and not run.takes_requests:
-            self._compiled = compiled
-            status = f"compiling the kernels for this processor: {compiled} so far"
-            self._notifier.take_longer(_COMPILING_WITHIN_S, status)
 
     def _restore_params(self, run: LoopRun) -> None:
         """Let each new loop begin with its parameters, when it has its devices."""

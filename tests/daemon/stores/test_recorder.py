@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from piezod.daemon.stores import recorded_files
 from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus
 from piezod.daemon.stores.recording_limits import no_room
-from piezod.records import telemetry_file
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from tests.daemon.fake_ring import FakeRing
@@ -245,7 +245,7 @@ def test_stalled_disk_costs_records_that_are_counted(
     recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The ring overwrites its oldest records meanwhile; the file has the number of lost ones."""
-    monkeypatch.setattr(telemetry_file, "TelemetryWriter", StallingWriter)
+    monkeypatch.setattr(recorded_files, "TelemetryWriter", StallingWriter)
     recorder.start(header())
     ring.run(100)
     assert StallingWriter.reached.wait(60)
