@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test test-all test-lowest coverage stress faults mutants chaos soak vm peers epics \
+.PHONY: help demo docs docs-test test test-all test-lowest coverage stress faults mutants chaos liars soak vm peers epics \
 	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
 
 help: ## show this list
@@ -44,7 +44,10 @@ faults: $(STAMP) ## run the proofs of all faults, and compare their times with t
 	$(BIN)/python -m tests.faults $(WORKERS)
 
 chaos: $(STAMP) ## kill, starve and flood the processes of a stage (some minutes)
-	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos
+	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos tests/liars
+
+liars: $(STAMP) ## let an amplifier lie in each way, in each state, and judge each write (twenty minutes)
+	$(BIN)/python -m tests.liars --out build/liars
 
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=, MODEL=stops)
 	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) \

@@ -113,7 +113,9 @@ class Amplifier:
         if ended.back_at_zero:
             return
         if ended.output != "follows":
-            self._by_itself(self._written_v, now_s, "return" if ended.output == "off" else "release")
+            self._by_itself(
+                self._written_v, now_s, "return" if ended.output == "off" else "release"
+            )
 
     def _by_itself(self, drive_v: float, now_s: float, why: str) -> None:
         before_v = self._output_v

@@ -1,16 +1,13 @@
 """A daemon of the lying amplifier, and a person who watches it."""
 
-import csv
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, Self
 
 import httpx
 
@@ -19,73 +16,14 @@ from tests.daemon.daemons import Daemon, is_alive
 from tests.daemon.waiting import eventually
 from tests.forked import STARTS_RESCUER, Forked
 from tests.liars.config import SAFE_V, TOLERANCE_V, configured
+from tests.liars.process import AmplifierProcess
 
 POLL_S: Final = 0.06
 HOME_WITHIN_S: Final = 60.0
 NEXT: Final = {"READY": "stop", "RUN": "stop", "IDENT": "stop", "HOLD": "stop", "FAULT": "reset"}
 """What a person does in each state to bring a stage home."""
-OF_LOOP: Final = "L"
-
-
-class Row(NamedTuple):
-    """A line of the amplifier's trace; voltages in V, `text` of a refused write is its voltage."""
-
-    t_s: float
-    kind: str
-    written_v: float
-    before_v: float
-    after_v: float
-    shown_v: float
-    text: str
-
-
-class Amplifier:
-    """The process of the amplifier.
-
-    Args:
-        folder: Its folder.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.port, self._trace = folder / "port", folder / "trace.csv"
-        command = (sys.executable, "-m", "tests.liars.amplifier", str(self.port), str(self._trace))
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
-        )
-        self._answered()
-
-    def tell(self, order: str) -> None:
-        """Give it an order."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(f"{order}\n")
-        self._answered()
-
-    def rows(self) -> list[Row]:
-        """Return its trace."""
-        with self._trace.open(newline="") as file:
-            return [
-                Row(float(t_s), kind, *map(float, values), text)
-                for t_s, kind, *values, text in csv.reader(file, delimiter=";")
-            ]
-
-    def output_v(self) -> float:
-        """Return the voltage on the stage, in V."""
-        self.tell("mark look")
-        with self._trace.open("rb") as file:
-            file.seek(max(0, os.fstat(file.fileno()).st_size - 200))
-            return float(file.read().splitlines()[-1].split(b";")[4])
-
-    def end(self) -> None:
-        """End it."""
-        self._process.kill()
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout):
-            assert stream is not None
-            stream.close()
-
-    def _answered(self) -> None:
-        assert self._process.stdout is not None
-        assert self._process.stdout.readline()
+NOT_TOLD: Final = {"D10", "A10", "S5", "S6", "B5", "B7", "P2", "P15"}
+"""Faults that this machine, or the way here, may cause: they tell nothing of an output."""
 
 
 class Bench:
@@ -101,7 +39,7 @@ class Bench:
 
     def __init__(self, folder: Path, model: Path) -> None:
         folder.mkdir(parents=True)
-        self.folder, self.amplifier = folder, Amplifier(folder)
+        self.folder, self.amplifier = folder, AmplifierProcess(folder)
         self.config = configured(folder, self.amplifier.port, model)
         self._daemon: Daemon | None = None
         self.told = set[str]()
@@ -146,7 +84,7 @@ class Bench:
         """Return the status, and remember what it tells."""
         status = self.daemon.status() if self.runs else {}
         for fault in status.get("faults", ()):
-            if fault["id"][0] != OF_LOOP and fault["id"] != "A10":
+            if fault["id"][0] != "L" and fault["id"] not in NOT_TOLD:
                 self.told.add(fault["id"])
         if (state := status.get("state", "")) in {"FAULT", "BLIND"}:
             self.told.add(state)
@@ -167,7 +105,7 @@ class Bench:
 
     def driven(self, above_v: float) -> None:
         """Wait until the output is above a voltage."""
-        eventually(lambda: self.amplifier.output_v() > above_v, 30.0)
+        eventually(lambda: self.amplifier.output_v() > above_v, 12.0)
 
     # ------------------------------------------------------------------ before and after
 
@@ -210,6 +148,11 @@ class Bench:
                 done = self.daemon.command("safe", str(self.config), *options)
                 steps.append(f"{' '.join(('safe', *options))} ended with {done.returncode}")
                 self._answers.append(done.stdout + done.stderr)
+
+    def lag_ms(self) -> float:
+        """Return the lag of the read-back that the loop reckons with, in ms."""
+        (device,) = self.daemon.status()["devices"]
+        return float(device["capabilities"]["lag_ns"]) / 1e6
 
     def state(self) -> str:
         """Return state and output, for people."""
@@ -254,6 +197,11 @@ class Bench:
             self._beside = Forked(arguments, streams, self.daemon.environ, self.folder)
         self._beside_what = arguments[0]
 
+    @property
+    def drives(self) -> bool:
+        """Whether the daemon drives the stage, as far as anybody knows."""
+        return self.runs and self._beside is None
+
     def daemon_ends(self) -> None:
         """Let `home` wait for the end of the daemon, whose loop was killed."""
         self._beside, self._beside_what = self.daemon.process, "run"
@@ -272,7 +220,9 @@ class Bench:
     def take_log(self) -> str:
         """Return what was logged and answered since the last call."""
         logs = [self.folder / f"{what}.log" for what in ("safe", "commission")]
-        text = (self._daemon.text if self._daemon else "") + "".join(each.read_text() for each in logs if each.exists())
+        text = (self._daemon.text if self._daemon else "") + "".join(
+            each.read_text() for each in logs if each.exists()
+        )
         seen = set(self.logs.splitlines())
         new = "\n".join(line for line in text.splitlines() if line not in seen)
         self.logs = text

@@ -7,8 +7,8 @@ from typing import Final
 from tests.forked import run
 from tests.liars.stage import Stage
 
-RATE_HZ: Final = 100.0
-SLEW_V_PER_S: Final = 400.0
+RATE_HZ: Final = 50.0
+SLEW_V_PER_S: Final = 200.0
 RAMP_V_PER_S: Final = 100.0
 SAFE_V: Final = 0.0
 TOLERANCE_V: Final = 0.75
@@ -61,9 +61,9 @@ def identified(folder: Path) -> Path:
     for i in range(8000):
         turn, share = divmod(i / 1000, 1.0)
         height_v = 148.0 * max(1.0 - max(turn - 1.0, 0.0) / 7.0, 0.0)
-        stage.drive(height_v * (1.0 - abs(2.0 * share - 1.0)))
         drive_v = height_v * (1.0 - abs(2.0 * share - 1.0))
-        rows.append(f"{i / RATE_HZ:.2f},{drive_v:.5f},{stage.position_um():.5f}")
+        stage.drive(drive_v)
+        rows.append(f"{i / 100.0:.2f},{drive_v:.5f},{stage.position_um():.5f}")
     record, model = folder / "record.csv", folder / "model.yaml"
     record.write_text("\n".join(rows) + "\n")
     done = run(["identify", str(record), "--order", "10", "--delay-s", "0", "--out", str(model)])

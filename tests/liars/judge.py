@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from math import nan
 from typing import Final, NamedTuple
 
-from tests.liars.bench import Row
 from tests.liars.config import RATE_HZ, SLEW_V_PER_S, TOLERANCE_V
+from tests.liars.process import Row
 
 PERIOD_S: Final = 1.0 / RATE_HZ
 ROUNDING_V: Final = 0.002
@@ -91,13 +91,15 @@ def largest_by_itself_v(rows: Sequence[Row]) -> float:
 
 
 def is_visible(rows: Sequence[Row]) -> bool:
-    """Return whether the read-back was unlike the last write for long while writes were made."""
-    since_s = nan
+    """Return whether the read-back was unlike the last write for long."""
+    since_s: float | None = None
     for row in rows:
-        if row.kind == "read" and abs(row.shown_v - row.written_v) > 2.0 * TOLERANCE_V:
-            since_s = row.t_s if since_s != since_s else since_s
-            if row.t_s - since_s > VISIBLE_S:
-                return True
-        elif row.kind == "read":
-            since_s = nan
+        if row.kind != "read":
+            continue
+        if abs(row.shown_v - row.written_v) <= 2.0 * TOLERANCE_V:
+            since_s = None
+        elif since_s is None:
+            since_s = row.t_s
+        elif row.t_s - since_s > VISIBLE_S:
+            return True
     return False

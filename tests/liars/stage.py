@@ -10,7 +10,7 @@ NOISE_UM: Final = 0.002
 
 
 class Stage:
-    """A stage at rest, at 0 V.
+    """A stage at rest, at 0 V, as swings to positive voltages leave it.
 
     Args:
         seed: Seed of the noise of its sensor.
@@ -18,7 +18,7 @@ class Stage:
 
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)  # noqa: S311 - the noise of a sensor
-        self._plays_v = [0.0] * len(PLAYS)
+        self._plays_v = [half_v for half_v, _weight in PLAYS]
         self._drive_v = 0.0
 
     def drive(self, drive_v: float) -> None:
@@ -29,5 +29,6 @@ class Stage:
 
     def position_um(self) -> float:
         """Return what its sensor shows, in µm."""
-        moved_um = sum(w * play_v for (_, w), play_v in zip(PLAYS, self._plays_v, strict=True))
+        plays = zip(PLAYS, self._plays_v, strict=True)
+        moved_um = sum(weight * (play_v - half_v) for (half_v, weight), play_v in plays)
         return GAIN_UM_PER_V * self._drive_v + moved_um + self._random.gauss(0.0, NOISE_UM)

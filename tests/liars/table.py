@@ -1,7 +1,7 @@
 """Runs cases, and makes their table."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -18,6 +18,8 @@ HEADING: Final = (
     "told",
     "end",
 )
+
+TRIES: Final = 4
 
 
 class Result(NamedTuple):
@@ -56,8 +58,8 @@ class Result(NamedTuple):
 def run_case(bench: Bench, lie: str, case: str) -> Result:
     """Let an amplifier lie in a state or during a verb; return what became of it."""
     chosen = CASES[case]
-    bench.at_rest()
-    chosen.prepare(bench)
+    _prepare(bench, chosen.prepare)
+    lag_ms = bench.lag_ms() if bench.runs else 0.0
     bench.told.clear()
     bench.take_log()
     first = len(bench.amplifier.rows())
@@ -65,7 +67,7 @@ def run_case(bench: Bench, lie: str, case: str) -> Result:
     end_s = time.monotonic() + chosen.lasts_s
     chosen.act(bench)
     bench.rest(max(0.0, end_s - time.monotonic()))
-    told, ran = sorted(bench.told), bench.runs
+    told, ran = sorted(bench.told), bench.drives
     lied = len(bench.amplifier.rows())
     bench.amplifier.tell("honest")
     end = bench.home()
@@ -75,19 +77,41 @@ def run_case(bench: Bench, lie: str, case: str) -> Result:
     steps = [step for step in steps_of([*before, *rows[first:]]) if step.t_s > rows[first].t_s]
     untold = ran and not told and is_visible(rows[first:lied])
     worst = max(steps, key=lambda step: step.distance_v, default=None)
-    broken = [*_far(steps), *(["not told"] if untold else []), *([end] if "NOT HOME" in end else [])]
+    broken = [
+        *_far(steps, lag_ms),
+        *(["not told"] if untold else []),
+        *([end] if "NOT HOME" in end else []),
+    ]
     itself_v = largest_by_itself_v(rows[first:])
     return Result(lie, case, worst, itself_v, told, end, broken, bench.take_log())
 
 
-def _far(steps: Sequence[Step]) -> list[str]:
+def _prepare(bench: Bench, prepare: Callable[[Bench], None]) -> None:
+    """Bring an honest stage to where the lie begins; again, if late cycles have held it."""
+    for left in reversed(range(TRIES)):
+        bench.at_rest()
+        try:
+            prepare(bench)
+        except AssertionError:
+            if not left:
+                raise
+            bench.home()
+        else:
+            return
+
+
+def _far(steps: Sequence[Step], lag_ms: float) -> list[str]:
     """Return the writes that were too far, of several in a row the first, and their number."""
     found, count = list[str](), 0
     for before, step in zip([None, *steps], steps, strict=False):
         count += step.is_far
         if step.is_far and not (before and before.is_far):
             found.append(str(step))
-    return [*found[:5], f"{count} writes too far"] if found else []
+    return (
+        [*found[:5], f"{count} writes too far; the loop reckons with a lag of {lag_ms:.0f} ms"]
+        if found
+        else []
+    )
 
 
 def run_lie(folder: Path, model: Path, lie: str, cases: Sequence[str]) -> list[Result]:
@@ -104,7 +128,7 @@ def run_lie(folder: Path, model: Path, lie: str, cases: Sequence[str]) -> list[R
                     log = bench.take_log()
                     results.append(Result(lie, case, None, 0.0, (), "", (what,), log))
                 print(" | ".join(results[-1].cells()), *results[-1].broken, sep="\n   ", flush=True)
-                if results[-1].broken:
+                if not results[-1].end.startswith("SAFE"):
                     break
     return results
 
@@ -113,4 +137,3 @@ def table(results: Sequence[Result]) -> str:
     """Return the table, in Markdown."""
     lines = [HEADING, ("---",) * len(HEADING), *(each.cells() for each in results)]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-

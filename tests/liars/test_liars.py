@@ -1,0 +1,93 @@
+from pathlib import Path
+
+import pytest
+
+from tests.liars.config import SLEW_V_PER_S, TOLERANCE_V, identified
+from tests.liars.judge import PERIOD_S, is_visible, largest_by_itself_v, steps_of
+from tests.liars.process import AmplifierProcess, Row
+from tests.liars.table import run_lie
+
+BOUND_V = SLEW_V_PER_S * PERIOD_S + TOLERANCE_V
+
+
+def read(t_s: float, output_v: float, shown_v: float, written_v: float = 0.0) -> Row:
+    """Return a read-back in a trace."""
+    return Row(t_s, "read", written_v, output_v, output_v, shown_v, "")
+
+
+def write(t_s: float, drive_v: float, output_v: float) -> Row:
+    """Return a write in a trace, which the output follows."""
+    return Row(t_s, "write", drive_v, output_v, drive_v, output_v, "")
+
+
+def test_far_write_is_found() -> None:
+    """A write that is farther from the output than slew rate, age and tolerance allow is far."""
+    near = write(1.0, BOUND_V - 0.1, 0.0)
+    far = write(1.0, BOUND_V + 0.1, 0.0)
+
+    assert [step.is_far for step in steps_of([read(1.0, 0.0, 0.0), near])] == [False]
+    assert [step.is_far for step in steps_of([read(1.0, 0.0, 0.0), far])] == [True]
+
+
+def test_false_read_back_does_not_excuse_a_write() -> None:
+    """A write is judged by the voltage on the stage, not by the one that is read back."""
+    (step,) = steps_of([read(1.0, 0.0, 60.0), write(1.0, 60.0, 0.0)])
+
+    assert step.is_far
+    assert not step.honest
+
+
+def test_fall_after_the_last_read_back_does_not_count() -> None:
+    """What the output has gone by itself since it was last read back is no step by piezod."""
+    fall = Row(1.001, "own", 60.0, 60.0, 0.0, 0.0, "fall")
+    before = [read(1.0, 60.0, 60.0), fall]
+    (unseen,) = steps_of([*before, write(1.001, 60.0, 0.0)])
+    (seen,) = steps_of([*before, read(1.001, 0.0, 0.0), write(1.001, 60.0, 0.0)])
+
+    assert unseen.distance_v == 0.0
+    assert seen.is_far
+    assert largest_by_itself_v(before) == 60.0
+
+
+def test_only_a_lasting_difference_is_visible() -> None:
+    """A read-back has to be told of if it was unlike the write for long without an end."""
+    apart = [read(0.1 * i, 0.0, 0.0, 60.0) for i in range(10)]
+
+    assert is_visible(apart)
+    assert not is_visible([*apart[:4], read(0.4, 60.0, 60.0, 60.0), *apart[5:9]])
+
+
+def test_amplifier_that_is_stuck_is_released_by_itself(tmp_path: Path) -> None:
+    """The trace has the step that a stuck output makes when it is released."""
+    amplifier = AmplifierProcess(tmp_path)
+    try:
+        amplifier.tell("knob 40")
+        amplifier.tell("lie output stuck")
+        amplifier.tell("honest")
+        amplifier.tell("lie off 1 s, refused, back at the last write")
+        amplifier.tell("honest")
+        steps = [(row.text, row.after_v) for row in amplifier.rows() if row.kind == "own"]
+    finally:
+        amplifier.end()
+
+    assert steps == [("knob", 40.0), ("fall", 0.0), ("return", 40.0)]
+
+
+@pytest.mark.chaos
+@pytest.mark.parametrize(
+    ("lie", "case"),
+    [
+        ("output stuck", "goto, stop"),
+        ("output stuck", "estop"),
+        ("off 1 s, refused, back at 0 V", "RUN at rest"),
+        ("read-back false 60 V", "SAFE, arm, goto"),
+        ("read-back stuck", "identify"),
+        ("read-back scaled 1.3", "kill -9 of all, safe"),
+    ],
+)
+def test_lie(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, lie: str, case: str) -> None:
+    """While an amplifier lies, no write is far from its output; afterwards the stage comes home."""
+    model = identified(tmp_path_factory.getbasetemp())
+    (result,) = run_lie(tmp_path / "bench", model, lie, [case])
+
+    assert not result.broken, result
