@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,6 +21,8 @@ from tests.liars.process import AmplifierProcess
 
 POLL_S: Final = 0.06
 HOME_WITHIN_S: Final = 60.0
+MEASURES_S: Final = 15.0
+"""How long `piezod commission` goes on after the lie, unless it ends by itself, in s."""
 NEXT: Final = {"READY": "stop", "RUN": "stop", "IDENT": "stop", "HOLD": "stop", "FAULT": "reset"}
 """What a person does in each state to bring a stage home."""
 NOT_TOLD: Final = {"D10", "A10", "S5", "S6", "B5", "B7", "P2", "P15"}
@@ -126,7 +129,7 @@ class Bench:
         """Bring the stage home as a person does; return how, and where it ended."""
         steps = list[str]()
         if self._beside is not None:
-            steps.append(f"{self._beside_what} ended with {self._beside.wait(150.0)}")
+            steps.append(f"{self._beside_what} ended with {self._end_beside()}")
             self._beside = None
         if not self.runs:
             self._safe(steps)
@@ -140,6 +143,15 @@ class Bench:
                 self._do(step, steps)
             time.sleep(0.2)
         return f"NOT HOME: {self.state()}{_by(steps)}"
+
+    def _end_beside(self) -> int:
+        """Wait for the end of what runs beside; return its exit code. Ctrl-C ends a measurement."""
+        assert self._beside is not None
+        if self._beside_what == "commission":
+            with suppress(subprocess.TimeoutExpired):
+                return self._beside.wait(MEASURES_S)
+            self._beside.interrupt()
+        return self._beside.wait(150.0)
 
     def _safe(self, steps: list[str]) -> None:
         """Ramp down without a daemon, if the stage is not at its safe voltage."""
@@ -238,6 +250,8 @@ class Bench:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        if self._beside is not None:
+            self._beside.kill()
         if self._daemon is not None:
             with suppress(Exception):  # whatever a case has left of it
                 self.shut_down()

@@ -1,5 +1,6 @@
 """Judges the writes of a case by the trace of the amplifier."""
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from math import nan
 from typing import Final, NamedTuple
@@ -9,6 +10,8 @@ from tests.liars.process import Row
 
 PERIOD_S: Final = 1.0 / RATE_HZ
 ROUNDING_V: Final = 0.002
+LOOKED_BACK: Final = 50
+"""Number of read-backs, and of steps by itself, that a write is compared with."""
 VISIBLE_S: Final = 0.5
 """A read-back that is unlike the write for so long has to be told."""
 
@@ -50,39 +53,46 @@ class Step(NamedTuple):
         )
 
 
-def steps_of(rows: Sequence[Row]) -> Iterator[Step]:
+def steps_of(rows: Sequence[Row], known_after_s: float = 0.0) -> Iterator[Step]:
     """Yield the accepted writes of a trace, judged.
 
     A write may be as far from the voltage on the stage as the slew rate times the age of the last
-    read-back and one period, plus the tolerance. What the output has gone by itself since that
-    read-back does not count.
+    read-back and one period, plus the tolerance. What the output has gone by itself since the
+    last read-back that the write can follow from does not count.
+
+    Args:
+        rows: The trace.
+        known_after_s: Age of a read-back that a write can follow from, in s: if a thread of its own
+            talks to the amplifier, the read-back just before a write comes too late for it.
     """
-    read: Row | None = None
-    itself_v, last_v = 0.0, nan
+    reads, itself = deque[Row](maxlen=LOOKED_BACK), deque[Row](maxlen=LOOKED_BACK)
+    last_v = nan
     for row in rows:
         match row.kind:
             case "read":
-                read, itself_v = row, 0.0
+                reads.append(row)
             case "own" | "late":
-                itself_v += abs(row.after_v - row.before_v)
+                itself.append(row)
             case "write":
-                age_s = row.t_s - read.t_s if read else 0.0
-                allowed_v = SLEW_V_PER_S * (age_s + PERIOD_S) + TOLERANCE_V
-                shown_v = read.shown_v if read else nan
-                honest = read is not None and abs(shown_v - read.before_v) <= TOLERANCE_V
-                distance_v = max(0.0, abs(row.written_v - row.before_v) - itself_v)
-                own_v = abs(row.written_v - last_v)
-                yield Step(
-                    row.t_s,
-                    row.written_v,
-                    row.before_v,
-                    shown_v,
-                    distance_v,
-                    allowed_v,
-                    own_v,
-                    honest,
-                )
+                known = [read.t_s for read in reads if read.t_s <= row.t_s - known_after_s]
+                since_s = known[-1] if known else row.t_s
+                itself_v = sum(abs(o.after_v - o.before_v) for o in itself if o.t_s > since_s)
+                yield _judged(row, reads[-1] if reads else row, itself_v, last_v)
                 last_v = row.written_v
+
+
+def _judged(row: Row, read: Row, itself_v: float, last_v: float) -> Step:
+    """Return a write, judged by the last read-back."""
+    return Step(
+        row.t_s,
+        row.written_v,
+        row.before_v,
+        read.shown_v,
+        distance_v=max(0.0, abs(row.written_v - row.before_v) - itself_v),
+        allowed_v=SLEW_V_PER_S * (row.t_s - read.t_s + PERIOD_S) + TOLERANCE_V,
+        own_v=abs(row.written_v - last_v),
+        honest=abs(read.shown_v - read.before_v) <= TOLERANCE_V,
+    )
 
 
 def largest_by_itself_v(rows: Sequence[Row]) -> float:

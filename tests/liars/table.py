@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from tests.liars.bench import Bench
 from tests.liars.cases import CASES
-from tests.liars.judge import Step, is_visible, largest_by_itself_v, steps_of
+from tests.liars.judge import PERIOD_S, Step, is_visible, largest_by_itself_v, steps_of
 
 HEADING: Final = (
     "lie",
@@ -74,7 +74,11 @@ def run_case(bench: Bench, lie: str, case: str) -> Result:
     rows = bench.amplifier.rows()
     # A read-back before the lie tells where the output was when it began.
     before = [row for row in rows[:first] if row.kind in {"read", "write"}][-3:]
-    steps = [step for step in steps_of([*before, *rows[first:]]) if step.t_s > rows[first].t_s]
+    steps = [
+        step
+        for step in steps_of([*before, *rows[first:]], PERIOD_S / 2 if lag_ms else 0.0)
+        if step.t_s > rows[first].t_s
+    ]
     untold = ran and not told and is_visible(rows[first:lied])
     worst = max(steps, key=lambda step: step.distance_v, default=None)
     broken = [
