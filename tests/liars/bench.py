@@ -12,6 +12,7 @@ from typing import Any, Final, Self
 
 import httpx
 
+from piezod.daemon.loop.placement import DevicePlace
 from piezod.daemon.supervisor.rescuer import MODULE as RESCUER
 from tests.daemon.daemons import Daemon, is_alive
 from tests.daemon.waiting import eventually
@@ -161,10 +162,11 @@ class Bench:
                 steps.append(f"{' '.join(('safe', *options))} ended with {done.returncode}")
                 self._answers.append(done.stdout + done.stderr)
 
-    def lag_ms(self) -> float:
-        """Return the lag of the read-back that the loop reckons with, in ms."""
+    def reckons_with_ms(self) -> float:
+        """Return the round trip that a thread of the loop reckons with, in ms; 0 without one."""
         (device,) = self.daemon.status()["devices"]
-        return float(device["capabilities"]["lag_ns"]) / 1e6
+        in_cycle = device["placement"] == DevicePlace.CYCLE
+        return 0.0 if in_cycle else float(device["round_trip_us"]["p99"]) / 1e3
 
     def state(self) -> str:
         """Return state and output, for people."""

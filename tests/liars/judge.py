@@ -101,9 +101,11 @@ def largest_by_itself_v(rows: Sequence[Row]) -> float:
 
 
 def is_visible(rows: Sequence[Row]) -> bool:
-    """Return whether the read-back was unlike the last write for long."""
+    """Return whether the read-back was unlike the last write for long, before the writes ended."""
+    last = max((i for i, row in enumerate(rows) if row.kind in {"write", "refused"}), default=-1)
     since_s: float | None = None
-    for row in rows:
+    # A stage that waits for its output writes nothing for a while, and a disarmed one never again.
+    for row in rows[: last + 1]:
         if row.kind != "read":
             continue
         if abs(row.shown_v - row.written_v) <= 2.0 * TOLERANCE_V:

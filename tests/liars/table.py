@@ -59,7 +59,7 @@ def run_case(bench: Bench, lie: str, case: str) -> Result:
     """Let an amplifier lie in a state or during a verb; return what became of it."""
     chosen = CASES[case]
     _prepare(bench, chosen.prepare)
-    lag_ms = bench.lag_ms() if bench.runs else 0.0
+    thread_ms = bench.reckons_with_ms() if bench.runs else 0.0
     bench.told.clear()
     bench.take_log()
     first = len(bench.amplifier.rows())
@@ -76,13 +76,13 @@ def run_case(bench: Bench, lie: str, case: str) -> Result:
     before = [row for row in rows[:first] if row.kind in {"read", "write"}][-3:]
     steps = [
         step
-        for step in steps_of([*before, *rows[first:]], PERIOD_S / 2 if lag_ms else 0.0)
+        for step in steps_of([*before, *rows[first:]], PERIOD_S / 2 if thread_ms else 0.0)
         if step.t_s > rows[first].t_s
     ]
     untold = ran and not told and is_visible(rows[first:lied])
     worst = max(steps, key=lambda step: step.distance_v, default=None)
     broken = [
-        *_far(steps, lag_ms),
+        *_far(steps, thread_ms),
         *(["not told"] if untold else []),
         *([end] if "NOT HOME" in end else []),
     ]
@@ -104,18 +104,14 @@ def _prepare(bench: Bench, prepare: Callable[[Bench], None]) -> None:
             return
 
 
-def _far(steps: Sequence[Step], lag_ms: float) -> list[str]:
+def _far(steps: Sequence[Step], thread_ms: float) -> list[str]:
     """Return the writes that were too far, of several in a row the first, and their number."""
     found, count = list[str](), 0
     for before, step in zip([None, *steps], steps, strict=False):
         count += step.is_far
         if step.is_far and not (before and before.is_far):
             found.append(str(step))
-    return (
-        [*found[:5], f"{count} writes too far; the loop reckons with a lag of {lag_ms:.0f} ms"]
-        if found
-        else []
-    )
+    return [*found[:5], f"{count} writes too far; {_placed(thread_ms)}"] if found else []
 
 
 def run_lie(folder: Path, model: Path, lie: str, cases: Sequence[str]) -> list[Result]:
@@ -141,3 +137,8 @@ def table(results: Sequence[Result]) -> str:
     """Return the table, in Markdown."""
     lines = [HEADING, ("---",) * len(HEADING), *(each.cells() for each in results)]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def _placed(thread_ms: float) -> str:
+    """Return how the loop uses the amplifier, for people."""
+    return f"a thread with round trips of {thread_ms:.1f} ms" if thread_ms else "in the cycle"

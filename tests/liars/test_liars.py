@@ -51,10 +51,11 @@ def test_fall_after_the_last_read_back_does_not_count() -> None:
 
 def test_only_a_lasting_difference_is_visible() -> None:
     """A read-back has to be told of if it was unlike the write for long without an end."""
-    apart = [read(0.1 * i, 0.0, 0.0, 60.0) for i in range(10)]
+    apart, end = [read(0.1 * i, 0.0, 0.0, 60.0) for i in range(10)], write(1.0, 60.0, 0.0)
 
-    assert is_visible(apart)
-    assert not is_visible([*apart[:4], read(0.4, 60.0, 60.0, 60.0), *apart[5:9]])
+    assert is_visible([*apart, end])
+    assert not is_visible([*apart[:4], read(0.4, 60.0, 60.0, 60.0), *apart[5:9], end])
+    assert not is_visible([apart[0], end, *apart[1:]])
 
 
 def test_amplifier_that_is_stuck_is_released_by_itself(tmp_path: Path) -> None:
