@@ -246,10 +246,11 @@ def _watch_write(
     boundary = stage.boundary
     if stage.state not in DRIVEN or boundary.shadow or not boundary.writes:
         return
+    blocked = bool(admitted.waits) and not admitted.writable  # by one axis, for all
     for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
-        if i in admitted.waits:
-            axis.wait(lost=not admitted.writable)
-        if admitted.waits and not admitted.writable:
+        if blocked or i in admitted.waits:
+            axis.wait(lost=blocked)
+        if blocked:
             watch.amplifier.waited(axis.law.in_force_v)
             continue
         watch.amplifier.wrote(

@@ -131,8 +131,10 @@ class OutputJudge:
         self._doubts[index], self._sources[index] = "", Source.AGREED
 
     def forget(self) -> None:
-        """Forget where the axes have rested: something else has driven them since."""
-        self._rests = [_UNSEEN] * len(self._axes)
+        """Forget where the axes have rested, and what was false: they were not driven since."""
+        n_axes = len(self._axes)
+        self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
+        self._false.clear()
 
     def live_v(self, read_back_v: Sequence[float]) -> Sequence[float]:
         """Return the read-backs to wait for, in V; NaN for an axis whose read-back is false."""

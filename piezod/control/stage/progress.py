@@ -286,7 +286,8 @@ def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
             stage.report(Detection(Fault.A3, i, drive_v - axis.config.safe_v, tolerance_v))
             why = stage.judge.told(i) or "the output does not follow its writes"
             text = f"the voltage stays: {drive_v:.4g} V read back, safe voltage "
-            text += f"{axis.config.safe_v:g} V: {why}"
+            text += f"{axis.config.safe_v:g} V: {why}; when the output follows again, "
+            text += "`piezod estop` ramps it down"
             stage.note(StageEvent(t_ns, "error", "output", text, Fault.A3, axis.name))
         stage.go(Event.RAMP_TIMEOUT, t_ns)
 

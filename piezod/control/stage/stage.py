@@ -276,6 +276,8 @@ class Stage:
             self.output.settle()
         if before is State.IDENT:
             self._sequence.clear()
+        if before is State.SAFE:
+            self.judge.forget()
         if state in {State.RAMP, State.ESTOP} and before not in DRIVEN:
             self._start_at_last_write()
 
