@@ -114,9 +114,9 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
 
     # Guard. After a late cycle less than a period may have passed since the last write.
     elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
-    live_v = None if stage is None else stage.judge.live_v(read_back_v)
+    live = (None, 0.0) if stage is None else stage.judge.live(read_back_v, t_ns)
     admitted = parts.guard.admit(
-        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, live_v
+        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, *live
     )
     drive_v = admitted.drive_v
     # Write. The hysteresis memory advances with the voltage that was applied.
