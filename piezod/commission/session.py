@@ -79,6 +79,7 @@ class Session:
         """Initial voltage of the session, in V."""
         self.drive_v = initial_v
         """Voltage in force, in V."""
+        self._shown_v, self._shown_ns = initial_v, clock.now_ns()
         self._not_ours = ""  # flags after which the voltage must not be driven any more
         self._holder: threading.Event | None = None
         self._driving = threading.Lock()
@@ -221,9 +222,16 @@ class Session:
         self, guard: Guard, wished_v: float, read_back_v: float, now_ns: int, elapsed_s: float
     ) -> bool:
         """Write a voltage as the guard admits it; return whether it was accepted."""
-        in_force_v = [self.drive_v]
+        if isfinite(read_back_v):
+            self._shown_v, self._shown_ns = read_back_v, now_ns
         admitted = guard.admit(
-            now_ns, now_ns, [wished_v], in_force_v, elapsed_s, read_back_v=[read_back_v]
+            now_ns,
+            now_ns,
+            [wished_v],
+            [self.drive_v],
+            elapsed_s,
+            read_back_v=[self._shown_v if self._reads_back else nan],
+            age_s=(now_ns - self._shown_ns) / NS_PER_S,
         )
         waits = bool(admitted.waits)
         self._watch.check_wait(read_back_v, self.drive_v, now_ns, waits=waits)
@@ -248,7 +256,8 @@ class Session:
         Raises:
             DeviceError: If it is unknown, because the read-back is unlike the last write.
         """
-        step_v = self.limits.slew_v_per_s / self.rate_hz
+        lag_s = self._channels.capabilities().lag_ns / NS_PER_S
+        step_v = self.limits.slew_v_per_s * (LONGEST_PERIODS / self.rate_hz + lag_s)
         known = Evidence(Claim(read_back_v), Claim(self.drive_v))
         found = voltage_in_force(known, self.limits.read_back_tolerance_v + step_v)
         if not isfinite(found.drive_v):

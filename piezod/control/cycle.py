@@ -114,9 +114,9 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
 
     # Guard. After a late cycle less than a period may have passed since the last write.
     elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
-    live_v = None if stage is None else stage.judge.live_v(read_back_v)
+    live = (None, 0.0) if stage is None else stage.judge.live(read_back_v, t_ns)
     admitted = parts.guard.admit(
-        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, live_v
+        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, *live
     )
     drive_v = admitted.drive_v
     # Write. The hysteresis memory advances with the voltage that was applied.
@@ -246,10 +246,11 @@ def _watch_write(
     boundary = stage.boundary
     if stage.state not in DRIVEN or boundary.shadow or not boundary.writes:
         return
+    blocked = bool(admitted.waits) and not admitted.writable  # by one axis, for all
     for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
-        if i in admitted.waits:
-            axis.wait(lost=not admitted.writable)
-        if admitted.waits and not admitted.writable:
+        if blocked or i in admitted.waits:
+            axis.wait(lost=blocked)
+        if blocked:
             watch.amplifier.waited(axis.law.in_force_v)
             continue
         watch.amplifier.wrote(

@@ -134,6 +134,7 @@ class Guard:
         sent_v: Sequence[float] | None = None,
         slew_halved: Container[int] = (),
         read_back_v: Sequence[float] | None = None,
+        age_s: float = 0.0,
     ) -> Admitted:
         """Return the voltages that may be written.
 
@@ -146,8 +147,9 @@ class Guard:
             sent_v: Voltages that were sent last and not acknowledged, None if there are none. They
                 may be in force or not, so the new voltage must be within the slew rate of both.
             slew_halved: Axes whose slew rate is halved.
-            read_back_v: Live read-back of each axis, in V; not finite if there is none, or if it is
+            read_back_v: Last read-back of each axis, in V; not finite if there is none, or if it is
                 known to be false. None if no axis has one.
+            age_s: Age of the oldest of these read-backs, in s.
         """
         if planned_t_ns != t_ns:
             # A plan for another instant belongs to another position of the reference.
@@ -157,7 +159,7 @@ class Guard:
             admitted = self._limited(asked_v, in_force_v, elapsed_s, sent_v, slew_halved)
         if read_back_v is None:
             return admitted
-        return self._awaiting(admitted, in_force_v, read_back_v)
+        return self._awaiting(admitted, in_force_v, read_back_v, age_s)
 
     def _limited(
         self,
@@ -198,12 +200,17 @@ class Guard:
         return Admitted(drive_v, writable, refused, range_limited, slew_limited, False)
 
     def _awaiting(
-        self, admitted: Admitted, in_force_v: Sequence[float], read_back_v: Sequence[float]
+        self,
+        admitted: Admitted,
+        in_force_v: Sequence[float],
+        read_back_v: Sequence[float],
+        age_s: float,
     ) -> Admitted:
         """Return what may be written if each output is waited for that is out of reach."""
         drive_v, writable = admitted.drive_v, admitted.writable
         waits: tuple[int, ...] = ()
-        for axis, reach_v in enumerate(self._reach_v):
+        for axis, fresh_v in enumerate(self._reach_v):
+            reach_v = fresh_v + self._limits[axis].slew_v_per_s * age_s
             # NaN compares false: without a finite read-back there is nothing to wait for.
             if reach_v < abs(drive_v[axis] - read_back_v[axis]) < inf:
                 waits += (axis,)

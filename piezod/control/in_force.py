@@ -136,7 +136,7 @@ def _of_two(known: Evidence) -> tuple[Source, str, bool]:
     read_back, written, position_um, moved, reports_move, was_away = known
     if reports_move:
         why = "the read-back counts, because the amplifier reports that its output has changed"
-        return Source.READ_BACK, why, True
+        return Source.READ_BACK, why, not read_back.excludes(position_um)
     read_back_false = read_back.excludes(position_um) or moved < STAYED
     written_false = written.excludes(position_um) or moved > MOVED
     if read_back_false and not written_false:

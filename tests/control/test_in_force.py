@@ -99,7 +99,8 @@ AT_60, AT_100 = Claim(60.0, 7.0, 17.0), Claim(100.0, 16.0, 26.0)
         (Evidence(AT_60, AT_100, 20.0, 1.0, was_away=True), 60.0, Source.READ_BACK, False),
         (Evidence(AT_60, AT_100, was_away=True), 60.0, Source.READ_BACK, False),
         (Evidence(AT_60, AT_100, 20.0, was_away=True), 100.0, Source.WRITTEN, False),
-        (Evidence(AT_60, AT_100, 20.0, 0.0, reports_move=True), 60.0, Source.READ_BACK, True),
+        (Evidence(AT_60, AT_100, 12.0, 0.0, reports_move=True), 60.0, Source.READ_BACK, True),
+        (Evidence(AT_60, AT_100, 20.0, 1.0, reports_move=True), 60.0, Source.READ_BACK, False),
     ],
 )
 def test_witnesses_decide_in_their_order(

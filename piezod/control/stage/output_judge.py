@@ -16,7 +16,7 @@ from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.watch.axis import AxisWatch
 from piezod.telemetry.record import StageEvent
-from piezod.units import s_to_ns
+from piezod.units import NS_PER_S, s_to_ns
 
 _WRONG_POSITION: Final = (Fault.S1, Fault.S9, Fault.S10, Fault.S13)
 """Faults of a sensor whose samples are valid and nevertheless prove nothing."""
@@ -99,6 +99,7 @@ class OutputJudge:
         self._means, self._expected_um = [_NO_MEAN] * n_axes, [nan] * n_axes
         self._agreed_ns = [0] * n_axes
         self._false = set[int]()
+        self._last_v, self._last_ns = [nan] * n_axes, 0
         self._doubts = [""] * n_axes
         self._sources = [Source.AGREED] * n_axes
 
@@ -113,6 +114,8 @@ class OutputJudge:
             read_back_v: Its read-back, in V; NaN if there is none.
             t_ns: Instant of the cycle, in ns.
         """
+        if not isfinite(read_back_v):
+            return
         law, watch = self._axes[index].law, self._watches[index]
         expected_um = self._expected_um[index] = law.expected_um
         if not watch.amplifier.follows:
@@ -125,20 +128,46 @@ class OutputJudge:
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
             self._rests[index] = _Rest(read_back_v, expected_um, mean)
+            self._false.discard(index)  # not in motion, which may pass a false read-back by chance
         self._rested[index], self._means[index] = rests, _NO_MEAN
         self._agreed_ns[index] = t_ns
-        self._false.discard(index)
         self._doubts[index], self._sources[index] = "", Source.AGREED
 
     def forget(self) -> None:
-        """Forget where the axes have rested: something else has driven them since."""
-        self._rests = [_UNSEEN] * len(self._axes)
+        """Forget where the axes have rested, and what was false: they were not driven since."""
+        n_axes = len(self._axes)
+        self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
+        self._means, self._last_v = [_NO_MEAN] * n_axes, [nan] * n_axes
+        self._doubts, self._sources = [""] * n_axes, [Source.AGREED] * n_axes
+        self._false.clear()
 
-    def live_v(self, read_back_v: Sequence[float]) -> Sequence[float]:
-        """Return the read-backs to wait for, in V; NaN for an axis whose read-back is false."""
-        if not self._false:
-            return read_back_v
-        return [nan if i in self._false else drive_v for i, drive_v in enumerate(read_back_v)]
+    def live(self, read_back_v: Sequence[float], t_ns: int) -> tuple[Sequence[float] | None, float]:
+        """Return the read-backs to wait for. Call once per cycle.
+
+        Args:
+            read_back_v: Read-back of each axis, in V; NaN if there is none in this cycle.
+            t_ns: Instant of the cycle, in ns.
+
+        Returns:
+            The last read-back of each axis, in V, NaN if there was none or if it is false, and the
+            age of the oldest, in s; None in shadow.
+        """
+        if self._boundary.shadow or not self._boundary.reads_back:
+            return None, 0.0
+        if not self._false and all(map(isfinite, read_back_v)):
+            self._last_v, self._last_ns = list(read_back_v), t_ns
+            return read_back_v, 0.0
+        missing = False
+        for i, drive_v in enumerate(read_back_v):
+            if i in self._false:
+                self._last_v[i] = nan
+            elif isfinite(drive_v):
+                self._last_v[i] = drive_v
+            else:
+                missing = True
+        if not missing:
+            self._last_ns = t_ns
+        return self._last_v, (t_ns - self._last_ns) / NS_PER_S
 
     # ------------------------------------------------------------------ who starts from a voltage
 
@@ -153,6 +182,7 @@ class OutputJudge:
             Why a voltage is unknown, for people; empty if all axes were taken over.
         """
         found = list[InForce]()
+        self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
         for i, drive_v in enumerate(read_back_v):
             was_away = not self._watches[i].amplifier.unexplained_fall
             found.append(self._judge(i, self._evidence(i, drive_v, t_ns, was_away=was_away), t_ns))
@@ -212,7 +242,9 @@ class OutputJudge:
         written_v, sample = self._boundary.written_v[index], self._watches[index].sensor.sample
         position_um = sample.position_um if sample.valid else nan
         moved = self._moved(index, read_back_v, position_um, t_ns) if t_ns else nan
-        if self._is_wrong(index):
+        # A zero is proven where read-back and write have agreed at rest, and S9 found nothing. To
+        # arm, any contradiction counts.
+        if self._is_wrong(index) or (t_ns and not self._rests[index].mean.cycles):
             position_um = nan
         return Evidence(
             self._claim(index, read_back_v),
@@ -233,7 +265,7 @@ class OutputJudge:
         expected_um = self._expected_um[index]
         predicted_um = expected_um - rest.expected_um
         way_um = sensor.gain_um_per_v * (read_back_v - rest.read_back_v) - predicted_um
-        # While nothing was driven, nothing was averaged: then the present position counts.
+        # After a loss nothing was averaged: then the present position counts.
         mean = self._means[index]
         mean = mean if mean.cycles else _NO_MEAN.with_one(position_um - expected_um)
         averaged = min(mean.cycles, rest.mean.cycles)

@@ -262,7 +262,9 @@ def _still_at_last_write(stage: Stage) -> bool:
 def _settle_outputs(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Find out which voltage is in force on an axis that waits for its output."""
     for i, axis in enumerate(stage.axes):
-        if axis.waits and stage.judge.settle(i, read_back_v[i], t_ns, lost=axis.lost):
+        if not (axis.waits and isfinite(read_back_v[i])):
+            continue
+        if stage.judge.settle(i, read_back_v[i], t_ns, lost=axis.lost):
             axis.ramp_to(axis.config.safe_v)
 
 
@@ -283,10 +285,14 @@ def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         stage.release_estop()
         for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True)):
             tolerance_v = axis.law.limits.read_back_tolerance_v
+            if axis.drive_ended(t_ns) and not abs(drive_v - axis.config.safe_v) > tolerance_v:
+                continue
             stage.report(Detection(Fault.A3, i, drive_v - axis.config.safe_v, tolerance_v))
             why = stage.judge.told(i) or "the output does not follow its writes"
-            text = f"the voltage stays: {drive_v:.4g} V read back, safe voltage "
-            text += f"{axis.config.safe_v:g} V: {why}"
+            text = f"the voltage stays: {drive_v:.4g} V read back, "
+            text += f"{axis.law.in_force_v:.4g} V written last, safe voltage "
+            text += f"{axis.config.safe_v:g} V: {why}; when the output follows again, "
+            text += "`piezod estop` ramps it down"
             stage.note(StageEvent(t_ns, "error", "output", text, Fault.A3, axis.name))
         stage.go(Event.RAMP_TIMEOUT, t_ns)
 

@@ -41,6 +41,8 @@ def _disarm(stage: Stage, _: requests.Disarm, t_ns: int) -> Answer:
 
 
 def _stop(stage: Stage, _: requests.Stop, t_ns: int) -> Answer:
+    if stage.state is State.FAULT and stage.boundary.active and (away := stage.away()):
+        return Answer(False, f"nothing is driven in FAULT, {away}: `piezod estop` ramps it down")
     _note_delay(stage, "stop", t_ns)
     return _answer(stage.go(Event.STOP, t_ns))
 

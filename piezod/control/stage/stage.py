@@ -118,7 +118,9 @@ class Stage:
     def end_self_test(self, t_ns: int) -> None:
         """Leave BOOT if the self-test has ended. Real-time safe."""
         blocked = bool(self.register.blocking)
-        event = self._self_test.end(self.axes, blocked=blocked, output_known=self.output.known)
+        event = self._self_test.end(
+            at_safe=not self.away(), blocked=blocked, output_known=self.output.known
+        )
         if event is not None:
             self.go(event, t_ns)
 
@@ -218,6 +220,20 @@ class Stage:
                 axis.track(axis.config.safe_v)
                 self.boundary.took_over(i, axis.config.safe_v)
 
+    def away(self) -> str:
+        """Return which axes are not at their safe voltage, for people; empty if all are.
+
+        Both the present voltage and the last write count, within the tolerance of a read-back.
+        """
+        away = []
+        for axis, written_v in zip(self.axes, self.boundary.written_v, strict=True):
+            safe_v, tolerance_v = axis.config.safe_v, axis.law.limits.read_back_tolerance_v
+            for drive_v in (axis.law.in_force_v, written_v):
+                if abs(drive_v - safe_v) > tolerance_v:
+                    away.append(f"axis {axis.name} at {drive_v:.4g} V")
+                    break
+        return ", ".join(away)
+
     def memory_is_missing(self) -> bool:
         """Return whether an axis compensates without a known hysteresis memory. Real-time safe."""
         return (
@@ -260,11 +276,16 @@ class Stage:
         written = before in DRIVEN and not (boundary.shadow or boundary.played)
         boundary.open, boundary.withheld = state in DRIVEN, False
         boundary.returned &= boundary.open
+        if before is State.SAFE:
+            self.judge.forget()
+        if state in {State.RAMP, State.ESTOP} and before not in DRIVEN:
+            self._start_at_last_write()
         self._enter_axes(state, t_ns)
         # From A3 on the memory follows voltages that the output may never have had.
         self._memory_known &= not self.register.axes_of(Fault.A3)
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
             boundary.shadow = self.output.known = False  # until it is read back
+            boundary.forget_written()  # others may have driven meanwhile
         if state is State.READY and not boundary.shadow:
             self._was_driven = True
         if state is State.BLIND:
@@ -276,8 +297,6 @@ class Stage:
             self.output.settle()
         if before is State.IDENT:
             self._sequence.clear()
-        if state in {State.RAMP, State.ESTOP} and before not in DRIVEN:
-            self._start_at_last_write()
 
     def _enter_axes(self, state: State, t_ns: int) -> None:
         """Start what the axes drive in a new state."""

@@ -110,7 +110,7 @@ class AmplifierWatch:
         if self.unexplained_fall and isnan(read_back_v):
             self.unexplained_fall = False
         found = self._found(flags, read_back_v, before_v, deviation_v) if wrong else _NOTHING
-        if not wrong:
+        if self.follows:  # a cycle without a read-back shows nothing
             self._mismatch_cycles = 0
         self._written = self._after_gap = False
         return found
@@ -236,7 +236,7 @@ class AmplifierWatch:
         if deviation_v > least_v and abs(before_v) - abs(read_back_v) > least_v:
             found.append(Detection(Fault.A7, self._axis, deviation_v, least_v or self._tolerance_v))
             self.unexplained_fall = not self._after_gap
-        self._mismatch_cycles = self._mismatch_cycles + 1 if deviation_v > 0.0 else 0
+        self._mismatch_cycles += deviation_v > 0.0
         if self._mismatch_cycles >= MISMATCH_CYCLES:
             found.append(Detection(Fault.A3, self._axis, deviation_v, self._tolerance_v))
         return found

@@ -93,6 +93,8 @@ class AmplifierRamp:
         ]
         self._safe_v = [axis.safe_v for axis in axes]
         self._from_v = self._drive_v = self._read_back_v = [nan] * len(axes)
+        # The last finite read-back of each axis, and how many steps ago it was.
+        self._shown_v, self._silent_steps = [nan] * len(axes), 0
         self._from_noted = self._reads_back = self._wrote = self.done = False
         self._why = ""
         # The present phase, how long it may fail, why it fails, and since when.
@@ -201,8 +203,16 @@ class AmplifierRamp:
     def _descend(self, now_ns: int) -> bool:
         if self._reads_back:
             self._read_back_v = list(self._channels.read_back(now_ns))
+            complete = all(map(isfinite, self._read_back_v))
+            self._silent_steps = 0 if complete else self._silent_steps + 1
+            self._shown_v = [
+                new if isfinite(new) else old
+                for new, old in zip(self._read_back_v, self._shown_v, strict=True)
+            ]
         next_v = [self._next_v(axis) for axis in range(len(self._drive_v))]
-        if next_v == self._drive_v != self._safe_v:
+        # A write sets every axis again, so one that is out of reach holds back the others.
+        lost = any(self._behind(axis, drive_v) for axis, drive_v in enumerate(self._drive_v))
+        if lost or next_v == self._drive_v != self._safe_v:
             self._max_failing_s = OUTPUT_WAIT_S
             self._trouble = (
                 f"the voltage stays: the output does not follow its writes, {self._written()}"
@@ -225,10 +235,15 @@ class AmplifierRamp:
         """Return the next voltage of an axis; the present one while its output is behind."""
         drive_v, step_v = self._drive_v[axis], self._steps_v[axis]
         next_v = drive_v + min(max(self._safe_v[axis] - drive_v, -step_v), step_v)
+        return drive_v if self._behind(axis, next_v) else next_v
+
+    def _behind(self, axis: int, drive_v: float) -> bool:
+        """Return whether a voltage is out of reach of the output."""
+        step_v = self._steps_v[axis]
         lag_v = min(LAG_STEPS * step_v, self._slews_v_per_s[axis] * STEP_S)
+        reach_v = lag_v + self._silent_steps * step_v + self._tolerances_v[axis]
         # NaN compares false: without a read-back the own writes have to be enough.
-        behind = abs(next_v - self._read_back_v[axis]) > lag_v + self._tolerances_v[axis]
-        return drive_v if behind else next_v
+        return abs(drive_v - self._shown_v[axis]) > reach_v
 
     def _written(self) -> str:
         """Return the voltages that were written and those that are read back, for people."""
