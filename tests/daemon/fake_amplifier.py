@@ -40,6 +40,7 @@ class FakeAmplifier:
         watchdog: Whether it has a watchdog.
         stuck_until_ns: Instant until which it accepts writes without effect; then the last one
             takes effect.
+        drops_at_v: Voltage below which its first axis drops out, once.
         steps_v: Distance of each accepted write from the voltage in force before it.
         read_ns: Instant of the last read-back.
     """
@@ -56,6 +57,7 @@ class FakeAmplifier:
         self.watchdog, self.stuck_until_ns, self.read_ns = False, 0, 0
         self.steps_v: list[float] = []
         self._waiting_v: list[float] = []
+        self.drops_at_v = -inf
 
     def open(self) -> Identity:
         if self.wrong:
@@ -91,6 +93,8 @@ class FakeAmplifier:
     def _obey(self, now_ns: int) -> None:
         if self._waiting_v and not self.stuck and now_ns >= self.stuck_until_ns:
             self.drive_v, self._waiting_v = self._waiting_v, []
+            if self.drive_v[0] < self.drops_at_v:
+                self.drive_v, self.drops_at_v = [0.0, *self.drive_v[1:]], -inf
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         self.read_ns = now_ns

@@ -1,6 +1,8 @@
 """Tests of outputs and read-backs that do not obey: no write is far from the voltage in force."""
 
 from collections.abc import Callable, Sequence
+from itertools import count
+from math import nan
 from typing import Any, cast
 
 import pytest
@@ -215,3 +217,47 @@ def test_output_that_falls_by_itself_is_ramped_from_there(fallen_to: float) -> N
 
     assert max(stage.rig.steps_v) <= STEP_V + TOLERANCE_V
     assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
+
+
+@pytest.mark.fault("A3")
+@pytest.mark.parametrize("of", [2, 3])
+def test_stuck_output_is_waited_for_with_a_read_back_now_and_then(of: int) -> None:
+    """One reply in two or three is lost: the reach grows with the age of the last one only."""
+    stage, replies = UnrulyStage(), count()
+    stage.rig.reads = lambda drive_v: drive_v if next(replies) % of == 0 else nan
+    stage.rig.obeys = False
+    stage.do(rq.Stop())
+    stage.run(5.0)
+
+    assert max(stage.rig.steps_v) <= of * STEP_V + TOLERANCE_V
+
+
+@pytest.mark.fault("P2")
+def test_false_read_back_of_a_killed_daemon_is_not_taken_for_the_safe_voltage() -> None:
+    """It wrote 60 V last: with a read-back of 0 V the voltage is unknown, and the log says so."""
+    stage = UnrulyStage(position_um=0.0)
+    stage.rig.fall(60.0, stage.t_ns)
+    stage.rig.reads = LIES["zero"]
+    stage.stage.boundary.written_v = [60.0]
+    stage.kill_loop()
+    stage.rig.steps_v.clear()
+    stage.run(40.0)
+
+    assert (stage.state, stage.rig.steps_v) == ("FAULT", [])
+    assert "60 V written last" in stage.texts()
+
+
+def test_stop_in_fault_says_what_helps_while_a_voltage_stays() -> None:
+    """Nothing is driven in FAULT; the emergency stop ramps down."""
+    stage = UnrulyStage()
+    stage.rig.obeys = False
+    stage.do(rq.Stop())
+    stage.until("FAULT", 60.0)
+    stage.rig.obeys = True
+    refused = stage.ask(rq.Stop())
+    stage.do(rq.Estop())
+    stage.run(5.0)
+
+    assert "`piezod estop`" in refused.why
+    assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
+    assert stage.ask(rq.Stop()).accepted

@@ -98,6 +98,17 @@ def test_output_that_does_not_follow_is_waited_for(bench: Bench, stuck_s: float)
     assert waited_s < 40.0
 
 
+def test_output_that_drops_out_is_not_written_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A write sets both axes of an amplifier: the other one waits, too."""
+    bench = Bench(monkeypatch, x=("amp", 0.0), y=("amp", 0.0))
+    amplifier = bench.amplifiers["amp"]
+    amplifier.drops_at_v = 60.0
+    outcomes = bench.run(x=75.0, y=75.0)
+
+    assert "the voltage stays" in outcomes["x"].why
+    assert max(amplifier.steps_v) <= 5.0 + 0.7
+
+
 def test_axis_outside_its_range_comes_back(bench: Bench) -> None:
     """A voltage beyond the limits of the axis is ramped down too."""
     bench.amplifiers["amp"].drive_v = [130.0]
