@@ -79,7 +79,8 @@ def run_case(bench: Bench, lie: str, case: str) -> Result:
         for step in steps_of([*before, *rows[first:]], PERIOD_S / 2 if thread_ms else 0.0)
         if step.t_s > rows[first].t_s
     ]
-    untold = ran and not told and is_visible(rows[first:lied])
+    later = [row for row in rows[lied:] if row.kind == "write"]  # it was driven until then
+    untold = ran and not told and is_visible([*rows[first:lied], *later])
     worst = max(steps, key=lambda step: step.distance_v, default=None)
     broken = [
         *_far(steps, thread_ms),
