@@ -161,6 +161,7 @@ class AmplifierWatch:
         """
         if self._taken_v != self._taken_v:  # NaN: no write since `forget`
             self.taken_over(in_force_v)
+        self._written_v.add(in_force_v)  # earlier ones explain the read-back no longer
         self._written = True
 
     def taken_over(self, in_force_v: float) -> None:

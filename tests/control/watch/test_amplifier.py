@@ -256,3 +256,18 @@ def test_no_read_back_raises(read_back_v: list[float], drive_v: float) -> None:
         found = subject.check(volts, NO_FLAGS)
         subject.wrote(drive_v, taken=True)
         assert math.isfinite(volts) or not found
+
+
+@pytest.mark.fault("A3")
+def test_output_that_is_waited_for_is_told() -> None:
+    """Old writes explain a read-back no longer, although nothing new is written."""
+    subject, found = watch(), list[str]()
+    for drive_v in (20.0, 24.0, 28.0, 32.0):
+        subject.check(drive_v - 4.0, NO_FLAGS)
+        subject.wrote(drive_v, taken=True)
+    for _ in range(20):
+        found += ids(subject.check(22.0, NO_FLAGS))
+        subject.waited(32.0)
+
+    assert Fault.A3 in found
+    assert not subject.follows
