@@ -12,7 +12,7 @@ import pytest
 from piezod.cli.shipped import shipped
 from piezod.daemon import service_files
 from piezod.daemon.service_files import TARGETS
-from piezod.service_view import why_unreachable
+from piezod.service_view import why_hidden, why_unreachable
 from tests.cli.conftest import Command
 
 COMMAND = "/opt/piezod/bin/piezod"
@@ -59,6 +59,8 @@ def test_unit_runs_the_command_that_was_named(piezod: Command, folder: Path) -> 
 
 def test_unit_runs_this_command_by_default(piezod: Command, folder: Path) -> None:
     """The default command is the one beside the interpreter."""
+    if why := why_hidden(Path(sys.executable).parent / "piezod"):
+        pytest.skip(f"this checkout is where no service sees it: {why}")
     install(piezod, folder)
     unit = (folder / TARGETS["piezod@.service"]).read_text()
 

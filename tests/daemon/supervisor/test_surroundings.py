@@ -61,6 +61,7 @@ def separate(tmp_path: Path, start: StartDaemon, **environ: str) -> Daemon:
     return driven(start(configuration(tmp_path), XDG_STATE_HOME=str(home), **environ))
 
 
+@pytest.mark.chaos
 def test_runtime_folder_is_made_again(start: StartDaemon, tmp_path: Path) -> None:
     """Socket, identities and the copy of the configuration are there again."""
     daemon = separate(tmp_path, start)
