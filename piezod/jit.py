@@ -1,6 +1,7 @@
 """Compilation of all numeric kernels of piezod, and their cache on disk."""
 
 import hashlib
+import inspect
 import logging
 import os
 import pickle
@@ -167,7 +168,7 @@ class _Cache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self.stamp = _stamp(self._impl.locator.get_source_stamp(), function)
+        self.stamp = _stamp(function)
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, self.stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -206,13 +207,17 @@ def _cache_of(function: Callable[..., Any]) -> _Cache | _NoCache:
         return _NoCache()
 
 
-def _stamp(own: Any, function: Callable[..., Any]) -> frozenset[Any]:
+def _digest(file: str) -> bytes:
+    return hashlib.sha256(Path(file).read_bytes()).digest()
+
+
+def _stamp(function: Callable[..., Any]) -> frozenset[Any]:
     """Return what makes a cached kernel stale: its file, this one, and what the kernel uses.
 
     numba checks only the file of the function itself. The machine code also contains its callees,
     so that after a change of another file the old callee would still run.
     """
-    stamps = {own, hashlib.sha256(Path(__file__).read_bytes()).digest()}
+    stamps: set[Any] = {_digest(inspect.getfile(function)), _digest(__file__)}
     for name in function.__code__.co_names:
         used = function.__globals__.get(name)
         if isinstance(used, Dispatcher):
