@@ -1,6 +1,7 @@
 """Compilation of all numeric kernels of piezod, and their cache on disk."""
 
 import hashlib
+import inspect
 import logging
 import os
 import pickle
@@ -90,7 +91,8 @@ def tell_compilations(listener: Callable[[int], None]) -> None:
 class _NoCache(NullCache):
     """The cache of a kernel where no folder can be written to."""
 
-    stamp: frozenset[Any] = frozenset()
+    def __init__(self, stamp: frozenset[Any]) -> None:
+        self.stamp = stamp
 
     def load_overload(self, sig: Any, target_context: Any) -> None:  # noqa: ARG002 - numba's
         """Find nothing."""
@@ -165,9 +167,9 @@ class _Cache(FunctionCache):
 
     _impl_class = _Places
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], stamp: frozenset[Any]) -> None:
         super().__init__(function)
-        self.stamp = _stamp(self._impl.locator.get_source_stamp(), function)
+        self.stamp = stamp
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, self.stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -196,23 +198,29 @@ class _Cache(FunctionCache):
 
 
 def _cache_of(function: Callable[..., Any]) -> _Cache | _NoCache:
+    stamp: frozenset[Any] = frozenset()
     try:
-        return _Cache(function)
+        stamp = _stamp(function)
+        return _Cache(function, stamp)
     except Exception as error:  # noqa: BLE001 - no home, no entry of this user, nowhere to write
         _notices.bad_cache(
             "no folder for the cache of compiled kernels can be written to; each start compiles "
             f"them, which takes up to a minute: {_REMEDY} ({error})"
         )
-        return _NoCache()
+        return _NoCache(stamp)
 
 
-def _stamp(own: Any, function: Callable[..., Any]) -> frozenset[Any]:
+def _digest(file: str) -> bytes:
+    return hashlib.sha256(Path(file).read_bytes()).digest()
+
+
+def _stamp(function: Callable[..., Any]) -> frozenset[Any]:
     """Return what makes a cached kernel stale: its file, this one, and what the kernel uses.
 
     numba checks only the file of the function itself. The machine code also contains its callees,
     so that after a change of another file the old callee would still run.
     """
-    stamps = {own, hashlib.sha256(Path(__file__).read_bytes()).digest()}
+    stamps: set[Any] = {_digest(inspect.getfile(function)), _digest(__file__)}
     for name in function.__code__.co_names:
         used = function.__globals__.get(name)
         if isinstance(used, Dispatcher):

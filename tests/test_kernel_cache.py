@@ -37,7 +37,7 @@ DAMAGES: tuple[Callable[[Path], object], ...] = (
     cut_in_half,
     flip_a_bit,
     lambda file: file.write_bytes(b"no pickle at all"),
-    lambda file: file.write_bytes(pickle.dumps(("a class", os.path))[:-3] + b"xyz."),
+    lambda file: file.write_bytes(b"cno_such_module\nno_such_class\n."),
     lambda file: file.write_bytes(os.urandom(file.stat().st_size)),
 )
 """Ways in which a file of a cache is damaged: empty, half, one bit, text, foreign, noise."""
@@ -173,3 +173,27 @@ def test_cache_that_cannot_be_written_is_said_once(folder: Folder) -> None:
 
     output, told = folder.call(f"import tiny; {lose}; print(tiny.half(6.0))")
     assert (output, told.count("cannot be")) == ("3.0\n", 1)
+
+
+@pytest.mark.stress
+def test_command_works_on_a_damaged_cache(tmp_path: Path) -> None:
+    """A command of which every file of the cache is damaged says so once and does its work."""
+    config = Path(__file__).parents[1] / "config" / "simulated.yaml"
+
+    def check() -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            [sys.executable, "-m", "piezod", "check", str(config)],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+
+    first = check()
+    for number, file in enumerate(sorted(tmp_path.rglob("*.nb[ic]"))):
+        DAMAGES[number % len(DAMAGES)](file)
+    damaged = check()
+
+    assert damaged.stderr.count("cannot be used") == 1
+    assert damaged.stdout.splitlines()[0] == first.stdout.splitlines()[0]
+    assert check().stderr == ""

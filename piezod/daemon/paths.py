@@ -1,4 +1,4 @@
-"""The paths of a stage's files; imports little.
+"""The paths of a stage's files; imports nothing that takes long.
 
 systemd sets `$RUNTIME_DIRECTORY` and `$STATE_DIRECTORY`; without them the user's own folders are
 used.

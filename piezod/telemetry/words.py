@@ -79,7 +79,7 @@ class Word(IntEnum):
     LATCHED_HIGH = 30
     """Likewise, from bit 64."""
     COMPILED_KERNELS = 31
-    """Kernels whose compilation has begun since the shared memory is there."""
+    """Kernels whose compilation the loop process has begun."""
 
 
 HUNG: Final = 2

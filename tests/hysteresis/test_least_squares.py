@@ -140,7 +140,7 @@ def equality_solution(gram: Array, right_side: Array, rows: Array, bounds: Array
     """Return the best point on some constraints, or none if they contradict each other."""
     count = len(rows)
     system = np.block([[gram, rows.T], [rows, np.zeros((count, count))]])
-    if np.linalg.matrix_rank(rows) < count:
+    if count and np.linalg.matrix_rank(rows) < count:  # numpy 2.0 has no rank without rows
         return []
     return [np.linalg.solve(system, np.append(right_side, bounds))[: len(gram)]]
 

@@ -14,10 +14,14 @@ TOOLS: Final = ROOT / ".ci" / "tools"
 _PIN: Final = re.compile(r"^[A-Za-z0-9._-]+==[^ \\]+(?: ; [^\\]+)?", re.MULTILINE)
 
 
-def pins(lock: Path) -> list[Requirement]:
-    """Return what a lock file pins, each with its marker if it has one."""
-    found = _PIN.findall(lock.read_text(encoding="utf-8"))
-    return [Requirement(each.rstrip()) for each in found]
+def pins(lock: str) -> list[str]:
+    """Return what the text of a lock file pins, each with its marker if it has one."""
+    return [each.rstrip() for each in _PIN.findall(lock)]
+
+
+def pinned(lock: Path) -> list[Requirement]:
+    """Return what a lock file pins."""
+    return [Requirement(each) for each in pins(lock.read_text(encoding="utf-8"))]
 
 
 def project() -> dict[str, Any]:

@@ -9,7 +9,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
-from tests.supply.lock import LOCK, TOOLS, named, pins, project
+from tests.supply.lock import LOCK, TOOLS, named, pinned, project
 
 PLACES = [
     {"python_version": version, "python_full_version": f"{version}.1", "platform_machine": machine}
@@ -45,9 +45,9 @@ def requires(name: str, version: Version) -> list[str]:
 
 def missing(place: dict[str, str]) -> Iterator[str]:
     """Yield what packages of `requirements.lock` require in a place and it does not pin there."""
-    pinned = {
+    versions = {
         canonicalize_name(pin.name): version_of(pin)
-        for pin in pins(LOCK)
+        for pin in pinned(LOCK)
         if pin.marker is None or pin.marker.evaluate(place)
     }
     waiting = [*named(["can", "parquet", "dev"])]
@@ -58,10 +58,10 @@ def missing(place: dict[str, str]) -> Iterator[str]:
             continue
         seen.add(str(requirement))
         name = canonicalize_name(requirement.name)
-        if name not in pinned or not requirement.specifier.contains(pinned[name]):
+        if name not in versions or not requirement.specifier.contains(versions[name]):
             yield str(requirement)
             continue
-        texts = requires(name, pinned[name])
+        texts = requires(name, versions[name])
         found = (required(text, requirement.extras, place) for text in texts)
         waiting += [each for each in found if each is not None]
 
@@ -87,13 +87,14 @@ def test_every_pin_has_a_hash(lock: Path) -> None:
 )
 def test_lower_bounds_are_tested(lock: str, extras: list[str]) -> None:
     """Each lower bound of `pyproject.toml` is the version with which its tests run."""
-    pinned = {canonicalize_name(pin.name): version_of(pin) for pin in pins(TOOLS / f"{lock}.txt")}
+    lock_file = TOOLS / f"{lock}.txt"
+    tested = {canonicalize_name(pin.name): version_of(pin) for pin in pinned(lock_file)}
     everybodys = {each.name for each in named([])} if lock != "lowest" else set()
     for requirement in named(extras):
         if requirement.name in everybodys:
             continue
         (bound,) = [each.version for each in requirement.specifier if each.operator == ">="]
-        assert (requirement.name, pinned[canonicalize_name(requirement.name)]) == (
+        assert (requirement.name, tested[canonicalize_name(requirement.name)]) == (
             requirement.name,
             Version(bound),
         )

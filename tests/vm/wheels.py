@@ -4,7 +4,6 @@ The libraries have the versions of the lock files, whatever Python this machine 
 """
 
 import hashlib
-import re
 import shutil
 import subprocess
 import sys
@@ -12,14 +11,11 @@ import venv
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from tests.supply.lock import LOCK, TOOLS, pins
 from tests.system.machine import build_wheel
 
 EXTRAS: Final = "can,epics"
-_ROOT: Final = Path(__file__).parents[2]
-_LOCKS: Final = (_ROOT / "requirements.lock", _ROOT / ".ci" / "tools" / "epics.txt")
-_PINNED: Final = re.compile(
-    r"^([A-Za-z0-9._-]+)(?:\[[^]]+\])?(==[^ \\]+)( ; [^\\]+)?", re.MULTILINE
-)
+_LOCKS: Final = (LOCK, TOOLS / "epics.txt")
 _GUEST: Final = (
     *("--python-version", "3.11", "--implementation", "cp", "--only-binary", ":all:"),
     *("--platform", "manylinux_2_28_x86_64", "--platform", "manylinux_2_27_x86_64"),
@@ -38,14 +34,6 @@ class Wheels(NamedTuple):
 
     folder: Path
     names: tuple[str, ...]
-
-
-def pins(lock: str) -> list[str]:
-    """Return the pinned versions of a lock file, with their markers, without extras and hashes.
-
-    A constraint of pip cannot have extras.
-    """
-    return ["".join(match.groups("")).rstrip() for match in _PINNED.finditer(lock)]
 
 
 def piezod(folder: Path) -> Path:
