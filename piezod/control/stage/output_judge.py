@@ -93,15 +93,9 @@ class OutputJudge:
     ) -> None:
         self._axes, self._watches, self._register = axes, watches, register
         self._boundary, self._note = boundary, note
-        n_axes = len(axes)
-        self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
-        # Since they do not agree any more.
-        self._means, self._expected_um = [_NO_MEAN] * n_axes, [nan] * n_axes
-        self._agreed_ns = [0] * n_axes
-        self._false = set[int]()
-        self._last_v, self._last_ns = [nan] * n_axes, 0
-        self._doubts = [""] * n_axes
-        self._sources = [Source.AGREED] * n_axes
+        self._expected_um, self._agreed_ns = [nan] * len(axes), [0] * len(axes)
+        self._last_ns = 0
+        self.forget()
 
     # ------------------------------------------------------------------ cycle by cycle
 
@@ -137,9 +131,10 @@ class OutputJudge:
         """Forget where the axes have rested, and what was false: they were not driven since."""
         n_axes = len(self._axes)
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
-        self._means, self._last_v = [_NO_MEAN] * n_axes, [nan] * n_axes
+        self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
+        self._last_v: Sequence[float] = [nan] * n_axes
         self._doubts, self._sources = [""] * n_axes, [Source.AGREED] * n_axes
-        self._false.clear()
+        self._false = set[int]()
 
     def live(self, read_back_v: Sequence[float], t_ns: int) -> tuple[Sequence[float] | None, float]:
         """Return the read-backs to wait for. Call once per cycle.
@@ -155,17 +150,15 @@ class OutputJudge:
         if self._boundary.shadow or not self._boundary.reads_back:
             return None, 0.0
         if not self._false and all(map(isfinite, read_back_v)):
-            self._last_v, self._last_ns = list(read_back_v), t_ns
+            self._last_v, self._last_ns = read_back_v, t_ns
             return read_back_v, 0.0
-        missing = False
-        for i, drive_v in enumerate(read_back_v):
-            if i in self._false:
-                self._last_v[i] = nan
-            elif isfinite(drive_v):
-                self._last_v[i] = drive_v
-            else:
-                missing = True
-        if not missing:
+        trusted_v = [nan if i in self._false else each for i, each in enumerate(read_back_v)]
+        missing = [i for i, each in enumerate(read_back_v) if not isfinite(each)]
+        self._last_v = [
+            before_v if i in missing and i not in self._false else drive_v
+            for i, (before_v, drive_v) in enumerate(zip(self._last_v, trusted_v, strict=True))
+        ]
+        if self._false.issuperset(missing):
             self._last_ns = t_ns
         return self._last_v, (t_ns - self._last_ns) / NS_PER_S
 

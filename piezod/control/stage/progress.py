@@ -76,7 +76,7 @@ def _halve_gains(stage: Stage, oscillating: int) -> None:
 def _doubt_samples(stage: Stage, active_faults: int) -> None:
     """Drop what was learned from samples that may have been wrong, and learn nothing from them."""
     doubted = 0
-    for fault in ids(active_faults):
+    for fault in ids(active_faults) if active_faults else ():
         doubted |= stage.register.axes_of(fault)
     for i, axis in enumerate(stage.axes):
         axis.law.doubt(bool(doubted >> i & 1))

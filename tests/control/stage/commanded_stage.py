@@ -88,6 +88,8 @@ class CommandedStage(FaultyStage):
     def command(self, person: Peer, request: rq.Request) -> bool:
         """Send a request of a person; check its effect; return whether it was accepted."""
         before, row = self.controller.state, rq.TABLE[request.kind]
+        # A fault that was latched in SAFE leads to FAULT at the next event of any kind.
+        blocked = before is State.SAFE and bool(self.stage.register.blocking)
         holder = self.lease.document
         mine = holder is None or holder["holder"]["uid"] == person.uid
         try:
@@ -102,6 +104,7 @@ class CommandedStage(FaultyStage):
             after in {before, State.BLIND} | DRIVEN - ARMED
             or row.access.lease
             or after is State.STOPPING
+            or (blocked and after is State.FAULT)
         )
         assert after not in ARMED or after is before or self._mine_now(person)
         return True
@@ -174,7 +177,8 @@ class CommandedStage(FaultyStage):
         """Reach the safe voltage as a person does, when nothing fails any more.
 
         In SAFE the output may be elsewhere, because it came back by itself: arm and stop bring it
-        down. In STOPPING the loop ends.
+        down. Where the witnesses contradict each other, the person has looked at the amplifier and
+        answers for its read-back, which is right by now. In STOPPING the loop ends.
         """
         self.device.schedule.clear()
         self.judged.output.faults.clear()
@@ -182,7 +186,9 @@ class CommandedStage(FaultyStage):
         while not self._is_down:
             assert self.t_ns < end_ns, f"still in {self.state} with {self.stage.register.no_entry}"
             if request := WAY_DOWN.get(self.controller.state):
-                self.controller.execute(request, self.t_ns)
+                answer = self.controller.execute(request, self.t_ns)
+                if not answer.accepted and isinstance(request, rq.Arm):
+                    self.controller.execute(rq.Arm(confirm_output=True), self.t_ns)
             for _ in range(20):
                 self.cycle()
 

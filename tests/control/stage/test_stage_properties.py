@@ -190,7 +190,6 @@ def check(steps: int) -> None:
     run_state_machine_as_test(AnyHistory, settings=few)
 
 
-@pytest.mark.stress
 def test_no_history_breaks_a_limit() -> None:
     """Voltages are finite, in range, of their cycle, near the one before, and asked for."""
     check(15)
