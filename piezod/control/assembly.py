@@ -112,6 +112,7 @@ def make_stage(
         reads_back=capabilities.read_back,
         holds=capabilities.holds,
         reports_restart=capabilities.tells_restart,
+        watchdog=capabilities.watchdog,
         lag_cycles=-(-capabilities.lag_ns // period_ns),
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)

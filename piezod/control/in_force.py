@@ -66,8 +66,8 @@ class Evidence(NamedTuple):
             if that is unknown.
         reports_move: Whether the amplifier has reported since the last acknowledged write that its
             output fell, or that a person sets it.
-        was_away: Whether the device was out of reach, or the loop stood still, so that a loss of
-            power explains a read-back unlike the last write.
+        explained: Whether the output can have come to the read-back by itself: by a player, or as
+            `left_alone` tells.
     """
 
     read_back: Claim
@@ -75,7 +75,7 @@ class Evidence(NamedTuple):
     position_um: float = nan
     moved: float = nan
     reports_move: bool = False
-    was_away: bool = False
+    explained: bool = False
 
 
 _NONE: Final = Claim(nan)
@@ -131,9 +131,28 @@ def voltage_in_force(known: Evidence, tolerance_v: float) -> InForce:
     return InForce(only.drive_v, source)
 
 
+def left_alone(
+    read_back_v: float, written_v: float, rest_v: float, tolerance_v: float, *, watchdog: bool
+) -> bool:
+    """Return whether an output to which nothing could be written has come to its read-back so.
+
+    A loss of power leaves it at 0 V or at rest. A watchdog of the device brings it towards rest.
+
+    Args:
+        read_back_v: The read-back, in V.
+        written_v: The last write, in V; NaN if there is none.
+        rest_v: The rest voltage, in V.
+        tolerance_v: Allowed difference between read-back and output, in V.
+        watchdog: Whether the device has one.
+    """
+    off_rest_v = abs(read_back_v - rest_v)
+    unpowered = min(abs(read_back_v), off_rest_v) <= tolerance_v
+    return unpowered or (watchdog and off_rest_v < abs(written_v - rest_v))
+
+
 def _of_two(known: Evidence) -> tuple[Source, str, bool]:
     """Return which of two voltages is in force, why, and whether that is proven."""
-    read_back, written, position_um, moved, reports_move, was_away = known
+    read_back, written, position_um, moved, reports_move, explained = known
     if reports_move:
         why = "the read-back counts, because the amplifier reports that its output has changed"
         return Source.READ_BACK, why, not read_back.excludes(position_um)
@@ -143,9 +162,9 @@ def _of_two(known: Evidence) -> tuple[Source, str, bool]:
         return Source.WRITTEN, f"the sensor allows {written.drive_v:.4g} V only", False
     if written_false and not read_back_false:
         return Source.READ_BACK, f"the sensor allows {read_back.drive_v:.4g} V only", True
-    if was_away:
+    if explained:
         # A step up from an output that has lost its power would be the worst that can happen.
-        why = "the read-back counts, because the output may have lost its power"
+        why = "the read-back counts, because the output may have come there by itself"
         return Source.READ_BACK, why, False
     return Source.UNKNOWN, "nothing tells which of them is right", False
 

@@ -12,6 +12,7 @@ from piezod.control.in_force import (
     Evidence,
     InForce,
     Source,
+    left_alone,
     voltage_in_force,
 )
 
@@ -62,14 +63,14 @@ def test_voltage_in_force_is_credible(
         assert not (explained or reported or found.proven)
     elif two and reported:
         assert found.drive_v == read_back.drive_v
-    elif two and isnan(moved) and not (read_back.excludes(position_um) and explained):
+    elif two and isnan(moved) and not explained:
         other = written if claimed[0] is read_back else read_back
         assert other.excludes(position_um) or not claimed[0].excludes(position_um)
     if claimed:
         assert bool(found.doubt) == (two or claimed[0].excludes(position_um))
 
 
-AT_60, AT_100 = Claim(60.0, 7.0, 17.0), Claim(100.0, 16.0, 26.0)
+AT_0, AT_60, AT_100 = Claim(0.0, -3.0, 3.0), Claim(60.0, 7.0, 17.0), Claim(100.0, 16.0, 26.0)
 
 
 @pytest.mark.parametrize(
@@ -96,9 +97,9 @@ AT_60, AT_100 = Claim(60.0, 7.0, 17.0), Claim(100.0, 16.0, 26.0)
         (Evidence(AT_60, AT_100, nan, 0.33), nan, Source.UNKNOWN, False),
         (Evidence(AT_60, AT_100, nan, 0.34), 60.0, Source.READ_BACK, True),
         (Evidence(AT_60, AT_100, 20.0, 1.0), nan, Source.UNKNOWN, False),
-        (Evidence(AT_60, AT_100, 20.0, 1.0, was_away=True), 60.0, Source.READ_BACK, False),
-        (Evidence(AT_60, AT_100, was_away=True), 60.0, Source.READ_BACK, False),
-        (Evidence(AT_60, AT_100, 20.0, was_away=True), 100.0, Source.WRITTEN, False),
+        (Evidence(AT_0, AT_100, 20.0, 1.0, explained=True), 0.0, Source.READ_BACK, False),
+        (Evidence(AT_0, AT_100, explained=True), 0.0, Source.READ_BACK, False),
+        (Evidence(AT_0, AT_100, 20.0, explained=True), 100.0, Source.WRITTEN, False),
         (Evidence(AT_60, AT_100, 12.0, 0.0, reports_move=True), 60.0, Source.READ_BACK, True),
         (Evidence(AT_60, AT_100, 20.0, 1.0, reports_move=True), 60.0, Source.READ_BACK, False),
     ],
@@ -111,6 +112,25 @@ def test_witnesses_decide_in_their_order(
 
     assert (found.source, found.proven) == (source, proven)
     assert found.drive_v == drive_v or (isnan(found.drive_v) and isnan(drive_v))
+
+
+@pytest.mark.parametrize(
+    ("read_back_v", "rest_v", "watchdog", "explained"),
+    [
+        (0.75, 30.0, False, True),
+        (30.7, 30.0, False, True),
+        (60.0, 30.0, False, False),
+        (120.0, 30.0, True, False),
+        (99.0, 30.0, True, True),
+        (10.0, 30.0, True, True),
+        (-41.0, 30.0, True, False),
+    ],
+)
+def test_output_alone_goes_to_rest_or_loses_its_power(
+    read_back_v: float, rest_v: float, watchdog: bool, explained: bool
+) -> None:
+    """Anything else has no cause, and is a false read-back or somebody else's write."""
+    assert left_alone(read_back_v, 100.0, rest_v, TOLERANCE_V, watchdog=watchdog) is explained
 
 
 @given(true_v=st.floats(20.0, 140.0), share=st.floats(0.0, 0.9), sensed=st.booleans())
@@ -141,9 +161,9 @@ def test_false_read_back_of_a_fall_makes_no_step(true_v: float, share: float, se
             "which of them is right",
         ),
         (
-            Evidence(Claim(60.0), Claim(100.0), was_away=True),
-            "read-back 60 V, last write 100 V and no sensor to ask do not agree: the read-back "
-            "counts, because the output may have lost its power",
+            Evidence(Claim(0.0), Claim(100.0), explained=True),
+            "read-back 0 V, last write 100 V and no sensor to ask do not agree: the read-back "
+            "counts, because the output may have come there by itself",
         ),
         (
             Evidence(Claim(60.0), Claim(100.0), reports_move=True),

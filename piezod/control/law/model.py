@@ -31,6 +31,7 @@ class StageModel:
         delay_s: Delay of the displacement behind the voltage, in s.
         creep: Creep, which adds to the displacement of the hysteresis.
         mode: First mode, if the data showed one; the loop uses it if its configuration has none.
+        error_um: Worst error of a position in the identification, in µm; 0 if unknown.
     """
 
     form: ModelForm
@@ -40,6 +41,7 @@ class StageModel:
     delay_s: float
     creep: CreepLaw = NO_CREEP
     mode: FirstMode | None = None
+    error_um: float = 0.0
 
     def zeroed_at(self, rest_v: float) -> "StageModel":
         """Return the model with the displacement at rest as zero.

@@ -29,14 +29,16 @@ def from_model_file(file: ModelFile) -> StageModel:
             "the drive would sometimes move against the command; identify again"
         )
         raise ModelError(message)
+    position_um = AffineRange.checked(file.position_low_um, file.position_high_um)
     return StageModel(
         form=form,
         weights=weights,
         drive_v=AffineRange.checked(file.drive_low_v, file.drive_high_v),
-        position_um=AffineRange.checked(file.position_low_um, file.position_high_um),
+        position_um=position_um,
         delay_s=file.delay_s,
         creep=CreepLaw(np.array(file.creep_time_constants_s), np.array(file.creep_weights)),
         mode=FirstMode(**file.first_mode.model_dump()) if file.first_mode else None,
+        error_um=(file.fit.position_error_max_pct or 0.0) / 100.0 * position_um.width,
     )
 
 

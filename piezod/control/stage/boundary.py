@@ -64,6 +64,7 @@ class DeviceBoundary:
         reads_back: Whether the amplifiers report the voltage in force.
         holds: Whether their outputs stay as they are when they are deactivated.
         reports_restart: Whether they report a restart before they take a write.
+        watchdog: Whether each makes its outputs safe by itself if its host falls silent.
         lag_cycles: Cycles by which their read-back may be late.
     """
 
@@ -75,10 +76,12 @@ class DeviceBoundary:
         reads_back: bool,
         holds: bool,
         reports_restart: bool = False,
+        watchdog: bool = False,
         lag_cycles: int = 0,
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
-        self.reports_restart, self.lag_cycles = reports_restart, lag_cycles
+        self.reports_restart, self.watchdog = reports_restart, watchdog
+        self.lag_cycles = lag_cycles
         self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
         self._true_zero_um = [0.0] * n_axes
         self.open = False

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from piezod.config.faults import Fault
 from piezod.control.faults.register import FaultRegister
 from piezod.control.faults.table import mask
-from piezod.control.in_force import Claim, Evidence, InForce, Source, voltage_in_force
+from piezod.control.in_force import Claim, Evidence, InForce, Source, left_alone, voltage_in_force
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.watch.axis import AxisWatch
@@ -31,8 +31,10 @@ LEAST_WAY_SIGMAS: Final = 30.0
 AVERAGED: Final = 32
 """Positions are compared as means over up to this many cycles."""
 LEAST_WAY_PART: Final = 0.05
-"""The same, as a share of the way that the model has predicted since the stage was at rest: for the
-errors of models."""
+"""The same, as a share of the way that the model has predicted since the stage was at rest."""
+LEAST_WAY_ERRORS: Final = 8.0
+"""The same, in worst errors of the model: that of a way is at most twice that of a position, and a
+quarter of the way is the smallest share that decides."""
 
 
 class _Mean(NamedTuple):
@@ -122,19 +124,27 @@ class OutputJudge:
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
             self._rests[index] = _Rest(read_back_v, expected_um, mean)
-            self._false.discard(index)  # not in motion, which may pass a false read-back by chance
+            self._zero_proven[index] = mean.cycles > 0
+            self._false.pop(
+                index, None
+            )  # not in motion, which may pass a false read-back by chance
         self._rested[index], self._means[index] = rests, _NO_MEAN
         self._agreed_ns[index] = t_ns
         self._doubts[index], self._sources[index] = "", Source.AGREED
 
     def forget(self) -> None:
-        """Forget where the axes have rested, and what was false: they were not driven since."""
+        """Forget all that was seen of the axes: they were not driven since."""
+        self._zero_proven = [False] * len(self._axes)
+        self.played()
+
+    def played(self) -> None:
+        """Forget where the axes have rested, and what was false: a player has moved them."""
         n_axes = len(self._axes)
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
         self._last_v: Sequence[float] = [nan] * n_axes
         self._doubts, self._sources = [""] * n_axes, [Source.AGREED] * n_axes
-        self._false = set[int]()
+        self._false = dict[int, float]()  # axes with a false read-back, and what it showed last
 
     def live(self, read_back_v: Sequence[float], t_ns: int) -> tuple[Sequence[float] | None, float]:
         """Return the read-backs to wait for. Call once per cycle.
@@ -149,6 +159,8 @@ class OutputJudge:
         """
         if self._boundary.shadow or not self._boundary.reads_back:
             return None, 0.0
+        if self._false:
+            self._look_again(read_back_v, t_ns)
         if not self._false and all(map(isfinite, read_back_v)):
             self._last_v, self._last_ns = read_back_v, t_ns
             return read_back_v, 0.0
@@ -158,18 +170,30 @@ class OutputJudge:
             before_v if i in missing and i not in self._false else drive_v
             for i, (before_v, drive_v) in enumerate(zip(self._last_v, trusted_v, strict=True))
         ]
-        if self._false.issuperset(missing):
+        if self._false.keys() >= set(missing):
             self._last_ns = t_ns
         return self._last_v, (t_ns - self._last_ns) / NS_PER_S
 
+    def _look_again(self, read_back_v: Sequence[float], t_ns: int) -> None:
+        """Wait for a false read-back again if it jumps: it may be right from now on."""
+        elapsed_s = (t_ns - self._last_ns) / NS_PER_S
+        for i in tuple(self._false):
+            limits, before_v = self._axes[i].law.limits, self._false[i]
+            reach_v = limits.slew_v_per_s * elapsed_s + limits.read_back_tolerance_v
+            if isfinite(read_back_v[i]):
+                self._false[i] = read_back_v[i]
+            if abs(read_back_v[i] - before_v) > reach_v:
+                del self._false[i]
+
     # ------------------------------------------------------------------ who starts from a voltage
 
-    def resync(self, read_back_v: Sequence[float], t_ns: int) -> str:
-        """Take over the outputs of lost amplifiers that answer again.
+    def resync(self, read_back_v: Sequence[float], t_ns: int, *, played: bool = False) -> str:
+        """Take over the outputs of amplifiers that answer again, or that a play has left.
 
         Args:
             read_back_v: Read-back of each axis, finite, in V.
             t_ns: Instant of the cycle, in ns.
+            played: Whether a player has moved the outputs since the last write.
 
         Returns:
             Why a voltage is unknown, for people; empty if all axes were taken over.
@@ -177,12 +201,13 @@ class OutputJudge:
         found = list[InForce]()
         self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
         for i, drive_v in enumerate(read_back_v):
-            was_away = not self._watches[i].amplifier.unexplained_fall
-            found.append(self._judge(i, self._evidence(i, drive_v, t_ns, was_away=was_away), t_ns))
+            explained = played or self._left_alone(i, drive_v)
+            known = self._evidence(i, drive_v, t_ns, explained=explained)
+            found.append(self._judge(i, known, t_ns))
         unknown = self._unknown(found)
         if not unknown:
-            for i, one in enumerate(found):
-                self._take(i, one)
+            for i, (one, drive_v) in enumerate(zip(found, read_back_v, strict=True)):
+                self._take(i, one, drive_v)
         return unknown
 
     def settle(self, index: int, read_back_v: float, t_ns: int, *, lost: bool) -> bool:
@@ -199,10 +224,10 @@ class OutputJudge:
         """
         found = self._judge(index, self._evidence(index, read_back_v, t_ns), t_ns)
         if found.source is Source.WRITTEN:
-            self._false.add(index)
+            self._false[index] = read_back_v
         if found.source is not Source.READ_BACK or not lost:
             return False
-        self._take(index, found)
+        self._take(index, found, read_back_v)
         return True
 
     def doubt(self) -> str:
@@ -229,15 +254,19 @@ class OutputJudge:
     # ------------------------------------------------------------------ the evidence
 
     def _evidence(
-        self, index: int, read_back_v: float, t_ns: int, *, was_away: bool = False
+        self, index: int, read_back_v: float, t_ns: int, *, explained: bool = False
     ) -> Evidence:
         """Return what is known of an axis; `moved` only if the instant is given."""
+        tolerance_v = self._axes[index].law.limits.read_back_tolerance_v
         written_v, sample = self._boundary.written_v[index], self._watches[index].sensor.sample
+        sent_v = self._boundary.sent_v[index] if self._boundary.sent_v is not None else nan
+        if abs(read_back_v - sent_v) <= tolerance_v:
+            written_v = sent_v  # it was not acknowledged, and is in force
         position_um = sample.position_um if sample.valid else nan
         moved = self._moved(index, read_back_v, position_um, t_ns) if t_ns else nan
         # A zero is proven where read-back and write have agreed at rest, and S9 found nothing. To
         # arm, any contradiction counts.
-        if self._is_wrong(index) or (t_ns and not self._rests[index].mean.cycles):
+        if self._is_wrong(index) or (t_ns and not self._zero_proven[index]):
             position_um = nan
         return Evidence(
             self._claim(index, read_back_v),
@@ -245,7 +274,7 @@ class OutputJudge:
             position_um,
             moved,
             self._watches[index].amplifier.reports_move,
-            was_away,
+            explained,
         )
 
     def _moved(self, index: int, read_back_v: float, position_um: float, t_ns: int) -> float:
@@ -266,11 +295,21 @@ class OutputJudge:
             LEAST_WAY * sensor.width_um,
             LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(averaged, 1)),
             LEAST_WAY_PART * abs(predicted_um),
+            LEAST_WAY_ERRORS * sensor.model_error_um,
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
         if not (settled and averaged and abs(way_um) > least_um):  # also without a model
             return nan
         return (mean.off_um - rest.mean.off_um) / way_um
+
+    def _left_alone(self, index: int, read_back_v: float) -> bool:
+        """Return whether an output that was out of reach has come to its read-back by itself."""
+        axis, written_v = self._axes[index], self._boundary.written_v[index]
+        tolerance_v, rest_v = axis.law.limits.read_back_tolerance_v, axis.config.limits.rest_v
+        watchdog = self._boundary.watchdog
+        return not self._watches[index].amplifier.unexplained_fall and left_alone(
+            read_back_v, written_v, rest_v, tolerance_v, watchdog=watchdog
+        )
 
     def _claim(self, index: int, drive_v: float) -> Claim:
         return Claim(drive_v, *self._watches[index].sensor.allowed_um(drive_v))
@@ -288,10 +327,10 @@ class OutputJudge:
         self._doubts[index], self._sources[index] = found.doubt, found.source
         return found
 
-    def _take(self, index: int, found: InForce) -> None:
+    def _take(self, index: int, found: InForce, read_back_v: float) -> None:
         """Go on from the voltage in force."""
         if found.source is Source.WRITTEN:
-            self._false.add(index)
+            self._false[index] = read_back_v
         else:
             self._boundary.forget_sent(index)
         self._watches[index].amplifier.taken_over(found.drive_v)

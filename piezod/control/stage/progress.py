@@ -154,8 +154,9 @@ def _play_goes_on(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> bool
         return True
     if end.failed:
         stage.note(StageEvent(t_ns, "warning", "play", f"the play failed: {end.failed}"))
-    stage.judge.forget()  # the stage has moved, and nobody has seen it
-    unknown = stage.judge.resync(read_back_v, t_ns) if stage.boundary.reads_back else ""
+    stage.judge.played()
+    reads_back = stage.boundary.reads_back
+    unknown = stage.judge.resync(read_back_v, t_ns, played=True) if reads_back else ""
     stage.resume_output(t_ns)
     if unknown:
         stage.go(Event.FAULT_BLIND, t_ns)

@@ -11,7 +11,7 @@ from piezod.devices.status import Flags
 class AbsentSensor:
     """No sample, hence no fault. Real-time safe."""
 
-    noise_um = width_um = 0.0
+    noise_um = width_um = model_error_um = 0.0
     gain_um_per_v = nan
     answer_ns = 0
     rests = False

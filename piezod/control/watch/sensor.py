@@ -53,6 +53,7 @@ class WatchedSensor(NamedTuple):
         latency_ns: Smallest age of a sample, by its time stamp, in ns.
         answer_ns: Time until the stage has followed the drive, ringing left aside, in ns.
         ringing_ns: Decay time of the ringing, to a third, in ns.
+        error_um: Worst error of a position of the model, in µm; 0 if unknown.
     """
 
     drive_v: AffineRange
@@ -61,6 +62,7 @@ class WatchedSensor(NamedTuple):
     latency_ns: int = 0
     answer_ns: int = ANSWER_NS
     ringing_ns: int = RINGING_NS
+    error_um: float = 0.0
 
     @classmethod
     def of(cls, config: AxisConfig, model: StageModel | None) -> Self:
@@ -84,7 +86,14 @@ class WatchedSensor(NamedTuple):
         if model is not None:
             answer_ns += 2 * s_to_ns(max(model.delay_s, 0.0))
             plausible = Plausible(model)
-            return cls(drive_v, model.position_um, plausible, 0, answer_ns, ringing_ns)
+            return cls(
+                drive_v,
+                model.position_um,
+                plausible,
+                answer_ns=answer_ns,
+                ringing_ns=ringing_ns,
+                error_um=model.error_um,
+            )
         if config.command_range_um is None:
             message = "the axis has neither a model nor a command_range_um: set one of them"
             raise ModelError(message)
@@ -109,6 +118,8 @@ class SensorWatch:
         self._drive_v, self._position_um = sensor.drive_v, sensor.position_um
         self.answer_ns = sensor.answer_ns
         """Time until the stage has followed the drive, in ns."""
+        self.model_error_um = sensor.error_um
+        """Worst error of a position of the model, in µm; 0 without a model."""
         # Cycles of the response time, rounded up, and the present one.
         window = -(-sensor.answer_ns // period_ns) + 1
         self._screen = SampleScreen(axis, sensor.position_um, sensor.latency_ns, period_ns)

@@ -192,7 +192,7 @@ class AmplifierRamp:
                 Claim(drive_v),
                 Claim(nan if self._confirmed else last_v),
                 reports_move=not MOVED.isdisjoint(flags[i]),
-                was_away=fell,
+                explained=fell,
             )
             tolerance_v = self._tolerances_v[i] + self._slews_v_per_s[i] * ahead_s
             found = voltage_in_force(known, tolerance_v)

@@ -12,6 +12,7 @@ from piezod.config import requests as rq
 from piezod.config.endpoints import Role
 from piezod.config.states import State
 from piezod.control.guard import Limits
+from piezod.control.in_force import OUTPUT_WAIT_S
 from piezod.control.law.output import AxisOutput
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
@@ -45,7 +46,9 @@ MOVED: Final = frozenset({DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFla
 """Flags of an amplifier whose output need not be at the last write any more."""
 LOCAL_CYCLES: Final = 8
 """Cycles in local mode, within which the output settles."""
-WITHIN_S: Final = 20.0
+NOISE_V: Final = 0.005
+"""Noise of the read-back, at most, in V."""
+WITHIN_S: Final = OUTPUT_WAIT_S + 20.0
 """Two ramps, the second that a fault must be gone, and the time after which a HOLD or a ramp fails,
 in s."""
 
@@ -214,7 +217,8 @@ class CommandedStage(FaultyStage):
         shown_v = self.judged.shown_v if isfinite(self.judged.shown_v) else output_v
         # An output that is found outside the range returns at the slew rate, and goes no farther.
         found_v = output_v, before_v, shown_v
-        assert self._outside_v(drive_v) <= max(map(self._outside_v, found_v))
+        # A new loop begins at the read-back of its first cycle.
+        assert self._outside_v(drive_v) <= max(NOISE_V, *map(self._outside_v, found_v))
         follows = len(self.records) > 1 and before_ns == self.records[-2].t_ns
         if follows and not self._taken_over:
             # A write that was not taken is not in force: the one before it is kept.

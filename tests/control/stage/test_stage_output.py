@@ -10,6 +10,7 @@ import pytest
 from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
+from piezod.control.watch.sensor import SensorWatch
 from piezod.devices.interface import Device
 from piezod.testing.faulty import SensorAmplifier
 from tests.control.rig_stage import RigStage, quick_config, shipped_config
@@ -217,6 +218,20 @@ def test_output_that_falls_by_itself_is_ramped_from_there(fallen_to: float) -> N
 
     assert max(stage.rig.steps_v) <= STEP_V + TOLERANCE_V
     assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
+
+
+def test_way_within_the_error_of_the_model_proves_nothing() -> None:
+    """With a model that is wrong by 2 µm, a fall by 2 µm is left to a person."""
+    stage = UnrulyStage()
+    watch = stage.stage.watches[0].sensor
+    assert isinstance(watch, SensorWatch)
+    watch.model_error_um = 2.0
+    stage.rig.fall(0.85 * stage.rig.output_v, stage.t_ns)
+    stage.rig.steps_v.clear()
+    stage.run(3.0)
+
+    assert max(stage.rig.steps_v, default=0.0) <= STEP_V + TOLERANCE_V
+    assert "nothing tells which of them is right" in stage.texts()
 
 
 @pytest.mark.fault("A3")

@@ -195,6 +195,16 @@ def test_no_history_breaks_a_limit() -> None:
     check(15)
 
 
+def test_read_back_that_is_right_again_is_waited_for() -> None:
+    """It was false while the output was stuck: the ramp has gone on without a right witness."""
+    history = AnyHistory()
+    history.start(model="stops", mode=Mode.UNCOMPENSATED, position_um=5.0)
+    history.fail_output(cycles=1, kind=OutputKind.STUCK, share=0.0, then=20)
+    history.fail_output(cycles=30, kind=OutputKind.STUCK, share=0.0, then=0)
+    history.fail_output(cycles=30, kind=OutputKind.FALSE_READ_BACK, share=0.0, then=400)
+    history.teardown()
+
+
 def test_new_loop_begins_at_the_output() -> None:
     """If the last writes before were refused, the new loop goes on from what it reads back."""
     stage = CommandedStage()
