@@ -94,7 +94,7 @@ class OutputJudge:
         self._axes, self._watches, self._register = axes, watches, register
         self._boundary, self._note = boundary, note
         self._expected_um, self._agreed_ns = [nan] * len(axes), [0] * len(axes)
-        self._last_ns = 0
+        self._since_ns = [0] * len(axes)
         self.forget()
 
     # ------------------------------------------------------------------ cycle by cycle
@@ -132,11 +132,13 @@ class OutputJudge:
         n_axes = len(self._axes)
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
-        self._last_v: Sequence[float] = [nan] * n_axes
+        self._last_v = [nan] * n_axes
         self._doubts, self._sources = [""] * n_axes, [Source.AGREED] * n_axes
         self._false = set[int]()
 
-    def live(self, read_back_v: Sequence[float], t_ns: int) -> tuple[Sequence[float] | None, float]:
+    def live(
+        self, read_back_v: Sequence[float], t_ns: int
+    ) -> tuple[Sequence[float] | None, Sequence[float] | None]:
         """Return the read-backs to wait for. Call once per cycle.
 
         Args:
@@ -145,45 +147,45 @@ class OutputJudge:
 
         Returns:
             The last read-back of each axis, in V, NaN if there was none or if it is false, and the
-            age of the oldest, in s; None in shadow.
+            age of each, in s; None in shadow.
         """
         if self._boundary.shadow or not self._boundary.reads_back:
-            return None, 0.0
-        if not self._false and all(map(isfinite, read_back_v)):
-            self._last_v, self._last_ns = read_back_v, t_ns
-            return read_back_v, 0.0
-        trusted_v = [nan if i in self._false else each for i, each in enumerate(read_back_v)]
-        missing = [i for i, each in enumerate(read_back_v) if not isfinite(each)]
-        self._last_v = [
-            before_v if i in missing and i not in self._false else drive_v
-            for i, (before_v, drive_v) in enumerate(zip(self._last_v, trusted_v, strict=True))
-        ]
-        if self._false.issuperset(missing):
-            self._last_ns = t_ns
-        return self._last_v, (t_ns - self._last_ns) / NS_PER_S
+            return None, None
+        ages_ns = self._boundary.read_back_age_ns(t_ns)
+        for i, drive_v in enumerate(read_back_v):
+            if i in self._false:
+                self._last_v[i] = nan
+            elif isfinite(drive_v):
+                self._last_v[i], self._since_ns[i] = drive_v, t_ns - ages_ns[i]
+        return self._last_v, [(t_ns - since_ns) / NS_PER_S for since_ns in self._since_ns]
 
     # ------------------------------------------------------------------ who starts from a voltage
 
-    def resync(self, read_back_v: Sequence[float], t_ns: int) -> str:
+    def resync(self, read_back_v: Sequence[float], t_ns: int) -> tuple[str, bool]:
         """Take over the outputs of lost amplifiers that answer again.
+
+        An amplifier is taken over if the voltages of all its axes are known.
 
         Args:
             read_back_v: Read-back of each axis, finite, in V.
             t_ns: Instant of the cycle, in ns.
 
         Returns:
-            Why a voltage is unknown, for people; empty if all axes were taken over.
+            Why a voltage is unknown, for people, empty if all axes were taken over; and whether
+            any axis was.
         """
         found = list[InForce]()
         self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
         for i, drive_v in enumerate(read_back_v):
             was_away = not self._watches[i].amplifier.unexplained_fall
             found.append(self._judge(i, self._evidence(i, drive_v, t_ns, was_away=was_away), t_ns))
-        unknown = self._unknown(found)
-        if not unknown:
-            for i, one in enumerate(found):
+        amplifiers = self._boundary.amplifiers
+        known = [isfinite(one.drive_v) for one in found]
+        doubted = {one for one, is_known in zip(amplifiers, known, strict=True) if not is_known}
+        for i, one in enumerate(found):
+            if amplifiers[i] not in doubted:
                 self._take(i, one)
-        return unknown
+        return self._unknown(found), not doubted.issuperset(amplifiers)
 
     def settle(self, index: int, read_back_v: float, t_ns: int, *, lost: bool) -> bool:
         """Find out why the output of an axis that ramps down does not follow its writes.
