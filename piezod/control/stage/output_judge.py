@@ -14,6 +14,7 @@ from piezod.control.faults.table import mask
 from piezod.control.in_force import Claim, Evidence, InForce, Source, voltage_in_force
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.doubts import AxisDoubt
 from piezod.control.watch.axis import AxisWatch
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S, s_to_ns
@@ -125,7 +126,9 @@ class OutputJudge:
             self._false.discard(index)  # not in motion, which may pass a false read-back by chance
         self._rested[index], self._means[index] = rests, _NO_MEAN
         self._agreed_ns[index] = t_ns
-        self._doubts[index], self._sources[index] = "", Source.AGREED
+        if self._doubts[index].agrees(t_ns):
+            text = "read-back and last write agree again"
+            self._note(StageEvent(t_ns, "info", "output", text, axis=self._axes[index].name))
 
     def forget(self) -> None:
         """Forget where the axes have rested, and what was false: they were not driven since."""
@@ -133,7 +136,7 @@ class OutputJudge:
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
         self._last_v = [nan] * n_axes
-        self._doubts, self._sources = [""] * n_axes, [Source.AGREED] * n_axes
+        self._doubts = [AxisDoubt() for _ in range(n_axes)]
         self._false = set[int]()
 
     def live(
@@ -226,7 +229,7 @@ class OutputJudge:
 
     def told(self, index: int) -> str:
         """Return the doubt about the voltage of an axis, for people; empty if there is none."""
-        return self._doubts[index]
+        return self._doubts[index].text
 
     # ------------------------------------------------------------------ the evidence
 
@@ -282,12 +285,11 @@ class OutputJudge:
         return any(self._register.axes_of(fault) >> index & 1 for fault in _WRONG_POSITION)
 
     def _judge(self, index: int, known: Evidence, t_ns: int) -> InForce:
-        """Return the voltage in force; report a doubt once."""
+        """Return the voltage in force; report a doubt."""
         axis = self._axes[index]
         found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
-        if found.doubt and (found.source is not self._sources[index]):
-            self._note(StageEvent(t_ns, "warning", "output", found.doubt, axis=axis.name))
-        self._doubts[index], self._sources[index] = found.doubt, found.source
+        if text := self._doubts[index].found(found):
+            self._note(StageEvent(t_ns, "warning", "output", text, axis=axis.name))
         return found
 
     def _take(self, index: int, found: InForce) -> None:
