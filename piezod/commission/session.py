@@ -184,8 +184,7 @@ class Session:
         cycles = SessionCycles(self._clock, rate_hz or self.rate_hz)
         longest_ns = LONGEST_PERIODS * cycles.period_ns
         # The slew limit must use the same time step as the waveform, or a ramp would lag behind.
-        lag_s = self._channels.capabilities().lag_ns / NS_PER_S
-        guard = Guard([self.limits], longest_ns / NS_PER_S, [lag_s])
+        guard = Guard([self.limits], longest_ns / NS_PER_S)
         rows, told = list[tuple[float, float, float, float]](), list[bool]()
         begin_ns = before_ns = self._clock.now_ns()
         wave_s = 0.0  # time of the waveform
@@ -223,7 +222,8 @@ class Session:
     ) -> bool:
         """Write a voltage as the guard admits it; return whether it was accepted."""
         if isfinite(read_back_v):
-            self._shown_v, self._shown_ns = read_back_v, now_ns
+            self._shown_v = read_back_v
+            self._shown_ns = now_ns - self._channels.read_back_age_ns(now_ns)[0]
         admitted = guard.admit(
             now_ns,
             now_ns,
@@ -231,7 +231,7 @@ class Session:
             [self.drive_v],
             elapsed_s,
             read_back_v=[self._shown_v if self._reads_back else nan],
-            age_s=(now_ns - self._shown_ns) / NS_PER_S,
+            age_s=[(now_ns - self._shown_ns) / NS_PER_S],
         )
         waits = bool(admitted.waits)
         self._watch.check_wait(read_back_v, self.drive_v, now_ns, waits=waits)

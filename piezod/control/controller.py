@@ -61,8 +61,8 @@ class StageController:
     def __init__(self, stage: Stage, loop_watch: LoopWatch) -> None:
         self._stage = stage
         period_s = stage.period_ns / NS_PER_S
-        lag_s = [watch.amplifier.lag_ns / NS_PER_S for watch in stage.watches]
-        guard = Guard([axis.law.limits for axis in stage.axes], period_s, lag_s)
+        limits = [axis.law.limits for axis in stage.axes]
+        guard = Guard(limits, period_s, stage.boundary.amplifiers)
         parts = CycleParts(stage.boundary, stage.axes, guard, period_s, stage, loop_watch)
         self.cycle: Callable[[int, CycleTiming], CycleRecord] = partial(run_cycle, parts)
         """Runs one cycle, from its instant in ns and the timing of the loop."""

@@ -14,6 +14,7 @@ from piezod.control.faults.table import mask
 from piezod.control.in_force import Claim, Evidence, InForce, Source, left_alone, voltage_in_force
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.doubts import AxisDoubt
 from piezod.control.watch.axis import AxisWatch
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S, s_to_ns
@@ -96,7 +97,7 @@ class OutputJudge:
         self._axes, self._watches, self._register = axes, watches, register
         self._boundary, self._note = boundary, note
         self._expected_um, self._agreed_ns = [nan] * len(axes), [0] * len(axes)
-        self._last_ns = 0
+        self._since_ns = [0] * len(axes)
         self.forget()
 
     # ------------------------------------------------------------------ cycle by cycle
@@ -125,12 +126,13 @@ class OutputJudge:
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
             self._rests[index] = _Rest(read_back_v, expected_um, mean)
             self._zero_proven[index] = mean.cycles > 0
-            self._false.pop(
-                index, None
-            )  # not in motion, which may pass a false read-back by chance
+            # Not in motion, which may pass a false read-back by chance.
+            self._false.pop(index, None)
         self._rested[index], self._means[index] = rests, _NO_MEAN
         self._agreed_ns[index] = t_ns
-        self._doubts[index], self._sources[index] = "", Source.AGREED
+        if self._doubts[index].agrees(t_ns):
+            text = "read-back and last write agree again"
+            self._note(StageEvent(t_ns, "info", "output", text, axis=self._axes[index].name))
 
     def forget(self) -> None:
         """Forget all that was seen of the axes: they were not driven since."""
@@ -142,11 +144,13 @@ class OutputJudge:
         n_axes = len(self._axes)
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
-        self._last_v: Sequence[float] = [nan] * n_axes
-        self._doubts, self._sources = [""] * n_axes, [Source.AGREED] * n_axes
+        self._last_v = [nan] * n_axes
+        self._doubts = [AxisDoubt() for _ in range(n_axes)]
         self._false = dict[int, float]()  # axes with a false read-back, and what it showed last
 
-    def live(self, read_back_v: Sequence[float], t_ns: int) -> tuple[Sequence[float] | None, float]:
+    def live(
+        self, read_back_v: Sequence[float], t_ns: int
+    ) -> tuple[Sequence[float] | None, Sequence[float] | None]:
         """Return the read-backs to wait for. Call once per cycle.
 
         Args:
@@ -155,40 +159,39 @@ class OutputJudge:
 
         Returns:
             The last read-back of each axis, in V, NaN if there was none or if it is false, and the
-            age of the oldest, in s; None in shadow.
+            age of each, in s; None in shadow.
         """
         if self._boundary.shadow or not self._boundary.reads_back:
-            return None, 0.0
-        if self._false:
-            self._look_again(read_back_v, t_ns)
-        if not self._false and all(map(isfinite, read_back_v)):
-            self._last_v, self._last_ns = read_back_v, t_ns
-            return read_back_v, 0.0
-        trusted_v = [nan if i in self._false else each for i, each in enumerate(read_back_v)]
-        missing = [i for i, each in enumerate(read_back_v) if not isfinite(each)]
-        self._last_v = [
-            before_v if i in missing and i not in self._false else drive_v
-            for i, (before_v, drive_v) in enumerate(zip(self._last_v, trusted_v, strict=True))
-        ]
-        if self._false.keys() >= set(missing):
-            self._last_ns = t_ns
-        return self._last_v, (t_ns - self._last_ns) / NS_PER_S
+            return None, None
+        ages_ns = self._boundary.read_back_age_ns(t_ns)
+        for i, drive_v in enumerate(read_back_v):
+            if isfinite(drive_v):
+                taken_ns = t_ns - ages_ns[i]
+                is_false = i in self._false and not self._jumps(i, drive_v, taken_ns)
+                self._last_v[i], self._since_ns[i] = nan if is_false else drive_v, taken_ns
+            elif i in self._false:
+                self._last_v[i] = nan
+        return self._last_v, [(t_ns - since_ns) / NS_PER_S for since_ns in self._since_ns]
 
-    def _look_again(self, read_back_v: Sequence[float], t_ns: int) -> None:
-        """Wait for a false read-back again if it jumps: it may be right from now on."""
-        elapsed_s = (t_ns - self._last_ns) / NS_PER_S
-        for i in tuple(self._false):
-            limits, before_v = self._axes[i].law.limits, self._false[i]
-            reach_v = limits.slew_v_per_s * elapsed_s + limits.read_back_tolerance_v
-            if isfinite(read_back_v[i]):
-                self._false[i] = read_back_v[i]
-            if abs(read_back_v[i] - before_v) > reach_v:
-                del self._false[i]
+    def _jumps(self, index: int, read_back_v: float, t_ns: int) -> bool:
+        """Return whether a false read-back jumps, so that it may be right from now on."""
+        limits, before_v = self._axes[index].law.limits, self._false[index]
+        elapsed_s = (t_ns - self._since_ns[index]) / NS_PER_S
+        reach_v = limits.slew_v_per_s * elapsed_s + limits.read_back_tolerance_v
+        self._false[index] = read_back_v
+        jumps = abs(read_back_v - before_v) > reach_v
+        if jumps:
+            del self._false[index]
+        return jumps
 
     # ------------------------------------------------------------------ who starts from a voltage
 
-    def resync(self, read_back_v: Sequence[float], t_ns: int, *, played: bool = False) -> str:
+    def resync(
+        self, read_back_v: Sequence[float], t_ns: int, *, played: bool = False
+    ) -> tuple[str, bool]:
         """Take over the outputs of amplifiers that answer again, or that a play has left.
+
+        An amplifier is taken over if the voltages of all its axes are known.
 
         Args:
             read_back_v: Read-back of each axis, finite, in V.
@@ -196,7 +199,8 @@ class OutputJudge:
             played: Whether a player has moved the outputs since the last write.
 
         Returns:
-            Why a voltage is unknown, for people; empty if all axes were taken over.
+            Why a voltage is unknown, for people, empty if all axes were taken over; and whether
+            any axis was.
         """
         found = list[InForce]()
         self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
@@ -204,11 +208,13 @@ class OutputJudge:
             explained = played or self._left_alone(i, drive_v)
             known = self._evidence(i, drive_v, t_ns, explained=explained)
             found.append(self._judge(i, known, t_ns))
-        unknown = self._unknown(found)
-        if not unknown:
-            for i, (one, drive_v) in enumerate(zip(found, read_back_v, strict=True)):
+        amplifiers = self._boundary.amplifiers
+        are_known = [isfinite(one.drive_v) for one in found]
+        doubted = {one for one, is_known in zip(amplifiers, are_known, strict=True) if not is_known}
+        for i, (one, drive_v) in enumerate(zip(found, read_back_v, strict=True)):
+            if amplifiers[i] not in doubted:
                 self._take(i, one, drive_v)
-        return unknown
+        return self._unknown(found), not doubted.issuperset(amplifiers)
 
     def settle(self, index: int, read_back_v: float, t_ns: int, *, lost: bool) -> bool:
         """Find out why the output of an axis that ramps down does not follow its writes.
@@ -249,7 +255,7 @@ class OutputJudge:
 
     def told(self, index: int) -> str:
         """Return the doubt about the voltage of an axis, for people; empty if there is none."""
-        return self._doubts[index]
+        return self._doubts[index].text
 
     # ------------------------------------------------------------------ the evidence
 
@@ -319,12 +325,11 @@ class OutputJudge:
         return any(self._register.axes_of(fault) >> index & 1 for fault in _WRONG_POSITION)
 
     def _judge(self, index: int, known: Evidence, t_ns: int) -> InForce:
-        """Return the voltage in force; report a doubt once."""
+        """Return the voltage in force; report a doubt."""
         axis = self._axes[index]
         found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
-        if found.doubt and (found.source is not self._sources[index]):
-            self._note(StageEvent(t_ns, "warning", "output", found.doubt, axis=axis.name))
-        self._doubts[index], self._sources[index] = found.doubt, found.source
+        if text := self._doubts[index].found(found):
+            self._note(StageEvent(t_ns, "warning", "output", text, axis=axis.name))
         return found
 
     def _take(self, index: int, found: InForce, read_back_v: float) -> None:
