@@ -1,16 +1,19 @@
 """One axis of a stage, opened for manual driving, and returned to its initial voltage."""
 
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from math import nan
 from types import FrameType
 from typing import Final, NamedTuple
 
+from piezod.commission.output import Output
 from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig
 from piezod.control.guard import Limits
 from piezod.daemon.clock import Clock, MonotonicClock
+from piezod.daemon.output_notes import OutputNotes
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
 from piezod.devices.wiring import construct, pairs_of
@@ -81,21 +84,25 @@ def _ramp_back(session: Session, before: str) -> None:
 def one_axis(
     config: DaemonConfig,
     axis: str,
+    notes: OutputNotes,
     output_v: float = nan,
     clock: Clock | None = None,
-    note: Callable[[float], object] = float,
+    *,
+    confirmed: bool = False,
 ) -> Iterator[OneAxis]:
     """Open the devices of an axis; in any case return to the initial voltage at the end.
 
     Args:
         config: The stage; its limits apply.
         axis: Name of the axis.
+        notes: What was written last; takes each voltage before it is written.
         output_v: Voltage in force, in V, for an amplifier without read-back.
         clock: Clock of the cycles; by default that of the machine.
-        note: Called with each voltage before it is written, in V.
+        confirmed: Whether a person answers for the read-back, whatever was written last.
 
     Raises:
         DeviceError: If a device cannot be opened, or the voltage in force is unknown.
+        OSError: If the identities of the devices cannot be stored.
     """
     one, clock = config.axes[axis], clock or MonotonicClock()
     if one.sensor is None:
@@ -117,7 +124,16 @@ def one_axis(
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
-        session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v, note)
+        notes.meet(channels.identities)
+        able, last_v = channels.capabilities(), notes.last_v(axis)
+        if not able.read_back:
+            last_v = output_v
+        elif confirmed or able.opens_relaxed:  # at rest, whatever another process has written
+            last_v = nan
+        note = partial(notes.note, axis)
+        output = Output(channels, limits.read_back_tolerance_v, clock, last_v, note)
+        session = Session(channels, output, limits, config.rate_hz, ramp_v_per_s, clock)
+        notes.note(axis, session.found_v)
         with _returning(session):
             yield OneAxis(session, channels.identities)
     finally:

@@ -251,10 +251,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from piezod.cli.guardian import guardian
 from piezod.cli.owned_stage import owning
+from piezod.config.daemon import load_daemon
+from piezod.daemon.output_notes import OutputNotes
+from piezod.daemon.paths import stage_paths
+from piezod.devices import registry
 
-with owning(Path("stage.yaml")), guardian(Path("stage.yaml")) as guard:
+config = Path("stage.yaml")
+with owning(config), guardian(config) as guard:
     guard.watch("x", SimpleNamespace(session=SimpleNamespace(found_v=20.0), identities=IDENTITIES))
-    guard.note(60.0)
+    OutputNotes(load_daemon(config, registry), stage_paths(config)).note("x", 60.0)
     os.kill(os.getpid(), signal.SIGKILL) if KILLED else None
 """
 

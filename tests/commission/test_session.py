@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import count
 from math import inf, nan, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from piezod.commission.device_watch import PATIENCE_S
 from piezod.commission.session import Session
 from piezod.commission.session_trace import SessionTrace, joined
 from piezod.control.guard import Limits
+from piezod.daemon.output_notes import OutputNotes
+from piezod.daemon.paths import StagePaths
 from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
@@ -360,14 +363,15 @@ def test_without_read_back_the_voltage_must_be_given() -> None:
         pass
 
 
-def test_axis_without_a_sensor_is_not_commissioned() -> None:
+def test_axis_without_a_sensor_is_not_commissioned(tmp_path: Path) -> None:
     """No device is opened: every step measures the displacement."""
     config = configured()
     axis = config.axes["x"].model_copy(update={"sensor": None})
     blind = config.model_copy(update={"axes": {"x": axis}})
+    notes = OutputNotes(blind, StagePaths("stage", tmp_path, tmp_path))
 
     with (
         pytest.raises(DeviceError, match="axis x has no sensor, and commissioning"),
-        one_axis(blind, "x"),
+        one_axis(blind, "x", notes),
     ):
         pass
