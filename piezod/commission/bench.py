@@ -124,14 +124,16 @@ def one_axis(
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
-        notes.meet(channels.identities)
-        able, last_v = channels.capabilities(), notes.last_v(axis)
-        if not able.read_back:
-            last_v = output_v
-        elif confirmed or able.opens_relaxed:  # at rest, whatever another process has written
-            last_v = nan
-        note = partial(notes.note, axis)
-        output = Output(channels, limits.read_back_tolerance_v, clock, last_v, note)
+        notes.meet(channels)
+        able, last_v = channels.capabilities(), nan if confirmed else notes.last_v(axis)
+        output = Output(
+            channels,
+            limits.read_back_tolerance_v,
+            clock,
+            last_v if able.read_back else output_v,
+            one.safe_v if able.watchdog else nan,
+            partial(notes.note, axis),
+        )
         session = Session(channels, output, limits, config.rate_hz, ramp_v_per_s, clock)
         notes.note(axis, session.found_v)
         with _returning(session):

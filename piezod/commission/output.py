@@ -5,7 +5,7 @@ from math import isfinite, nan
 from typing import Final
 
 from piezod.commission.device_watch import PATIENCE_S
-from piezod.control.in_force import Claim, Evidence, voltage_in_force
+from piezod.control.in_force import Claim, Evidence, fell, voltage_in_force
 from piezod.daemon.clock import Clock
 from piezod.devices.channels import Channels
 from piezod.devices.status import MOVED
@@ -26,6 +26,7 @@ class Output:
         last_v: Voltage that was written last, in V, by whoever drove the axis before; NaN if that
             is not known, or if a person answers for the read-back. Without a read-back, the voltage
             in force, as a person has seen it.
+        rest_v: Voltage to which a watchdog of the device brings the output, in V; NaN without one.
         note: Called with each voltage before it is written, in V.
     """
 
@@ -35,10 +36,12 @@ class Output:
         tolerance_v: float,
         clock: Clock,
         last_v: float = nan,
+        rest_v: float = nan,
         note: Callable[[float], object] = float,
     ) -> None:
         self._channels, self._tolerance_v, self._clock = channels, tolerance_v, clock
-        self._note, self._reads_back = note, channels.capabilities().read_back
+        self._rest_v, self._note = rest_v, note
+        self._reads_back = channels.capabilities().read_back
         self.drive_v = last_v
         """Last acknowledged write, or the voltage that was found in force, in V."""
         self.sent_v = nan
@@ -74,10 +77,12 @@ class Output:
             )
         read_back_v = self._settled_v()
         *_, flags = self._channels.status(self._clock.now_ns())  # of the amplifier, not the sensor
+        written_v = self._written_v(read_back_v)
         known = Evidence(
             Claim(read_back_v),
-            Claim(self._written_v(read_back_v)),
+            Claim(written_v),
             reports_move=not MOVED.isdisjoint(flags),
+            was_away=fell(read_back_v, written_v, self._rest_v),
         )
         found = voltage_in_force(known, self._tolerance_v)
         if not isfinite(found.drive_v):

@@ -131,6 +131,17 @@ def voltage_in_force(known: Evidence, tolerance_v: float) -> InForce:
     return InForce(only.drive_v, source)
 
 
+def fell(read_back_v: float, written_v: float, rest_v: float) -> bool:
+    """Return whether a device's own watchdog explains a read-back: it is nearer to rest.
+
+    Args:
+        read_back_v: The read-back, in V.
+        written_v: The last write, in V.
+        rest_v: Voltage to which the watchdog brings the output, in V; NaN without a watchdog.
+    """
+    return abs(read_back_v - rest_v) < abs(written_v - rest_v)
+
+
 def _of_two(known: Evidence) -> tuple[Source, str, bool]:
     """Return which of two voltages is in force, why, and whether that is proven."""
     read_back, written, position_um, moved, reports_move, was_away = known

@@ -12,7 +12,29 @@ from piezod.config.daemon import DaemonConfig
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import StagePaths
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
+
+
+def unconcerned(
+    config: DaemonConfig, channels: Channels, known: Mapping[str, Identity]
+) -> list[str]:
+    """Return the axes whose noted voltage says nothing about their output.
+
+    It was written to another amplifier, or the amplifier begins at rest whenever it is opened.
+
+    Args:
+        config: The configuration of the stage.
+        channels: Open devices of the stage.
+        known: The noted identities.
+    """
+    begins_at_rest, found = channels.capabilities().opens_relaxed, channels.identities
+    return [
+        axis
+        for axis, one in config.axes.items()
+        if (name := one.amplifier.device) in found
+        and (begins_at_rest or not is_same(found[name], known.get(name, found[name])))
+    ]
 
 
 class OutputNotes:
@@ -32,20 +54,18 @@ class OutputNotes:
         self._last_v = dict(zip(config.axes, self._writer.kept_v, strict=True))
         self._identities = noted_identities(paths.identities)
 
-    def meet(self, found: Mapping[str, Identity]) -> None:
-        """Note the identities of open devices. What was written to another amplifier is forgotten.
+    def meet(self, channels: Channels) -> None:
+        """Note the identities of open devices, and forget what does not concern their outputs.
 
         Args:
-            found: The identities, by the names of the devices.
+            channels: The devices.
 
         Raises:
-            OSError: If they cannot be stored.
+            OSError: If the identities cannot be stored.
         """
-        for axis, one in self._config.axes.items():
-            name = one.amplifier.device
-            if name in found and not is_same(found[name], self._identities.get(name, found[name])):
-                self.note(axis, nan)
-        self._identities |= found
+        for axis in unconcerned(self._config, channels, self._identities):
+            self.note(axis, nan)
+        self._identities |= channels.identities
         note_identities(self._paths.identities, self._identities)
 
     def last_v(self, axis: str) -> float:

@@ -153,7 +153,7 @@ def test_an_axis_outside_its_limits_is_not_driven() -> None:
 
 
 def test_a_pause_makes_no_step() -> None:
-    """After a pause of a second the voltage changes by two periods of the ramp."""
+    """After a pause of a second the voltage changes by a period of the ramp."""
     with session() as axis:
         clock = axis._clock  # noqa: SLF001 - the test's own
         assert isinstance(clock, FakeClock)
@@ -171,7 +171,7 @@ def test_a_pause_makes_no_step() -> None:
         trace = axis.go(20.0)
 
     assert paused
-    assert np.max(np.abs(np.diff(trace.drive_v))) < 3 * 50.0 / 1000.0
+    assert np.max(np.abs(np.diff(trace.drive_v))) <= 50.0 / 1000.0 * 1.001
 
 
 def test_refusals_that_end_in_time_cost_nothing_but_time() -> None:

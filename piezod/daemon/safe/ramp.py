@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.control.guard import read_back_tolerance_v
-from piezod.control.in_force import OUTPUT_WAIT_S, Claim, Evidence, voltage_in_force
+from piezod.control.in_force import OUTPUT_WAIT_S, Claim, Evidence, fell, voltage_in_force
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.devices.status import MOVED
@@ -186,13 +186,11 @@ class AmplifierRamp:
         for i, (drive_v, last_v, safe_v) in enumerate(
             zip(read_back_v, self._last_v, self._safe_v, strict=True)
         ):
-            # A device with a watchdog brings its output towards rest when nobody writes any more.
-            fell = able.watchdog and abs(drive_v - safe_v) < abs(last_v - safe_v)
             known = Evidence(
                 Claim(drive_v),
                 Claim(nan if self._confirmed else last_v),
                 reports_move=not MOVED.isdisjoint(flags[i]),
-                was_away=fell,
+                was_away=fell(drive_v, last_v, safe_v if able.watchdog else nan),
             )
             tolerance_v = self._tolerances_v[i] + self._slews_v_per_s[i] * ahead_s
             found = voltage_in_force(known, tolerance_v)
