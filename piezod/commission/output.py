@@ -104,17 +104,17 @@ class Output:
         Raises:
             DeviceError: If none is finite. One that stays elsewhere is returned.
         """
-        end_ns = self._clock.now_ns() + s_to_ns(PATIENCE_S)
-        while True:
-            now_ns = self._clock.now_ns()
+        shown_v, end_ns = nan, self._clock.now_ns() + s_to_ns(PATIENCE_S)
+        while (now_ns := self._clock.now_ns()) <= end_ns:
             read_back_v = self.read_back_v(now_ns)
-            # Without a known last write the difference is NaN, and the comparison false.
-            away = abs(read_back_v - self._written_v(read_back_v)) > self._tolerance_v
-            if isfinite(read_back_v) and (now_ns > end_ns or not away):
-                return read_back_v
-            if now_ns > end_ns:
-                raise DeviceError(
-                    "the voltage in force is unknown: the amplifier has reported none for "
-                    f"{PATIENCE_S:g} s"
-                )
+            if isfinite(read_back_v):
+                shown_v = read_back_v
+                # Without a known last write the difference is NaN, and the comparison false.
+                if not abs(shown_v - self._written_v(shown_v)) > self._tolerance_v:
+                    return shown_v
             self._clock.sleep_until_ns(now_ns + s_to_ns(POLL_S))
+        if isfinite(shown_v):
+            return shown_v
+        raise DeviceError(
+            f"the voltage in force is unknown: the amplifier has reported none for {PATIENCE_S:g} s"
+        )

@@ -1,6 +1,7 @@
 """The voltage from which an axis is driven, and the one by which it comes back."""
 
 from collections.abc import Callable, Sequence
+from itertools import count
 from math import nan
 
 import numpy as np
@@ -105,6 +106,20 @@ def test_the_way_back_waits_for_an_output_that_follows_late() -> None:
         axis.back()
 
         assert axis.drive_v == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_read_back_that_is_missing_at_times_is_compared_nevertheless() -> None:
+    """The error has the last one that came, and does not say that there was none."""
+    with session(wrap=resting_at(60.0)) as axis:
+        read_back, asked = axis._channels.read_back, count()  # noqa: SLF001 - which it reports once
+
+        def once(now_ns: int) -> list[float]:
+            return read_back(now_ns) if next(asked) == 3 else [nan]
+
+        axis._channels.read_back = once  # type: ignore[method-assign] # noqa: SLF001 - likewise
+        output = Output(axis._channels, TOLERANCE_V, axis._clock, 20.0)  # noqa: SLF001 - likewise
+        with pytest.raises(DeviceError, match=r"read-back [56]\d\S* V, last write 20 V"):
+            output.find()
 
 
 def test_a_write_without_acknowledgement_may_be_in_force() -> None:
