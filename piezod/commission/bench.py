@@ -1,7 +1,7 @@
 """One axis of a stage, opened for manual driving, and returned to its initial voltage."""
 
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from math import nan
@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 from piezod.commission.output import Output
 from piezod.commission.session import Session
-from piezod.config.daemon import DaemonConfig
-from piezod.control.guard import Limits
+from piezod.config.daemon import DaemonConfig, StageAxisConfig
+from piezod.control.guard import Limits, read_back_tolerance_v
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.output_notes import OutputNotes
 from piezod.devices.channels import Channels
@@ -80,6 +80,20 @@ def _ramp_back(session: Session, before: str) -> None:
         ) from error
 
 
+def _output(
+    channels: Channels,
+    axis: StageAxisConfig,
+    clock: Clock,
+    output_v: float,
+    last_v: float,
+    note: Callable[[float], object],
+) -> Output:
+    able, limits = channels.capabilities(), axis.limits
+    tolerance_v = read_back_tolerance_v(limits.drive_min_v, limits.drive_max_v)
+    last_v, rest_v = last_v if able.read_back else output_v, axis.safe_v if able.watchdog else nan
+    return Output(channels, tolerance_v, clock, last_v, rest_v, note)
+
+
 @contextmanager
 def one_axis(
     config: DaemonConfig,
@@ -125,15 +139,8 @@ def one_axis(
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
         notes.meet(channels)
-        able, last_v = channels.capabilities(), nan if confirmed else notes.last_v(axis)
-        output = Output(
-            channels,
-            limits.read_back_tolerance_v,
-            clock,
-            last_v if able.read_back else output_v,
-            one.safe_v if able.watchdog else nan,
-            partial(notes.note, axis),
-        )
+        last_v = nan if confirmed else notes.last_v(axis)
+        output = _output(channels, one, clock, output_v, last_v, partial(notes.note, axis))
         session = Session(channels, output, limits, config.rate_hz, ramp_v_per_s, clock)
         notes.note(axis, session.found_v)
         with _returning(session):

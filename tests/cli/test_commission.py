@@ -18,9 +18,6 @@ import yaml
 
 from piezod.cli.interrupt import Interrupted, interruptible, unwinding
 from piezod.commission import bench
-from piezod.daemon.last_output import read_last_output
-from piezod.daemon.noted_identities import noted_identities
-from piezod.daemon.paths import stage_paths
 from piezod.devices import registry
 from piezod.devices.interface import ChannelUnits
 from piezod.errors import DeviceError
@@ -314,27 +311,6 @@ def test_commission_reports_its_first_error_if_no_sheet_can_be_written(
 
     assert outcome.code == 1
     assert outcome.err.endswith("no sheet was written: no space\nthe step failed\n")
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_commission_leaves_its_own_writes_for_the_next_process(
-    piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each voltage and the device are noted where daemon and `safe` read, before it is written."""
-    paths, noted = stage_paths(config), list[tuple[float, float]]()
-
-    def compare(drive_v: float) -> None:
-        noted.extend((each.drive_v, drive_v) for each in read_last_output(paths.output_map))
-
-    _write_with(monkeypatch, compare, above_v=0.5)
-    outcome = piezod("commission", str(config), "--yes")
-    (left,) = read_last_output(paths.output_map)
-
-    assert outcome.code == 0, outcome.err
-    assert noted
-    assert all(noted_v == drive_v for noted_v, drive_v in noted)
-    assert left.drive_v == pytest.approx(0.0, abs=0.01)
-    assert list(noted_identities(paths.identities)) == ["rig"]
 
 
 def _failing_once() -> Callable[[float], None]:

@@ -3,14 +3,20 @@
 from collections.abc import Callable, Sequence
 from itertools import count
 from math import nan
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from piezod.commission.bench import one_axis
 from piezod.commission.device_watch import PATIENCE_S
 from piezod.commission.output import Output
 from piezod.commission.session import Session
 from piezod.control.guard import Limits
+from piezod.daemon.last_output import read_last_output
+from piezod.daemon.noted_identities import noted_identities
+from piezod.daemon.output_notes import OutputNotes
+from piezod.daemon.paths import StagePaths
 from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
@@ -18,7 +24,8 @@ from piezod.testing.fake_clock import FakeClock
 from piezod.testing.faulty import FaultyDevice
 from piezod.testing.injections import Injection, InjectionKind
 from piezod.units import NS_PER_S, s_to_ns
-from tests.commission.axes import T0_NS, resting_at, session
+from piezod_drivers.simulated.driver import SimulatedRig
+from tests.commission.axes import T0_NS, configured, resting_at, session
 
 SOON_NS = T0_NS + 2_300_000_000
 SLOW = Limits(0.0, 150.0, 200.0)
@@ -180,3 +187,26 @@ def test_a_late_cycle_makes_no_larger_step() -> None:
 
     assert axis.drive_v == pytest.approx(20.0)
     assert np.max(np.diff(trace.drive_v)) <= 50.0 / RATE_HZ * 1.001
+
+
+def test_each_voltage_is_noted_for_the_next_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is where daemon and `safe` store theirs, with the device, before it is written."""
+    config, paths = configured(), StagePaths("stage", tmp_path, tmp_path)
+    written, noted, write = list[float](), list[float](), SimulatedRig.write
+
+    def noting(rig: SimulatedRig, drive_v: Sequence[float], now_ns: int) -> bool:
+        noted.extend(each.drive_v for each in read_last_output(paths.output_map))
+        written.append(drive_v[0])
+        return write(rig, drive_v, now_ns)
+
+    monkeypatch.setattr(SimulatedRig, "write", noting)
+    with one_axis(config, "x", OutputNotes(config, paths), clock=FakeClock(T0_NS)) as opened:
+        (found,) = read_last_output(paths.output_map)
+        opened.session.go(5.0)
+
+    assert found.drive_v == opened.session.found_v
+    assert max(written) == pytest.approx(5.0, abs=TOLERANCE_V)
+    assert noted == written
+    assert list(noted_identities(paths.identities)) == ["rig"]

@@ -363,16 +363,6 @@ def test_without_read_back_the_voltage_must_be_given() -> None:
         pass
 
 
-def test_initial_voltage_is_noted_before_the_first_write(tmp_path: Path) -> None:
-    """A process that is killed then leaves it for the next one."""
-    config = configured()
-    notes = OutputNotes(config, StagePaths("stage", tmp_path, tmp_path))
-    with one_axis(config, "x", notes, clock=FakeClock(T0_NS)) as opened:
-        noted_v = notes.last_v("x")
-
-    assert noted_v == opened.session.found_v
-
-
 def test_axis_without_a_sensor_is_not_commissioned(tmp_path: Path) -> None:
     """No device is opened: every step measures the displacement."""
     config = configured()
