@@ -7,7 +7,6 @@ kernel closes with the process; it opens nothing before that.
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from piezod.commission.bench import OneAxis
     from piezod.config.daemon import DaemonConfig
-    from piezod.daemon.last_output import LastOutputWriter
 
 DONE: Final = "done\n"
 WAIT_S: Final = 10.0
@@ -28,31 +26,23 @@ class Guardian:
 
     Args:
         config: Configuration of the stage.
-        output: Stores the last written voltage, for an amplifier without read-back.
-        output_file: Its file.
     """
 
-    def __init__(self, config: Path, output: "LastOutputWriter", output_file: Path) -> None:
-        self._config, self._output, self._output_file = config, output, output_file
+    def __init__(self, config: Path) -> None:
+        self._config = config
         command = [sys.executable, "-m", "piezod.cli.guardian"]
         # A new session: Ctrl-C in a terminal reaches only the command, which ramps back by itself.
         self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and module
             command, stdin=subprocess.PIPE, text=True, start_new_session=True
         )
 
-    def note(self, drive_v: float) -> None:
-        """Store a voltage that is about to be written, in V."""
-        self._output.note([drive_v], time.monotonic_ns())
-
     def watch(self, axis: str, opened: "OneAxis") -> None:
         """From now on bring this axis back to its initial voltage if this process is killed."""
-        self.note(opened.session.found_v)
         job = {
             "config": str(self._config.absolute()),
             "axis": axis,
             "found_v": opened.session.found_v,
             "identities": opened.identities,
-            "output": str(self._output_file),
         }
         self._tell(json.dumps(job) + "\n")
 
@@ -73,11 +63,7 @@ class Guardian:
 @contextmanager
 def guardian(config: Path) -> Iterator[Guardian]:
     """Start a guardian for the time of the block; the caller owns the devices of the stage."""
-    from piezod.daemon.last_output import LastOutputWriter
-    from piezod.daemon.paths import stage_paths
-
-    file = stage_paths(config).runtime / "commission.map"
-    guard = Guardian(config, LastOutputWriter(file, 1), file)
+    guard = Guardian(config)
     try:
         yield guard
     finally:
@@ -93,23 +79,23 @@ def main() -> None:
         _ramp_back(**json.loads(job))
 
 
-def _ramp_back(
-    config: str, axis: str, found_v: float, identities: dict[str, list[str]], output: str
-) -> None:
+def _ramp_back(config: str, axis: str, found_v: float, identities: dict[str, list[str]]) -> None:
     from piezod.cli.owned_stage import owning
     from piezod.config.daemon import load_daemon
     from piezod.daemon.clock import MonotonicClock
-    from piezod.daemon.last_output import read_last_output
+    from piezod.daemon.output_notes import OutputNotes
+    from piezod.daemon.paths import stage_paths
     from piezod.daemon.safe.ramp_down import Noted, ramp_down
     from piezod.devices import registry
     from piezod.devices.interface import Identity
 
     with owning(Path(config)):
-        (last,) = read_last_output(Path(output))
+        stage = load_daemon(Path(config), registry)
+        notes = OutputNotes(stage, stage_paths(Path(config)))
         known = {name: Identity(*who) for name, who in identities.items()}
-        stage = _with_target(load_daemon(Path(config), registry), axis, found_v)
-        noted = Noted({axis: last.drive_v}, known)
-        outcome = ramp_down(stage, noted, WAIT_S, MonotonicClock())[axis]
+        one, noted = _with_target(stage, axis, found_v), Noted({axis: notes.last_v(axis)}, known)
+        outcome = ramp_down(one, noted, WAIT_S, MonotonicClock())[axis]
+        notes.note(axis, outcome.written_v)
     text = outcome.why or f"ramped from {outcome.from_v:.2f} V to {outcome.safe_v:.2f} V"
     unknown = "the voltage is UNKNOWN: " if outcome.why else ""
     print(f"piezod: the command was killed; axis {axis}: {unknown}{text}", file=sys.stderr)

@@ -145,9 +145,19 @@ def left_alone(
         tolerance_v: Allowed difference between read-back and output, in V.
         watchdog: Whether the device has one.
     """
-    off_rest_v = abs(read_back_v - rest_v)
-    unpowered = min(abs(read_back_v), off_rest_v) <= tolerance_v
-    return unpowered or (watchdog and off_rest_v < abs(written_v - rest_v))
+    unpowered = min(abs(read_back_v), abs(read_back_v - rest_v)) <= tolerance_v
+    return unpowered or fell(read_back_v, written_v, rest_v if watchdog else nan)
+
+
+def fell(read_back_v: float, written_v: float, rest_v: float) -> bool:
+    """Return whether a device's own watchdog explains a read-back: it is nearer to rest.
+
+    Args:
+        read_back_v: The read-back, in V.
+        written_v: The last write, in V.
+        rest_v: Voltage to which the watchdog brings the output, in V; NaN without a watchdog.
+    """
+    return abs(read_back_v - rest_v) < abs(written_v - rest_v)
 
 
 def _of_two(known: Evidence) -> tuple[Source, str, bool]:

@@ -203,6 +203,15 @@ class Bench:
         daemon.process.wait(60)
         eventually(lambda: not (pid and is_alive(pid)))
 
+    def kill_beside(self) -> None:
+        """Kill what runs beside, and the process that would bring its axis back."""
+        assert self._beside is not None
+        children = Path(f"/proc/{self._beside.pid}/task/{self._beside.pid}/children").read_text()
+        for pid in (*map(int, children.split()), self._beside.pid):
+            os.kill(pid, signal.SIGKILL)
+        self._beside.wait(60)
+        self._beside = None
+
     def beside(self, *arguments: str) -> None:
         """Run `piezod` beside; `home` waits for its end."""
         log = self.folder / f"{arguments[0]}.log"

@@ -122,9 +122,32 @@ def _kill_all_and_restart(bench: Bench) -> None:
     _arm_and_go(bench)
 
 
+def _kill_all_and_commission(bench: Bench) -> None:
+    bench.kill_all()
+    bench.beside("commission", "--yes", str(bench.config))
+
+
+def _kill_commission_and_safe(bench: Bench) -> None:
+    bench.kill_beside()
+    bench.beside("safe", str(bench.config))
+
+
+def _kill_commission_and_repeat(bench: Bench) -> None:
+    bench.kill_beside()
+    bench.beside("commission", "--yes", str(bench.config))
+
+
+def _kill_commission_and_arm(bench: Bench) -> None:
+    bench.kill_beside()
+    bench.start()
+    bench.until(lambda status: status.get("state") in {"SAFE", "FAULT"}, 60.0)
+    _arm_and_go(bench)
+
+
 def _commissioning(bench: Bench) -> None:
     bench.shut_down()
-    bench.beside("commission", "--yes", str(bench.config))
+    # A person has seen the honest output; the case before may have left it unlike its last write.
+    bench.beside("commission", "--yes", "--confirm-output", str(bench.config))
     bench.driven(10.0)
 
 
@@ -152,6 +175,10 @@ CASES: Final = {
     "kill -9 of the loop": Case(_there, _kill_loop),
     "kill -9 of all, safe": Case(_there, _kill_all_and_safe),
     "kill -9 of all, run, arm": Case(_there, _kill_all_and_restart),
+    "kill -9 of all, commission": Case(_there, _kill_all_and_commission),
+    "kill -9 of commission, safe": Case(_commissioning, _kill_commission_and_safe),
+    "kill -9 of commission, commission": Case(_commissioning, _kill_commission_and_repeat),
+    "kill -9 of commission, run, arm": Case(_commissioning, _kill_commission_and_arm),
     "commission": Case(_commissioning, _nothing),
     "commission, Ctrl-C": Case(_commissioning, _interrupt),
 }

@@ -213,7 +213,7 @@ class VirtualRun(LoopRun):
         )
         self._controller = StageController(stage, LoopWatch(stage.period_ns, strict=False))
         noted_v = output.kept_v
-        take_over(self._controller, shared, channels, known, noted_v)
+        take_over(self._controller, shared, self.config, channels, known, noted_v)
         self._watch()
         self._period_ns, self._began_ns = shared.layout.period_ns, clock.t_ns
         self._loop = Loop(self._controller, timed, shared, clock, Pacer(clock, self._period_ns, 0))
