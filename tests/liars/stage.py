@@ -34,7 +34,7 @@ class Stage:
 
 
 def possible_um(drive_v: float, highest_v: float) -> tuple[float, float]:
-    """Return the lowest and the highest position at a voltage, whatever the past up to a voltage."""
+    """Return the lowest and the highest position at a voltage, of any past up to a voltage."""
     halves_v = [half_v for half_v, _weight in PLAYS]
     # From rest on, no play is below its half width.
     low_v = [max(drive_v - half_v, half_v) for half_v in halves_v]
