@@ -41,8 +41,13 @@ class Amplifier:
         return self._lie.refuses
 
     def position_um(self) -> float:
-        """Return what the sensor shows, in µm."""
+        """Return where the stage is, in µm, without a line in the trace."""
         return self._stage.position_um()
+
+    def sense_um(self, now_s: float) -> float:
+        """Return what the sensor shows, in µm."""
+        self._note(now_s, "sense", self._output_v)
+        return self.position_um()
 
     def read_back_v(self, now_s: float) -> float:
         """Return what is read back, in V."""

@@ -46,7 +46,7 @@ class Controller:
         self._cycles = self._rate = 1
         self._point, self._points, self._start_s = 0, 0, 0.0
         self._commands: dict[str, Callable[[list[str], float], str]] = {
-            "POS?": lambda _words, _now_s: f"1={self._amplifier.position_um():.6f}",
+            "POS?": lambda _words, now_s: f"1={self._amplifier.sense_um(now_s):.6f}",
             "VOL?": lambda _words, now_s: f"1={self._amplifier.read_back_v(now_s):.6f}",
             "ERR?": self._take_error,
             "SPA?": lambda words, _now_s: f"{' '.join(words)}={_PARAMETERS[words[1]]}",
@@ -91,6 +91,8 @@ class Controller:
             if len(self._record) < RECORDS // 2:
                 self._record.append((position_um, self._amplifier.shown_v(due_s)))
             self._point += 1
+            if not self._plays:
+                self._amplifier.note(due_s, "end")
         self._amplifier.advance(now_s)
 
     @property

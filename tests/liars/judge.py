@@ -34,7 +34,7 @@ class Step(NamedTuple):
         allowed_v: How far it may be, in V.
         own_v: The write before it, of the same process, in V; NaN if there was none.
         honest: Whether the last read-back was right.
-        position_um: Position of the stage, in µm.
+        position_um: Position of the stage before it, in µm; NaN if the process has no sensor.
     """
 
     t_s: float
@@ -56,13 +56,14 @@ class Step(NamedTuple):
     def has_witness(self) -> bool:
         """Whether anything could tell then that the voltage on the stage was another one.
 
-        That is a right read-back, the own last write if it is in force, or a position that the
-        stage cannot have at the read-back.
+        That is a right read-back, the own last write or the end of a table if it is in force, or a
+        position that the stage cannot have at the read-back.
         """
         if self.honest or abs(self.own_v - self.output_v) <= TOLERANCE_V:
             return True
         lowest_um, highest_um = possible_um(self.shown_v, HIGHEST_V)
-        return not lowest_um - BEYOND_UM <= self.position_um <= highest_um + BEYOND_UM
+        off_um = max(lowest_um - self.position_um, self.position_um - highest_um)
+        return off_um > BEYOND_UM
 
     def __str__(self) -> str:
         return (
@@ -87,17 +88,21 @@ def steps_of(rows: Sequence[Row], known_after_s: float = 0.0) -> Iterator[Step]:
             talks to the amplifier, the read-back just before a write comes too late for it.
     """
     reads, itself = deque[Row](maxlen=LOOKED_BACK), deque[Row](maxlen=LOOKED_BACK)
-    last_v = nan
+    last_v, position_um, sensed = nan, nan, True
     for row in rows:
         match row.kind:
             case "opened":
-                last_v = nan
+                last_v, sensed = nan, False
+            case "sense":
+                sensed = True
             case "read":
                 reads.append(row)
             case "own" | "late":
                 itself.append(row)
-            case "play":
+            case "play":  # nobody knows where it is
                 itself.append(row)
+                last_v = nan
+            case "end":
                 last_v = row.written_v
             case "write" | "start":
                 known = [read.t_s for read in reads if read.t_s <= row.t_s - known_after_s]
@@ -105,8 +110,10 @@ def steps_of(rows: Sequence[Row], known_after_s: float = 0.0) -> Iterator[Step]:
                 if row.kind == "start":
                     since_s = max(since_s, row.t_s - PERIOD_S)
                 itself_v = sum(abs(o.after_v - o.before_v) for o in itself if o.t_s > since_s)
-                yield _judged(row, reads[-1] if reads else row, itself_v, last_v)
+                before = row._replace(position_um=position_um if sensed else nan)
+                yield _judged(before, reads[-1] if reads else row, itself_v, last_v)
                 last_v = row.written_v
+        position_um = row.position_um
 
 
 def _judged(row: Row, read: Row, itself_v: float, last_v: float) -> Step:

@@ -35,7 +35,7 @@ class Lines:
             self._amplifier.note(now_s, "opened")
             return "LIAR A1 SN7"
         if command == "P?":
-            return f"P {self._amplifier.position_um():.4f}"
+            return f"P {self._amplifier.sense_um(now_s):.4f}"
         if command == "V?":
             return f"V {self._amplifier.read_back_v(now_s):.3f}"
         asked = _WRITE.fullmatch(command)

@@ -11,9 +11,9 @@ from typing import Literal, NamedTuple
 class Row(NamedTuple):
     """A line of the amplifier's trace; voltages in V, `text` of a refused write is its voltage.
 
-    Kinds: `opened` by a process, `read`, `write`, `refused`, `load` of a table, `start` of a play,
-    which is its first point, `play` of each other point, `late` for a write that takes effect,
-    `own` for a step by itself, and `mark`.
+    Kinds: `opened` by a process, `sense` by the sensor, `read` back, `write`, `refused`, `load` of
+    a table, `start` of a play, which is its first point, `play` of each other point, `end` of a
+    play by itself, `late` for a write that takes effect, `own` for a step by itself, and `mark`.
     """
 
     t_s: float

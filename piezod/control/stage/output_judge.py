@@ -110,6 +110,7 @@ class OutputJudge:
         """
         if not isfinite(read_back_v):
             return
+        self._answered = False
         law, watch = self._axes[index].law, self._watches[index]
         expected_um = self._expected_um[index] = law.expected_um
         if not watch.amplifier.follows:
@@ -122,6 +123,7 @@ class OutputJudge:
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
             self._rests[index] = _Rest(read_back_v, expected_um, mean)
+            (self._zeros.add if mean.cycles else self._zeros.discard)(index)
             self._false.discard(index)  # not in motion, which may pass a false read-back by chance
         self._rested[index], self._means[index] = rests, _NO_MEAN
         self._agreed_ns[index] = t_ns
@@ -129,6 +131,18 @@ class OutputJudge:
 
     def forget(self) -> None:
         """Forget where the axes have rested, and what was false: they were not driven since."""
+        self._zeros = set[int]()  # whose position is proven
+        self.lose_sight(answered=False)
+
+    def lose_sight(self, *, answered: bool) -> None:
+        """Forget where the axes have rested, and what was false: nobody has seen them move since.
+
+        That a zero was proven counts on.
+
+        Args:
+            answered: Whether the amplifiers have answered since: then no loss explains a read-back.
+        """
+        self._answered = answered
         n_axes = len(self._axes)
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
@@ -177,7 +191,7 @@ class OutputJudge:
         found = list[InForce]()
         self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
         for i, drive_v in enumerate(read_back_v):
-            was_away = not self._watches[i].amplifier.unexplained_fall
+            was_away = not (self._answered or self._watches[i].amplifier.unexplained_fall)
             found.append(self._judge(i, self._evidence(i, drive_v, t_ns, was_away=was_away), t_ns))
         unknown = self._unknown(found)
         if not unknown:
@@ -237,7 +251,7 @@ class OutputJudge:
         moved = self._moved(index, read_back_v, position_um, t_ns) if t_ns else nan
         # A zero is proven where read-back and write have agreed at rest, and S9 found nothing. To
         # arm, any contradiction counts.
-        if self._is_wrong(index) or (t_ns and not self._rests[index].mean.cycles):
+        if self._is_wrong(index) or (t_ns and index not in self._zeros):
             position_um = nan
         return Evidence(
             self._claim(index, read_back_v),

@@ -180,7 +180,7 @@ class _PlayThread(threading.Thread):
         self._wait(taken)
         self._check()
         self._store(taken, self._axis.recording(self._check), "")
-        return PlayOutcome(self._end_v(taken))
+        return PlayOutcome(self._end_v(taken), commanded=True)
 
     def _wait_for_start(self, taken: AxisTable) -> None:
         """Wait for the instant at which the play is to begin, or until it is aborted.

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import nan
+from math import isnan, nan
 
 import pytest
 
@@ -47,9 +47,9 @@ class PlayedByHand:
         """Count the aborts."""
         self.aborts += 1
 
-    def end(self, drive_v: float, failed: str = "") -> None:
+    def end(self, drive_v: float, failed: str = "", *, commanded: bool = False) -> None:
         """End the play at a voltage, in V."""
-        self._outcome = PlayOutcome(drive_v, failed)
+        self._outcome = PlayOutcome(drive_v, failed, commanded)
 
     def outcome(self) -> PlayOutcome | None:
         """Return the end, once."""
@@ -66,13 +66,14 @@ class SilentDevice(DeviceWrapper):
 
     Attributes:
         silent: Whether it is missing.
+        false_v: What is read back instead, in V; NaN for what is right.
     """
 
     def __init__(self, device: Device, lag_ns: int) -> None:
         self._identity = device.open()
         super().__init__(device)
         self._able = self._able._replace(lag_ns=lag_ns)
-        self.silent = False
+        self.silent, self.false_v = False, nan
 
     def open(self) -> Identity:
         """Return who it is."""
@@ -80,7 +81,10 @@ class SilentDevice(DeviceWrapper):
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the voltages, if it is not silent."""
-        return self._unknown if self.silent else super().read_back(now_ns)
+        if self.silent:
+            return self._unknown
+        right = super().read_back(now_ns)
+        return right if isnan(self.false_v) else [self.false_v] * len(right)
 
 
 class PlayingStage(RigStage):
@@ -163,7 +167,33 @@ def test_ramp_begins_at_the_read_back_after_the_play() -> None:
     stage.until("FAULT")
 
     assert stage.channels.writes[0][1][0] == pytest.approx(20.0, abs=0.8)
-    assert any("read-back" in event.text for event in stage.events if event.kind == "output")
+
+
+@pytest.mark.parametrize("false_v", [0.0, 70.0, 140.0])
+def test_false_read_back_after_a_play_is_not_driven_from(false_v: float) -> None:
+    """The end of the table and the sensor stand against it: the ramp begins at the end."""
+    stage = PlayingStage()
+    stage.channels.writes.clear()
+    stage.device.false_v = false_v
+    stage.runner.end(20.0, commanded=True)
+    stage.run(0.5)
+    written_v = [drive_v for _, (drive_v,) in stage.channels.writes]
+
+    assert max(written_v, default=0.0) <= 20.8
+    assert not written_v or written_v[0] == pytest.approx(20.0, abs=0.8)
+
+
+@pytest.mark.parametrize("false_v", [70.0, 140.0])
+def test_false_read_back_after_an_abort_is_not_driven_from(false_v: float) -> None:
+    """What the amplifier measures at the abort is no second witness: the sensor excludes it."""
+    stage = PlayingStage()
+    stage.channels.writes.clear()
+    stage.device.false_v = false_v
+    stage.do(rq.Stop())
+    stage.runner.end(false_v)
+    stage.until("FAULT")
+
+    assert stage.channels.writes == []
 
 
 @pytest.mark.parametrize("told_v", [60.0, nan])
