@@ -159,11 +159,14 @@ def is_visible(rows: Sequence[Row]) -> bool:
     """Return whether the read-back was unlike the last write for long, before the writes ended."""
     last = max((i for i, row in enumerate(rows) if row.kind in {"write", "refused"}), default=-1)
     since_s: float | None = None
+    known = True  # after the stop of a play nobody knows the last point
     # A stage that waits for its output writes nothing for a while, and a disarmed one never again.
     for row in rows[: last + 1]:
+        if row.kind in {"play", "write", "end"}:
+            known = row.kind != "play"
         if row.kind != "read":
             continue
-        if abs(row.shown_v - row.written_v) <= 2.0 * TOLERANCE_V:
+        if not known or abs(row.shown_v - row.written_v) <= 2.0 * TOLERANCE_V:
             since_s = None
         elif since_s is None:
             since_s = row.t_s

@@ -25,8 +25,9 @@ class PlayOutcome(NamedTuple):
     Attributes:
         drive_v: Voltage in force on the axis, in V; NaN if it is unknown.
         failed: Why it failed; empty if it ended, or was aborted.
-        commanded: Whether the voltage is the last one of the table; otherwise the amplifier has
-            measured it, and its read-back is no second witness.
+        commanded: Whether the voltage was commanded: the last one of the table, or before its start
+            the first one. Otherwise the amplifier has measured it: its read-back is no second
+            witness.
     """
 
     drive_v: float
@@ -118,7 +119,7 @@ class StagePlay:
         """Take the devices back when the play has ended.
 
         If the amplifiers read back, only a read-back from after the end tells the voltages in
-        force; the last voltage of a table counts as the last write.
+        force; a voltage that was commanded counts as the last write.
         Call once per cycle while `DeviceBoundary.played`. Real-time safe.
 
         Args:

@@ -131,7 +131,7 @@ class _PlayThread(threading.Thread):
         super().__init__(name="play", daemon=True)
         self._job, self._axis = job, job.player.axis
         self._idle, self._now_ns, self._file = idle, clock.now_ns, file
-        self.aborted = threading.Event()
+        self.aborted, self._started = threading.Event(), False
         self.outcome = PlayOutcome(nan, "the play did not end in order")
 
     def run(self) -> None:
@@ -143,12 +143,19 @@ class _PlayThread(threading.Thread):
         try:
             self.outcome = self._play()
         except PlayCancelledError as cancelled:
-            self.outcome = PlayOutcome(self._axis.abort(self._now_ns()))
+            self.outcome = self._stopped()
             self._store(self._job.table, None, str(cancelled))
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             why = str(error) if isinstance(error, PiezodError) else repr(error)
-            self.outcome = PlayOutcome(self._axis.abort(self._now_ns()), why)
+            self.outcome = self._stopped()._replace(failed=why)
             self._store(self._job.table, None, why)
+
+    def _stopped(self) -> PlayOutcome:
+        """Stop the device; return the voltage in force: before the start, that of the loop."""
+        drive_v = self._axis.abort(self._now_ns())
+        if self._started:
+            return PlayOutcome(drive_v)
+        return PlayOutcome(self._job.table.first_v, commanded=True)
 
     def _check(self) -> None:
         """End the play here if it is to be aborted.
@@ -176,6 +183,7 @@ class _PlayThread(threading.Thread):
         self._wait_for_start(taken)
         self._check()
         self._check_output(taken)
+        self._started = True  # before the request: nobody knows whether a failed one has started it
         self._axis.player.start(self._now_ns())
         self._wait(taken)
         self._check()

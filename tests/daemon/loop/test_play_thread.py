@@ -190,6 +190,7 @@ def test_play_starts_at_the_output_only(tmp_path: Path, output_v: float, starts:
 
     assert player.state is PlayState.IDLE
     assert "20 V" in outcome.failed
+    assert (outcome.drive_v, outcome.commanded) == (20.0, True)
 
 
 def test_abort_ends_a_play(tmp_path: Path) -> None:
