@@ -131,7 +131,7 @@ class _PlayThread(threading.Thread):
         super().__init__(name="play", daemon=True)
         self._job, self._axis = job, job.player.axis
         self._idle, self._now_ns, self._file = idle, clock.now_ns, file
-        self.aborted, self._started = threading.Event(), False
+        self.aborted, self._may_play = threading.Event(), False
         self.outcome = PlayOutcome(nan, "the play did not end in order")
 
     def run(self) -> None:
@@ -153,7 +153,7 @@ class _PlayThread(threading.Thread):
     def _stopped(self) -> PlayOutcome:
         """Stop the device; return the voltage in force: before the start, that of the loop."""
         drive_v = self._axis.abort(self._now_ns())
-        if self._started:
+        if self._may_play:
             return PlayOutcome(drive_v)
         return PlayOutcome(self._job.table.first_v, commanded=True)
 
@@ -183,7 +183,7 @@ class _PlayThread(threading.Thread):
         self._wait_for_start(taken)
         self._check()
         self._check_output(taken)
-        self._started = True  # before the request: nobody knows whether a failed one has started it
+        self._may_play = True  # before the request: nobody knows whether a failed one has started it
         self._axis.player.start(self._now_ns())
         self._wait(taken)
         self._check()
