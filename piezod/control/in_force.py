@@ -79,6 +79,7 @@ class Evidence(NamedTuple):
 
 
 _NONE: Final = Claim(nan)
+_UNDECIDED: Final = "nothing tells which of them is right"
 
 
 class Source(Enum):
@@ -126,6 +127,8 @@ def voltage_in_force(known: Evidence, tolerance_v: float) -> InForce:
     only = read_back if isfinite(read_back.drive_v) else written
     source = Source.AGREED if isfinite(only.drive_v) else Source.UNKNOWN
     if only.excludes(known.position_um):
+        if not isfinite(read_back.drive_v - written.drive_v):  # one witness against another
+            return InForce(nan, Source.UNKNOWN, _doubt(known, _UNDECIDED), proven=False)
         why = "there is no other voltage to start from"
         return InForce(only.drive_v, source, _doubt(known, why), proven=False)
     return InForce(only.drive_v, source)
@@ -176,7 +179,7 @@ def _of_two(known: Evidence) -> tuple[Source, str, bool]:
         # A step up from an output that has lost its power would be the worst that can happen.
         why = "the read-back counts, because the output may have come there by itself"
         return Source.READ_BACK, why, False
-    return Source.UNKNOWN, "nothing tells which of them is right", False
+    return Source.UNKNOWN, _UNDECIDED, False
 
 
 def _doubt(known: Evidence, why: str) -> str:

@@ -1,3 +1,4 @@
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -12,12 +13,12 @@ BOUND_V = SLEW_V_PER_S * PERIOD_S + TOLERANCE_V
 
 def read(t_s: float, output_v: float, shown_v: float, written_v: float = 0.0) -> Row:
     """Return a read-back in a trace."""
-    return Row(t_s, "read", written_v, output_v, output_v, shown_v, "")
+    return Row(t_s, "read", written_v, output_v, output_v, shown_v, nan, "")
 
 
 def write(t_s: float, drive_v: float, output_v: float) -> Row:
     """Return a write in a trace, which the output follows."""
-    return Row(t_s, "write", drive_v, output_v, drive_v, output_v, "")
+    return Row(t_s, "write", drive_v, output_v, drive_v, output_v, nan, "")
 
 
 def test_far_write_is_found() -> None:
@@ -39,7 +40,7 @@ def test_false_read_back_does_not_excuse_a_write() -> None:
 
 def test_fall_after_the_last_read_back_does_not_count() -> None:
     """What the output has gone by itself since it was last read back is no step by piezod."""
-    fall = Row(1.001, "own", 60.0, 60.0, 0.0, 0.0, "fall")
+    fall = Row(1.001, "own", 60.0, 60.0, 0.0, 0.0, nan, "fall")
     before = [read(1.0, 60.0, 60.0), fall]
     (unseen,) = steps_of([*before, write(1.001, 60.0, 0.0)])
     (seen,) = steps_of([*before, read(1.001, 0.0, 0.0), write(1.001, 60.0, 0.0)])

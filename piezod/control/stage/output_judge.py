@@ -113,6 +113,7 @@ class OutputJudge:
         """
         if not isfinite(read_back_v):
             return
+        self._answered = False
         law, watch = self._axes[index].law, self._watches[index]
         expected_um = self._expected_um[index] = law.expected_um
         if not watch.amplifier.follows:
@@ -125,22 +126,29 @@ class OutputJudge:
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
             self._rests[index] = _Rest(read_back_v, expected_um, mean)
-            self._zero_proven[index] = mean.cycles > 0
+            (self._zeros.add if mean.cycles else self._zeros.discard)(index)
             # Not in motion, which may pass a false read-back by chance.
             self._false.pop(index, None)
         self._rested[index], self._means[index] = rests, _NO_MEAN
-        self._agreed_ns[index] = t_ns
+        self._agreed_ns[index], self._answered = t_ns, False
         if self._doubts[index].agrees(t_ns):
             text = "read-back and last write agree again"
             self._note(StageEvent(t_ns, "info", "output", text, axis=self._axes[index].name))
 
     def forget(self) -> None:
         """Forget all that was seen of the axes: they were not driven since."""
-        self._zero_proven = [False] * len(self._axes)
-        self.played()
+        self._zeros = set[int]()  # whose position is proven
+        self.lose_sight(answered=False)
 
-    def played(self) -> None:
-        """Forget where the axes have rested, and what was false: a player has moved them."""
+    def lose_sight(self, *, answered: bool) -> None:
+        """Forget where the axes have rested, and what was false: nobody has seen them move since.
+
+        That a zero was proven counts on.
+
+        Args:
+            answered: Whether the amplifiers have answered since: then no loss explains a read-back.
+        """
+        self._answered = answered
         n_axes = len(self._axes)
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
@@ -187,7 +195,7 @@ class OutputJudge:
     # ------------------------------------------------------------------ who starts from a voltage
 
     def resync(
-        self, read_back_v: Sequence[float], t_ns: int, *, played: bool = False
+        self, read_back_v: Sequence[float], t_ns: int, *, settles: bool = False
     ) -> tuple[str, bool]:
         """Take over the outputs of amplifiers that answer again, or that a play has left.
 
@@ -196,7 +204,7 @@ class OutputJudge:
         Args:
             read_back_v: Read-back of each axis, finite, in V.
             t_ns: Instant of the cycle, in ns.
-            played: Whether a player has moved the outputs since the last write.
+            settles: Whether the outputs may still settle after a play.
 
         Returns:
             Why a voltage is unknown, for people, empty if all axes were taken over; and whether
@@ -205,7 +213,7 @@ class OutputJudge:
         found = list[InForce]()
         self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
         for i, drive_v in enumerate(read_back_v):
-            explained = played or self._left_alone(i, drive_v)
+            explained = settles or self._left_alone(i, drive_v)
             known = self._evidence(i, drive_v, t_ns, explained=explained)
             found.append(self._judge(i, known, t_ns))
         amplifiers = self._boundary.amplifiers
@@ -272,7 +280,7 @@ class OutputJudge:
         moved = self._moved(index, read_back_v, position_um, t_ns) if t_ns else nan
         # A zero is proven where read-back and write have agreed at rest, and S9 found nothing. To
         # arm, any contradiction counts.
-        if self._is_wrong(index) or (t_ns and not self._zero_proven[index]):
+        if self._is_wrong(index) or (t_ns and index not in self._zeros):
             position_um = nan
         return Evidence(
             self._claim(index, read_back_v),
@@ -313,7 +321,8 @@ class OutputJudge:
         axis, written_v = self._axes[index], self._boundary.written_v[index]
         tolerance_v, rest_v = axis.law.limits.read_back_tolerance_v, axis.config.limits.rest_v
         watchdog = self._boundary.watchdog
-        return not self._watches[index].amplifier.unexplained_fall and left_alone(
+        answered = self._answered or self._watches[index].amplifier.unexplained_fall
+        return not answered and left_alone(
             read_back_v, written_v, rest_v, tolerance_v, watchdog=watchdog
         )
 

@@ -16,7 +16,7 @@ from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import StageEvent
-from piezod.units import s_to_ns
+from piezod.units import NS_PER_S, s_to_ns
 
 HOLD_NS = s_to_ns(2.0)
 """Duration of a HOLD that a fault caused, in ns; then the stage ramps to the safe voltage."""
@@ -155,13 +155,27 @@ def _play_goes_on(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> bool
         return True
     if end.failed:
         stage.note(StageEvent(t_ns, "warning", "play", f"the play failed: {end.failed}"))
-    stage.judge.played()
-    reads_back = stage.boundary.reads_back
-    unknown = stage.judge.resync(read_back_v, t_ns, played=True)[0] if reads_back else ""
+    settles = _is_near_writes(stage, read_back_v)
+    stage.judge.lose_sight(answered=end.commanded and not settles)
+    unknown = ""
+    if stage.boundary.reads_back:
+        unknown, _ = stage.judge.resync(read_back_v, t_ns, settles=settles)
     stage.resume_output(t_ns)
     if unknown:
         stage.go(Event.FAULT_BLIND, t_ns)
     return False
+
+
+def _is_near_writes(stage: Stage, read_back_v: Sequence[float]) -> bool:
+    """Return whether the outputs are where one cycle leads: an output may settle after a play."""
+    period_s = stage.period_ns / NS_PER_S
+    return not any(
+        abs(drive_v - written_v)
+        > axis.law.limits.slew_v_per_s * period_s + axis.law.limits.read_back_tolerance_v
+        for axis, drive_v, written_v in zip(
+            stage.axes, read_back_v, stage.boundary.written_v, strict=True
+        )
+    )
 
 
 def _boot(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
