@@ -95,7 +95,7 @@ class DeviceBoundary:
         self.reports_restart, self.watchdog = reports_restart, watchdog
         self.lag_cycles, self.amplifiers = lag_cycles, amplifiers or [""] * n_axes
         self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
-        self._true_zero_um = [0.0] * n_axes
+        self._true_zero_um, self._no_age_ns = [0.0] * n_axes, [0] * n_axes
         self.open = False
         """Whether writes reach the amplifier."""
         self.written_v: Sequence[float] = self._unknown_v
@@ -196,8 +196,8 @@ class DeviceBoundary:
             return self._unknown_v
 
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
-        """Return the age of the last read-back of each axis, in ns."""
-        return self.devices.read_back_age_ns(now_ns)
+        """Return the age of the last read-back of each axis, in ns; 0 while devices are lent."""
+        return self._no_age_ns if self.lent else self.devices.read_back_age_ns(now_ns)
 
     def status(self, now_ns: int) -> Sequence[Flags]:
         """Return the flags of the sensor of each axis, then those of the amplifier of each axis."""
