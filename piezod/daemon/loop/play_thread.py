@@ -183,7 +183,7 @@ class _PlayThread(threading.Thread):
         self._wait_for_start(taken)
         self._check()
         self._check_output(taken)
-        self._may_play = True  # before the request: nobody knows whether a failed one has started it
+        self._may_play = True  # nobody knows whether a request that fails has started it
         self._axis.player.start(self._now_ns())
         self._wait(taken)
         self._check()
