@@ -119,13 +119,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, *live
     )
     drive_v, held = admitted.drive_v, admitted.held
-    # Write. The hysteresis memory advances with the voltage that was applied.
-    written = len(held) < len(axes) and devices.write(drive_v, t_ns, held)
-    if written:
-        parts.written_ns = t_ns
-        for i, axis in enumerate(axes):
-            if i not in held:
-                axis.applied(drive_v[i])
+    written = _write(parts, admitted, t_ns)
 
     outputs = [_as_admitted(i, output, admitted) for i, output in enumerate(outputs)]
     records = [
@@ -139,6 +133,18 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
+
+
+def _write(parts: CycleParts, admitted: Admitted, t_ns: int) -> bool:
+    """Write the admitted voltages; return whether they were taken."""
+    drive_v, held = admitted.drive_v, admitted.held
+    if len(held) == len(parts.axes) or not parts.devices.write(drive_v, t_ns, held):
+        return False
+    parts.written_ns = t_ns
+    for i, axis in enumerate(parts.axes):
+        if i not in held:
+            axis.applied(drive_v[i])  # the hysteresis memory advances with the applied voltage
+    return True
 
 
 # ---------------------------------------------------------------------- screen, watch

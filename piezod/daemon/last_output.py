@@ -81,10 +81,10 @@ class LastOutputWriter:
             if not isnan(voltage):
                 self._store(axis, voltage, t_ns)
 
-    def forget(self, t_ns: int) -> None:
-        """Store that the voltages are not known any more. Real-time safe."""
-        for axis in range(self._words[0]):
-            self._store(axis, nan, t_ns)
+    def forget(self, t_ns: int, axis: int | None = None) -> None:
+        """Store that the voltage of an axis, or of all, is not known any more. Real-time safe."""
+        for each in range(self._words[0]) if axis is None else (axis,):
+            self._store(each, nan, t_ns)
 
     def _store(self, axis: int, voltage: float, t_ns: int) -> None:
         word = 1 + axis * _WORDS_PER_AXIS

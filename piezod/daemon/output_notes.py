@@ -64,7 +64,8 @@ class OutputNotes:
             OSError: If the identities cannot be stored.
         """
         for axis in unconcerned(self._config, channels, self._identities):
-            self.note(axis, nan)
+            self._last_v[axis] = nan
+            self._writer.forget(time.monotonic_ns(), list(self._config.axes).index(axis))
         self._identities |= channels.identities
         note_identities(self._paths.identities, self._identities)
 
@@ -73,6 +74,6 @@ class OutputNotes:
         return self._last_v[axis]
 
     def note(self, axis: str, drive_v: float) -> None:
-        """Store a voltage that is about to be written or was found in force, in V; NaN: unknown."""
+        """Store a voltage that is about to be written or was found in force, in V."""
         self._last_v[axis] = drive_v
         self._writer.note([*self._last_v.values()], time.monotonic_ns())

@@ -66,8 +66,8 @@ def configured(folder: Path, port: Path, model: Path, speaks: Speaks) -> Path:
     """Write the configuration; return its path."""
     path = folder / "liar.yaml"
     limits = {"highest": HIGHEST_V, "slew": SLEW_V_PER_S, "safe": SAFE_V, "ramp": RAMP_V_PER_S}
-    values = {"rate": RATE_HZ, "port": port, "model": model, **limits, **_DEVICES[speaks]}
-    path.write_text(_TEXT.format(**values), encoding="utf-8")
+    text = _TEXT.format(rate=RATE_HZ, port=port, model=model, **limits, **_DEVICES[speaks])
+    path.write_text(text, encoding="utf-8")
     return path
 
 

@@ -52,7 +52,7 @@ class Controller:
             "SPA?": lambda words, _now_s: f"{' '.join(words)}={_PARAMETERS[words[1]]}",
             "SVA": self._write,
             "WCL": self._clear,
-            "WAV": lambda words, _now_s: self._table.extend(map(float, words[5:])) or "",
+            "WAV": self._append,
             "WGC": self._count,
             "WTR": self._slow,
             "WGO": self._go,
@@ -124,6 +124,10 @@ class Controller:
     def _clear(self, _words: list[str], now_s: float) -> str:
         self._table.clear()
         self._amplifier.note(now_s, "load")
+        return ""
+
+    def _append(self, words: list[str], _now_s: float) -> str:
+        self._table += map(float, words[5:])
         return ""
 
     def _count(self, words: list[str], _now_s: float) -> str:

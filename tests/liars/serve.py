@@ -17,7 +17,7 @@ from tests.liars.controller import Controller
 from tests.liars.lines import Lines
 
 TICK_S: Final = 0.005
-SPEAKS: Final = {"lines": Lines, "gcs": Controller}
+SPEAKS: Final[dict[str, type[Lines] | type[Controller]]] = {"lines": Lines, "gcs": Controller}
 
 
 def main(port: Path, trace: Path, speaks: str) -> None:

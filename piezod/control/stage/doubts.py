@@ -31,13 +31,8 @@ class AxisDoubt:
         return found.doubt
 
     def agrees(self, t_ns: int) -> bool:
-        """Take a cycle in which both agree; return whether the end of a doubt is to be reported."""
+        """Take a cycle in which both agree; return whether the doubt is over, which is to be told."""
         self.text = ""
-        if not self._reported:
-            return False
         if self._agrees_ns is None:
             self._agrees_ns = t_ns
-        if t_ns - self._agrees_ns < OVER_NS:
-            return False
-        self._reported.clear()
-        return True
+        return t_ns - self._agrees_ns >= OVER_NS

@@ -131,7 +131,8 @@ class OutputJudge:
             self._false.pop(index, None)
         self._rested[index], self._means[index] = rests, _NO_MEAN
         self._agreed_ns[index], self._answered = t_ns, False
-        if self._doubts[index].agrees(t_ns):
+        if index in self._doubts and self._doubts[index].agrees(t_ns):
+            del self._doubts[index]
             text = "read-back and last write agree again"
             self._note(StageEvent(t_ns, "info", "output", text, axis=self._axes[index].name))
 
@@ -153,7 +154,7 @@ class OutputJudge:
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
         self._last_v = [nan] * n_axes
-        self._doubts = [AxisDoubt() for _ in range(n_axes)]
+        self._doubts = dict[int, AxisDoubt]()
         self._false = dict[int, float]()  # axes with a false read-back, and what it showed last
 
     def live(
@@ -263,7 +264,7 @@ class OutputJudge:
 
     def told(self, index: int) -> str:
         """Return the doubt about the voltage of an axis, for people; empty if there is none."""
-        return self._doubts[index].text
+        return self._doubts[index].text if index in self._doubts else ""
 
     # ------------------------------------------------------------------ the evidence
 
@@ -337,7 +338,9 @@ class OutputJudge:
         """Return the voltage in force; report a doubt."""
         axis = self._axes[index]
         found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
-        if text := self._doubts[index].found(found):
+        if not found.doubt and index not in self._doubts:
+            return found
+        if text := self._doubts.setdefault(index, AxisDoubt()).found(found):
             self._note(StageEvent(t_ns, "warning", "output", text, axis=axis.name))
         return found
 

@@ -153,7 +153,7 @@ class _PlayThread(threading.Thread):
     def _stopped(self) -> PlayOutcome:
         """Stop the device; return the voltage in force: before the start, that of the loop."""
         drive_v = self._axis.abort(self._now_ns())
-        if self._may_play:
+        if self._may_play or not isfinite(drive_v):  # nor is it known if the device does not answer
             return PlayOutcome(drive_v)
         return PlayOutcome(self._job.table.first_v, commanded=True)
 
@@ -183,9 +183,7 @@ class _PlayThread(threading.Thread):
         self._wait_for_start(taken)
         self._check()
         self._check_output(taken)
-        self._may_play = (
-            True  # before the request: nobody knows whether a failed one has started it
-        )
+        self._may_play = True  # nobody knows whether a request that fails has started it
         self._axis.player.start(self._now_ns())
         self._wait(taken)
         self._check()

@@ -187,7 +187,7 @@ def test_false_read_back_after_a_play_is_not_driven_from(false_v: float) -> None
     written_v = [drive_v for _, (drive_v,) in stage.channels.writes]
 
     assert bool(written_v) == (false_v > 50.0)  # which the sensor excludes
-    assert not written_v or written_v[0] == pytest.approx(20.0, abs=0.8)
+    assert not written_v or written_v[0] == pytest.approx(20.0, abs=1.2)
 
 
 @pytest.mark.parametrize("false_v", [70.0, 140.0])

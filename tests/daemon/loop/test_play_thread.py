@@ -207,7 +207,11 @@ def test_abort_ends_a_play(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("slow", ["load", "record"])
 def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
-    """It ends loading and reading in their middle; the voltage is the one that is then reported."""
+    """It ends loading and reading in their middle.
+
+    Before the start the voltage is the first one, which the loop has written; later it is the one
+    that the device reports.
+    """
     player = FakePlayer()
     player.slow = slow
     played = Played(tmp_path, player)
@@ -216,8 +220,10 @@ def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
         player.state = PlayState.ENDED
     eventually(lambda: player.under_way == slow)
     played.threads.abort()
+    outcome = played.outcome()
 
-    assert played.outcome().drive_v == pytest.approx(25.0)
+    assert outcome.drive_v == pytest.approx(20.0 if slow == "load" else 25.0)
+    assert outcome.commanded == (slow == "load")
     assert played.document()["failed"] == "it was aborted"
 
 
@@ -234,13 +240,13 @@ def test_play_begins_at_its_instant(tmp_path: Path) -> None:
 
 
 def test_abort_before_the_instant_starts_nothing(tmp_path: Path) -> None:
-    """A play that waits for its instant is aborted like one that runs."""
+    """A play that waits for its instant is aborted; the voltage is the one that it begins at."""
     player = FakePlayer()
     played = Played(tmp_path, player, TABLE._replace(start_ns=3600 * 10**9))
     eventually(lambda: player.state is PlayState.ARMED)
     played.threads.abort()
 
-    assert played.outcome().drive_v == pytest.approx(25.0)
+    assert played.outcome().drive_v == pytest.approx(20.0)
     assert played.document()["failed"] == "it was aborted"
 
 
