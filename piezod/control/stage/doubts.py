@@ -31,8 +31,13 @@ class AxisDoubt:
         return found.doubt
 
     def agrees(self, t_ns: int) -> bool:
-        """Take a cycle in which both agree; return whether the doubt is over, which is to be told."""
+        """Take a cycle in which both agree; return whether the doubt is over."""
         self.text = ""
+        if not self._reported:
+            return False
         if self._agrees_ns is None:
             self._agrees_ns = t_ns
-        return t_ns - self._agrees_ns >= OVER_NS
+        if t_ns - self._agrees_ns < OVER_NS:
+            return False
+        self._reported.clear()
+        return True
