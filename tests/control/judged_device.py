@@ -16,7 +16,7 @@ Other writes are listed apart.
 """
 
 from collections.abc import Sequence
-from math import inf, isnan, nan
+from math import inf, isfinite, isnan, nan
 from typing import Final
 
 from piezod.config.states import State
@@ -182,7 +182,9 @@ class JudgedDevice(FaultyDevice):
         if own and (follows or (begins and sensor)):
             return 0
         excluded = sensor and self.excludes(self.shown_v) and not self.excludes(output_v)
-        return 0 if excluded else None
+        # Beside a false read-back, the sensor allows an output at the last write: it is stuck.
+        misled = not own and isfinite(self._own_v) and not self.excludes(self._own_v)
+        return 0 if excluded and not misled else None
 
     def _sensor_lies(self, now_ns: int) -> bool:
         return any(one.kind in SENSOR_LIES for one in self._now(now_ns))

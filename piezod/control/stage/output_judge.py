@@ -64,15 +64,17 @@ class _Rest(NamedTuple):
         read_back_v: Its read-back, in V.
         expected_um: Position that the model expected, in µm.
         mean: The measured position, less that one.
+        memory_known: Whether the hysteresis memory was known.
     """
 
     read_back_v: float
     expected_um: float
     mean: _Mean
+    memory_known: bool
 
 
 _NO_MEAN: Final = _Mean(0.0, 0)
-_UNSEEN: Final = _Rest(nan, nan, _NO_MEAN)
+_UNSEEN: Final = _Rest(nan, nan, _NO_MEAN, memory_known=False)
 
 
 class OutputJudge:
@@ -84,6 +86,7 @@ class OutputJudge:
         register: The faults of the stage.
         boundary: The devices, with the voltages that were written last.
         note: Takes the reports.
+        memory_known: Returns whether the hysteresis memory is known.
     """
 
     def __init__(
@@ -93,9 +96,10 @@ class OutputJudge:
         register: FaultRegister,
         boundary: DeviceBoundary,
         note: Callable[[StageEvent], None],
+        memory_known: Callable[[], bool],
     ) -> None:
         self._axes, self._watches, self._register = axes, watches, register
-        self._boundary, self._note = boundary, note
+        self._boundary, self._note, self._memory_known = boundary, note, memory_known
         self._expected_um, self._agreed_ns = [nan] * len(axes), [0] * len(axes)
         self._since_ns = [0] * len(axes)
         self.forget()
@@ -125,7 +129,7 @@ class OutputJudge:
             wrong = self._register.present & _WRONG and self._is_wrong(index)
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
-            self._rests[index] = _Rest(read_back_v, expected_um, mean)
+            self._rests[index] = _Rest(read_back_v, expected_um, mean, self._memory_known())
             (self._zeros.add if mean.cycles else self._zeros.discard)(index)
             # Not in motion, which may pass a false read-back by chance.
             self._false.pop(index, None)
@@ -295,6 +299,8 @@ class OutputJudge:
     def _moved(self, index: int, read_back_v: float, position_um: float, t_ns: int) -> float:
         """Return the share of the way to the read-back that the sensor has seen; NaN if unknown.
 
+        It is unknown if the hysteresis memory was: then the model expects a wrong way.
+
         The model expects the position at the last write. At the read-back the stage would be where
         it rested, and on by the mean slope as far as the read-back has moved since.
         """
@@ -313,7 +319,9 @@ class OutputJudge:
             LEAST_WAY_ERRORS * sensor.model_error_um,
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
-        if not (settled and averaged and abs(way_um) > least_um):  # also without a model
+        if not (rest.memory_known and settled):
+            return nan
+        if not (averaged and abs(way_um) > least_um):  # also without a model
             return nan
         return (mean.off_um - rest.mean.off_um) / way_um
 
