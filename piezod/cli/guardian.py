@@ -1,7 +1,7 @@
-"""A process that ramps an axis back if the command that drives it is killed.
+"""The guardian of a command that drives an axis, as the command sees it.
 
-A killed process cannot undo anything itself. The guardian waits at the end of a pipe, which the
-kernel closes with the process; it opens nothing before that.
+A killed process cannot undo anything itself. The guardian is another process, which then ramps the
+axis back; it waits at the end of a pipe, which the kernel closes with the command.
 """
 
 import json
@@ -14,11 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from piezod.commission.bench import OneAxis
-    from piezod.config.daemon import DaemonConfig
 
 DONE: Final = "done\n"
-WAIT_S: Final = 10.0
-"""How long the amplifier may be unavailable after the end of the command, in s."""
 
 
 class Guardian:
@@ -30,14 +27,21 @@ class Guardian:
 
     def __init__(self, config: Path) -> None:
         self._config = config
-        command = [sys.executable, "-m", "piezod.cli.guardian"]
+        command = [sys.executable, "-m", "piezod.cli.guardian_process"]
         # A new session: Ctrl-C in a terminal reaches only the command, which ramps back by itself.
         self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and module
-            command, stdin=subprocess.PIPE, text=True, start_new_session=True
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
         )
 
     def watch(self, axis: str, opened: "OneAxis") -> None:
-        """From now on bring this axis back to its initial voltage if this process is killed."""
+        """From now on bring this axis back to its initial voltage if this process is killed.
+
+        Returns when the guardian has loaded all that it needs.
+        """
         job = {
             "config": str(self._config.absolute()),
             "axis": axis,
@@ -45,6 +49,8 @@ class Guardian:
             "identities": opened.identities,
         }
         self._tell(json.dumps(job) + "\n")
+        if self._process.stdout is not None:
+            self._process.stdout.readline()
 
     def end(self) -> None:
         """End the process: the axis was brought back, or nothing was driven."""
@@ -68,46 +74,3 @@ def guardian(config: Path) -> Iterator[Guardian]:
         yield guard
     finally:
         guard.end()
-
-
-def main() -> None:
-    """Wait for the end of the command, and ramp the axis back that it has not brought back."""
-    job, line = "", sys.stdin.readline()
-    while line not in {"", DONE}:
-        job, line = line, sys.stdin.readline()
-    if line != DONE and job:
-        _ramp_back(**json.loads(job))
-
-
-def _ramp_back(config: str, axis: str, found_v: float, identities: dict[str, list[str]]) -> None:
-    from piezod.cli.owned_stage import owning
-    from piezod.config.daemon import load_daemon
-    from piezod.daemon.clock import MonotonicClock
-    from piezod.daemon.output_notes import OutputNotes
-    from piezod.daemon.paths import stage_paths
-    from piezod.daemon.safe.ramp_down import Noted, ramp_down
-    from piezod.devices import registry
-    from piezod.devices.interface import Identity
-
-    with owning(Path(config)):
-        stage = load_daemon(Path(config), registry)
-        notes = OutputNotes(stage, stage_paths(Path(config)))
-        known = {name: Identity(*who) for name, who in identities.items()}
-        one, noted = _with_target(stage, axis, found_v), Noted({axis: notes.last_v(axis)}, known)
-        outcome = ramp_down(one, noted, WAIT_S, MonotonicClock())[axis]
-        notes.note(axis, outcome.written_v)
-    text = outcome.why or f"ramped from {outcome.from_v:.2f} V to {outcome.safe_v:.2f} V"
-    unknown = "the voltage is UNKNOWN: " if outcome.why else ""
-    print(f"piezod: the command was killed; axis {axis}: {unknown}{text}", file=sys.stderr)
-
-
-def _with_target(stage: "DaemonConfig", axis: str, found_v: float) -> "DaemonConfig":
-    """Return the stage with one axis only, whose safe voltage is the initial voltage."""
-    one = stage.axes[axis]
-    target_v = min(max(found_v, one.limits.drive_min_v), one.limits.drive_max_v)
-    safety = one.safety.model_copy(update={"safe_v": target_v})
-    return stage.model_copy(update={"axes": {axis: one.model_copy(update={"safety": safety})}})
-
-
-if __name__ == "__main__":
-    main()

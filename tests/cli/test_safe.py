@@ -26,6 +26,7 @@ from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import EmulatedOptions
 from tests.cli.conftest import Command
 from tests.daemon.locks import is_held
+from tests.daemon.supervisor.test_late_imports import SITE
 from tests.daemon.waiting import eventually
 from tests.forked import Forked, run
 from tests.hosted_rig import hosted, writes
@@ -264,6 +265,7 @@ config = Path("stage.yaml")
 with owning(config), guardian(config) as guard:
     guard.watch("x", SimpleNamespace(session=SimpleNamespace(found_v=20.0), identities=IDENTITIES))
     OutputNotes(load_daemon(config, registry), stage_paths(config)).note("x", 60.0)
+    Path("closed").touch()  # from now on the guardian imports nothing
     os.kill(os.getpid(), signal.SIGKILL) if KILLED else None
 """
 
@@ -276,12 +278,19 @@ def test_killed_command_leaves_its_axis_as_it_found_it(
     rig.close()
     before = len(writes(folder / "trace.csv"))
     script = KILLED.replace("KILLED", str(killed)).replace("IDENTITIES", "{}")
+    site = SITE.format(closed=str(folder / "closed"), imported=str(folder / "imported"))
+    (folder / "sitecustomize.py").write_text(site, encoding="ascii")
     command = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(folder)},
     )  # returns when the guardian, which has the same stderr, has ended too
 
     after = [each.drive_v for each in writes(folder / "trace.csv")[before:]]
     assert command.returncode == (-signal.SIGKILL if killed else 0), command.stderr
+    assert not (folder / "imported").exists()
     assert not is_held(paths.lock)
     if killed:
         assert "axis x: ramped from 60." in command.stderr
