@@ -128,8 +128,8 @@ def _coarse(client: "StageClient", waveforms: "Waveforms") -> list[str]:
     """Return the warnings about waveforms, which the stage has accepted."""
     from pydantic import TypeAdapter
 
-    from piezod.config.combined_waveforms import WaveformConfig
     from piezod.config.frequencies import coarse
+    from piezod.config.waveforms.combined import WaveformConfig
 
     adapter: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
     accepted = {axis: adapter.validate_python(each) for axis, each in waveforms.items()}

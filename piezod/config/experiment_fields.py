@@ -6,7 +6,6 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, model_validator
 
 from piezod.config.axes import AxisConfig
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.commands import Command, CommandPerAxis
 from piezod.config.devices import DeviceConfig
 from piezod.config.fields import ConfigModel, raise_rules
@@ -22,6 +21,7 @@ from piezod.config.quantities import (
     Seed,
 )
 from piezod.config.requests import ModeName
+from piezod.config.waveforms.combined import WaveformConfig
 
 Metric: TypeAlias = Literal[
     "tracking_max_pct",

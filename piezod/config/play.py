@@ -5,10 +5,10 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from piezod.config.envelopes import ConstantEnvelope
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.quantities import DurationS, FrequencyHz, OneLine, PauseS, PercentOfRange
-from piezod.config.waveforms import Csv, Points, Sine, Triangle
+from piezod.config.waveforms.paths import Csv, Points
+from piezod.config.waveforms.shapes import Sine, Triangle
 
 PlayedCommand: TypeAlias = Annotated[
     Sine | Triangle | Points | Csv,
@@ -36,29 +36,13 @@ class WaveConfig(ConfigModel):
     @property
     def period_s(self) -> float:
         """Duration of a period, in s."""
-        match self.command_um:
-            case Sine(frequency_hz=frequency_hz) | Triangle(frequency_hz=frequency_hz):
-                return 1.0 / frequency_hz
-            case Points(points=points) | Csv(points=points):
-                return points[-1][0] - points[0][0]
+        return self.command_um.period_s
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
+        broken = self.command_um.broken_period()
+        raise_rules((("command_um", *path), what) for path, what in broken)
         return self
-
-    def _broken_rules(self) -> Iterator[BrokenRule]:
-        match self.command_um:
-            case Sine(envelope=envelope) | Triangle(envelope=envelope):
-                if not isinstance(envelope, ConstantEnvelope):
-                    yield ("command_um", "envelope"), "must be constant: a table is periodic"
-            case Points(points=points) | Csv(points=points):
-                (begin_s, begin), (end_s, end) = points[0], points[-1]
-                if not end_s > begin_s:
-                    yield ("command_um",), "needs points at two times at least"
-                elif begin != end:
-                    what = f"ends at {end:g} µm and begins at {begin:g} µm: close the period"
-                    yield ("command_um",), what
 
 
 class PlayConfig(ConfigModel):

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from piezod.config.combined_waveforms import WaveformConfig
-from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.waveform import Waveform
 
 DURATION_S = 20.0
 READER: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
@@ -15,7 +15,7 @@ READER: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
 
 def waveform_of(kind: str, **keys: Any) -> Waveform:
     """Return a waveform from the keys of its configuration."""
-    return build_waveform(READER.validate_python({"kind": kind, **keys}), DURATION_S)
+    return READER.validate_python({"kind": kind, **keys}).built(DURATION_S)
 
 
 def test_setpoint() -> None:
