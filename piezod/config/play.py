@@ -7,13 +7,10 @@ from pydantic import Field, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.quantities import DurationS, FrequencyHz, OneLine, PauseS, PercentOfRange
-from piezod.config.waveforms.paths import Csv, Points
-from piezod.config.waveforms.shapes import Sine, Triangle
+from piezod.config.waveforms.paths import AnyLines
+from piezod.config.waveforms.shapes import AnyPeriodic
 
-PlayedCommand: TypeAlias = Annotated[
-    Sine | Triangle | Points | Csv,
-    Field(discriminator="kind"),
-]
+PlayedCommand: TypeAlias = Annotated[AnyPeriodic | AnyLines, Field(discriminator="kind")]
 IntervalUs: TypeAlias = Annotated[float, Quantity(0.1, 1e6, "µs")]
 Passes: TypeAlias = Annotated[int, Quantity(0, 50)]
 

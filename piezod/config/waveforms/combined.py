@@ -8,8 +8,8 @@ from typing import Annotated, Final, Literal, TypeAlias, get_args
 from pydantic import Field
 
 from piezod.config.quantities import DurationS
-from piezod.config.waveforms.paths import Csv, Points, Reversals, Staircase
-from piezod.config.waveforms.shapes import Multisine, Setpoint, Sine, Triangle
+from piezod.config.waveforms.paths import AnyPath
+from piezod.config.waveforms.shapes import AnyFormula
 from piezod.config.waveforms.waveform import (
     MAX_POINTS,
     MAX_TERMS,
@@ -21,7 +21,7 @@ from piezod.config.waveforms.waveform import (
     kind_of,
 )
 
-Single: TypeAlias = Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Points | Csv
+Single: TypeAlias = AnyFormula | AnyPath
 BY_KIND: Final = Field(discriminator="kind")
 
 

@@ -252,3 +252,8 @@ class Csv(Lines):
             DataError: Always.
         """
         raise DataError(f"the times of a CSV file cannot be slowed down {factor:.3g} times")
+
+
+AnyLines: TypeAlias = Points | Csv
+AnyPath: TypeAlias = Staircase | Reversals | AnyLines
+"""Every waveform of this file."""

@@ -188,6 +188,10 @@ class Triangle(Periodic):
         return lambda t_s: 1.0 - abs(1.0 - 2.0 * (frequency_hz * t_s % 1.0)), frequency_hz
 
 
+AnyPeriodic: TypeAlias = Sine | Triangle
+"""Every waveform with a period."""
+
+
 class Component(Timed):
     """One sinusoid of a multisine."""
 
@@ -237,6 +241,10 @@ class Multisine(Formula):
         """Return the waveform of fields and sinusoids, which were validated before."""
         sines = tuple(Component.model_construct(**each) for each in packed["components"])
         return super().unpacked(packed | {"components": sines})
+
+
+AnyFormula: TypeAlias = Setpoint | AnyPeriodic | Multisine
+"""Every waveform of this file."""
 
 
 def _raised_cosine(frequency_hz: float) -> Value:
