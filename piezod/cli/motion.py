@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable
 from pathlib import Path
 from types import GenericAlias
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -67,7 +67,7 @@ def _with_swings(command: Callable[..., None]) -> Callable[..., None]:
     own = [each for each in given.parameters.values() if each.kind is not each.VAR_KEYWORD]
     signature = given.replace(parameters=[*own[:1], *map(_option, SWINGS), *own[1:]])
     command.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
-    command.__signature__ = signature  # type: ignore[attr-defined] - what `inspect` looks for
+    vars(command)["__signature__"] = signature
     return command
 
 
@@ -75,7 +75,7 @@ def _option(kind: str) -> inspect.Parameter:
     numbers = SWINGS[kind]
     words = " ".join(each.key.upper() for each in numbers)
     option = typer.Option(metavar=words, help=f"A {kind} between two positions, µm.")
-    values = GenericAlias(tuple, (float,) * len(numbers))
+    values: Any = GenericAlias(tuple, (float,) * len(numbers))
     annotation = Annotated[values | None, option]
     return inspect.Parameter(
         kind, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=None, annotation=annotation
