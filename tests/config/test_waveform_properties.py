@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from piezod.config.waveforms.combined import KINDS, pack_waveforms, unpack_waveforms
 from piezod.config.waveforms.paths import Reversals
-from piezod.config.waveforms.shapes import Multisine, Setpoint, Sine, Triangle
+from piezod.config.waveforms.shapes import Chirp, Multisine, Setpoint, Sine, Triangle
 from piezod.config.waveforms.waveform import WaveformModel
 from piezod.errors import DataError
 from tests.config.waveform_strategies import READER, quantities, waveforms
@@ -18,7 +18,7 @@ from tests.config.waveform_strategies import READER, quantities, waveforms
 SINE = Sine(kind="sine", low=0.0, high=1.0, frequency_hz=1.0)
 DURATION_S = 20.0
 
-CONTINUOUS = waveforms(Sine, Triangle, Multisine, Reversals, Setpoint)
+CONTINUOUS = waveforms(Sine, Triangle, Chirp, Multisine, Reversals, Setpoint)
 CONTINUOUS_SUMS = st.lists(CONTINUOUS, min_size=2, max_size=3).map(
     lambda parts: {"kind": "sum", "parts": tuple(parts)}
 )
@@ -87,7 +87,8 @@ def steepest(keys: dict[str, Any]) -> float:
         case "sum":
             return sum(map(steepest, keys["parts"]))
     span, envelope = keys["high"] - keys["low"], keys["envelope"]
-    speed = span * keys["frequency_hz"] * (math.pi if keys["kind"] == "sine" else 2)
+    fastest_hz = max(keys[name] for name in ("frequency_hz", "from_hz", "to_hz") if name in keys)
+    speed = span * fastest_hz * (2 if keys["kind"] == "triangle" else math.pi)
     if envelope["kind"] == "modulated":
         speed += span * envelope["depth"] * math.pi * envelope["frequency_hz"]
     if envelope["kind"] == "decaying":
@@ -105,7 +106,7 @@ def test_values_change_without_steps(keys: dict[str, Any]) -> None:
     assert np.max(changes) <= steepest(keys) * 1e-3 * (1 + 1e-6) + 1e-9
 
 
-@given(keys=waveforms(Sine, Triangle, Multisine, Reversals))
+@given(keys=waveforms(Sine, Triangle, Chirp, Multisine, Reversals))
 def test_swinging_waveforms_start_at_their_lowest(keys: dict[str, Any]) -> None:
     """A periodic waveform starts at `low`, if it has its full swing then and no phase is set."""
     if keys["kind"] == "multisine":

@@ -192,6 +192,36 @@ AnyPeriodic: TypeAlias = Sine | Triangle
 """Every waveform with a period."""
 
 
+class Chirp(Enveloped):
+    """A sinusoid whose frequency runs from one value to another, and stays there."""
+
+    kind: Literal["chirp"]
+    from_hz: FrequencyHz = Field(description="Frequency at the start, Hz.")
+    to_hz: FrequencyHz = Field(description="Frequency from the end of the sweep on, Hz.")
+    sweep_s: DurationS = Field(description="Duration of the sweep, s.")
+    sweep: Literal["linear", "logarithmic"] = Field(
+        default="linear",
+        description="Whether the frequency grows by equal steps or by equal factors.",
+    )
+
+    def part(self) -> tuple[Value, float]:
+        """Return a raised cosine; its phase, the integral of the frequency, has no steps."""
+        from_hz, to_hz, sweep_s = self.from_hz, self.to_hz, self.sweep_s
+        slope, rate = 0.5 * (to_hz - from_hz) / sweep_s, math.log(to_hz / from_hz) / sweep_s
+        linear = self.sweep == "linear" or not rate
+
+        def part(t_s: float) -> float:
+            swept_s = t_s if t_s < sweep_s else sweep_s
+            if linear:
+                turns = (from_hz + slope * swept_s) * swept_s
+            else:
+                turns = from_hz * math.expm1(rate * swept_s) / rate
+            turns += to_hz * (t_s - swept_s)
+            return 0.5 - 0.5 * math.cos(_TWO_PI * (turns % 1.0))
+
+        return part, max(from_hz, to_hz)
+
+
 class Component(Timed):
     """One sinusoid of a multisine."""
 
@@ -243,7 +273,7 @@ class Multisine(Formula):
         return super().unpacked(packed | {"components": sines})
 
 
-AnyFormula: TypeAlias = Setpoint | AnyPeriodic | Multisine
+AnyFormula: TypeAlias = Setpoint | AnyPeriodic | Chirp | Multisine
 """Every waveform of this file."""
 
 

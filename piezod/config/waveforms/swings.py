@@ -36,5 +36,11 @@ _FREQUENCY: Final = Number("frequency_hz", "Frequency", "Hz", 1e-4, 1e4, start=1
 SWINGS: Final[Mapping[str, tuple[Number, ...]]] = {
     "sine": (*_ENDS, _FREQUENCY),
     "triangle": (*_ENDS, _FREQUENCY),
+    "chirp": (
+        *_ENDS,
+        Number("from_hz", "Frequency at the start of a chirp", "Hz", 1e-4, 1e4, start=1),
+        Number("to_hz", "Frequency at the end of a chirp", "Hz", 1e-4, 1e4, start=10),
+        Number("sweep_s", "Duration of the sweep of a chirp", "s", 1e-3, 86_400, start=60),
+    ),
 }
 """The numbers of each kind that is set in this way, in the order of the command line."""

@@ -8,7 +8,7 @@ import { fixed, short } from "./format.js";
 /** All numbers of waveforms: caption, first value and unit. */
 const NUMBERS = {
   low: ["Low", "2", "µm"], high: ["High", "20", "µm"], frequency_hz: ["Frequency", "1", "Hz"],
-  duration_s: ["Duration", "60", "s"],
+  from_hz: ["From", "1", "Hz"], to_hz: ["To", "10", "Hz"], sweep_s: ["Sweep", "60", "s"], duration_s: ["Duration", "60", "s"],
 };
 const cosine = (turns) => (1 - Math.cos(2 * Math.PI * turns)) / 2;
 const triangle = (turns) => 1 - Math.abs(1 - 2 * (turns - Math.floor(turns)));
@@ -24,6 +24,15 @@ const periodic = {
 const KINDS = {
   sine: { ...periodic, part: cosine, steepest: Math.PI },
   triangle: { ...periodic, part: triangle, steepest: 2 },
+  chirp: {
+    numbers: ["from_hz", "to_hz", "sweep_s"], part: cosine, steepest: Math.PI,
+    turns: ({ from_hz, to_hz, sweep_s }, t_s) => {
+      const swept_s = Math.min(t_s, sweep_s);
+      return (from_hz + ((to_hz - from_hz) / sweep_s / 2) * swept_s) * swept_s + to_hz * (t_s - swept_s);
+    },
+    fastest_hz: ({ from_hz, to_hz }) => Math.max(from_hz, to_hz),
+    shown_s: ({ from_hz, to_hz, sweep_s }) => Math.min(sweep_s, 40 / (from_hz + to_hz)),
+  },
 };
 /** The kinds that a table can repeat: those with a frequency. */
 export const PERIODIC = Object.keys(KINDS).filter((kind) => KINDS[kind].numbers.includes("frequency_hz"));
