@@ -1,27 +1,19 @@
 """Commands: one waveform for all axes, or one for each."""
 
-from typing import Annotated, Self, TypeAlias
+from typing import Annotated, TypeAlias
 
 from pydantic import Discriminator, Field, Tag
 
 from piezod.config.fields import ConfigModel
 from piezod.config.quantities import DurationS, Name
 from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.waveform import Timed
 
 
-class CommandPerAxis(ConfigModel):
+class CommandPerAxis(Timed):
     """A separate command for each axis."""
 
     axes: dict[Name, WaveformConfig] = Field(min_length=1, description="Axis: command, µm.")
-
-    def slowed(self, factor: float) -> Self:
-        """Return the same commands, so many times slower.
-
-        Raises:
-            DataError: If the times of one are fixed.
-        """
-        slower = {axis: command.slowed(factor) for axis, command in self.axes.items()}
-        return self.model_copy(update={"axes": slower})
 
 
 def _one_or_per_axis(value: object) -> str:

@@ -22,6 +22,7 @@ from piezod.config.quantities import (
 )
 from piezod.config.requests import ModeName
 from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.waveform import Timed
 
 Metric: TypeAlias = Literal[
     "tracking_max_pct",
@@ -48,7 +49,7 @@ class IdentificationConfig(ConfigModel):
     drive_v: WaveformConfig = Field(description="Open-loop drive voltage of these axes, V.")
 
 
-class CaseConfig(ConfigModel):
+class CaseConfig(Timed):
     """One command, run in every mode."""
 
     name: OneLine = Field(min_length=1, max_length=40, description="Name.")

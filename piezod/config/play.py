@@ -33,7 +33,8 @@ class WaveConfig(ConfigModel):
     @property
     def period_s(self) -> float:
         """Duration of a period, in s."""
-        return self.command_um.period_s
+        begin_s, end_s = self.command_um.begin_and_end_s()
+        return end_s - begin_s
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:

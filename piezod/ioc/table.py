@@ -3,7 +3,6 @@
 The names of records of a stage have capitals, names of axes have none, so that they cannot collide.
 """
 
-from collections.abc import Iterator
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -100,15 +99,7 @@ def wave_record(key: str) -> str:
     return "WAVE:FREQ" if key == "frequency_hz" else f"WAVE:{key.partition('_')[0].upper()}"
 
 
-def _wave_numbers() -> Iterator[Record]:
-    """Yield the records of all numbers of waveforms."""
-    for number in dict.fromkeys(each for numbers in SWINGS.values() for each in numbers):
-        key, what, unit, low, high, start = number
-        digits = 4 if unit == "um" else 3
-        name = wave_record(key)
-        yield Record(name, Kind.SET_NUMBER, what, unit, digits, low=low, high=high, start=start)
-
-
+_WAVE_NUMBERS: Final = dict.fromkeys(each for numbers in SWINGS.values() for each in numbers)
 _LIVE: Final = ("MODE", "LEASE")
 """Settings that act at once, which a restart must not repeat."""
 _NO_YES: Final = ("no", "yes")
@@ -163,7 +154,19 @@ AXIS: Final = (
     Record("HIST:CMD", Kind.ARRAY, "Command in the last second", "um", 4, length=HISTORY),
     Record("HIST:DRIVE", Kind.ARRAY, "Drive in the last second", "V", 3, length=HISTORY),
     Record("WAVE:KIND", Kind.SET_CHOICE, "Kind of the waveform", choices=WAVES),
-    *_wave_numbers(),
+    *(
+        Record(
+            wave_record(key),
+            Kind.SET_NUMBER,
+            what,
+            unit,
+            4 if unit == "um" else 3,
+            low=low,
+            high=high,
+            start=start,
+        )
+        for key, what, unit, low, high, start in _WAVE_NUMBERS
+    ),
     Record("WAVE:DURATION", Kind.SET_NUMBER, "Duration", "s", low=1e-3, high=86_400, start=1),
     Record("WAVE:TABLE", Kind.SET_ARRAY, "Positions of a table", "um", 4, length=LONGEST_TABLE),
     Record(

@@ -164,20 +164,14 @@ class Lines(OnPath):
     def line(self) -> tuple[Point, ...]:
         """Return pairs of time in s and value, times increasing."""
 
-    @property
-    def begins_s(self) -> float:
-        """Time of the first point, in s."""
-        return self.line()[0][0]
-
-    @property
-    def period_s(self) -> float:
-        """Time from the first to the last point, in s."""
-        return self.line()[-1][0] - self.begins_s
+    def begin_and_end_s(self) -> tuple[float, float]:
+        """Return when the only period begins and ends, in s."""
+        return self.line()[0][0], self.line()[-1][0]
 
     def broken_period(self) -> Iterator[BrokenRule]:
         """Yield why it does not repeat."""
-        begin, end = self.line()[0][1], self.line()[-1][1]
-        if not self.period_s > 0.0:
+        (begin_s, begin), (end_s, end) = self.line()[0], self.line()[-1]
+        if not end_s > begin_s:
             yield (), "needs points at two times at least"
         elif begin != end:
             yield (), f"ends at {end:g} µm and begins at {begin:g} µm: close the period"

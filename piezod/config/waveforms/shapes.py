@@ -151,15 +151,9 @@ class Periodic(Enveloped):
 
     frequency_hz: FrequencyHz = Field(description="Frequency, Hz.")
 
-    @property
-    def begins_s(self) -> float:
-        """Begin of a period, in s."""
-        return 0.0
-
-    @property
-    def period_s(self) -> float:
-        """Duration of a period, in s."""
-        return 1.0 / self.frequency_hz
+    def begin_and_end_s(self) -> tuple[float, float]:
+        """Return when the first period begins and ends, in s."""
+        return 0.0, 1.0 / self.frequency_hz
 
     def broken_period(self) -> Iterator[BrokenRule]:
         """Yield why it does not repeat."""

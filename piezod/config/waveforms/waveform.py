@@ -95,7 +95,7 @@ class Waveform:
 
 
 class Timed(ConfigModel):
-    """A waveform, or a part of one."""
+    """A waveform, a part of one, or what has one."""
 
     def slowed(self, factor: float) -> Self:
         """Return the same values, so many times slower; the units say which fields change.
@@ -120,6 +120,8 @@ def _slowed(value: Any, unit: str, factor: float) -> Any:
             return value.slowed(factor)
         case tuple(), _:
             return tuple(_slowed(each, "", factor) for each in value)
+        case dict(), _:
+            return {key: _slowed(each, "", factor) for key, each in value.items()}
         case _:
             return value
 

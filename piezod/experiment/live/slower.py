@@ -31,7 +31,8 @@ def slow_enough(
     for case in config.cases:
         # Never faster than in the file.
         factor = max(1.0, _step_pct(config, case, rate_hz) / largest_step_pct)
-        slow = _slowed(case, factor)
+        with prefix_errors(case.name):
+            slow = CaseConfig.model_validate(case.slowed(factor).model_dump())
         cases.append(slow)
         notes.append(
             f"{case.name}: slowed down {factor:.3g} times{_frequency(slow)}; a cycle moves at most "
@@ -50,14 +51,6 @@ def _step_pct(config: ExperimentConfig, case: CaseConfig, rate_hz: float) -> flo
         step_um = float(np.max(np.abs(np.diff(position_um)), initial=0.0))
         largest = max(largest, 100.0 * step_um / max(float(np.ptp(position_um)), 1e-12))
     return largest
-
-
-def _slowed(case: CaseConfig, factor: float) -> CaseConfig:
-    with prefix_errors(case.name):
-        command_um = case.command_um.slowed(factor)
-    times = {key: getattr(case, key) * factor for key in ("period_s", "duration_s")}
-    slow = case.model_copy(update={"command_um": command_um, **times})
-    return CaseConfig.model_validate(slow.model_dump())
 
 
 def _frequency(case: CaseConfig) -> str:

@@ -84,8 +84,8 @@ def command_of(wave: WaveConfig, interval_ns: int) -> PeriodicCommand:
         DataError: If a period is not a whole number of intervals.
     """
     points = points_of(wave.name, wave.period_s, interval_ns)
-    begin_s = wave.command_um.begins_s
-    waveform = wave.command_um.built(begin_s + wave.period_s)
+    begin_s, end_s = wave.command_um.begin_and_end_s()
+    waveform = wave.command_um.built(end_s)
     t_s = begin_s + np.arange(points) * interval_ns / NS_PER_S
     return PeriodicCommand(wave.name, np.array(waveform.sample(t_s)), interval_ns)
 
