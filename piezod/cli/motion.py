@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import existing_file
+from piezod.cli.paths import existing_file, load_file
 from piezod.cli.stage_options import (
     AxisOption,
     SocketOption,
@@ -22,7 +22,6 @@ from piezod.config.waveforms.swings import SWINGS
 if TYPE_CHECKING:
     from piezod.client import StageClient
     from piezod.client.calls import Waveforms
-    from piezod.config.commands import WaveFile
 
 _SWING_OPTIONS: Final = ", ".join(f"--{kind}" for kind in SWINGS)
 
@@ -110,9 +109,9 @@ def wave(
         raise typer.BadParameter(f"{_SWING_OPTIONS} need --duration")
     if file is not None and axis is not None:
         raise typer.BadParameter(f"--axis goes with {_SWING_OPTIONS}, FILE names its axes")
-    from piezod.config.commands import CommandPerAxis
+    from piezod.config.commands import CommandPerAxis, WaveFile
 
-    loaded = _load(file) if file else None
+    loaded = load_file(file, WaveFile) if file else None
     with connect(stage, socket) as client:
         command_um = loaded.command_um if loaded else _swing(*given.popitem())
         if isinstance(command_um, CommandPerAxis):
@@ -127,15 +126,6 @@ def wave(
 
         error_console().print(f"! {warning}", style="yellow")
     print_answer(answer, f"following for {duration_s:g} s", json=json)
-
-
-def _load(file: Path) -> "WaveFile":
-    from piezod.config.commands import WaveFile
-    from piezod.config.fields import Context
-    from piezod.config.validate import validate
-    from piezod.config.yaml_loader import load_yaml
-
-    return validate(load_yaml(file), WaveFile, Context(file.parent))
 
 
 def _swing(kind: str, numbers: tuple[float, ...]) -> dict[str, str | float]:

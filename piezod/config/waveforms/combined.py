@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Mapping
 from itertools import accumulate
-from typing import Annotated, Final, Literal, TypeAlias, get_args
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -18,7 +18,7 @@ from piezod.config.waveforms.waveform import (
     Timed,
     Waveform,
     WaveformModel,
-    kind_of,
+    by_kind,
 )
 
 Single: TypeAlias = AnyFormula | AnyPath
@@ -101,9 +101,7 @@ class Sequence(WaveformModel):
 
 AnyWaveform: TypeAlias = Single | Sum | Sequence
 WaveformConfig: TypeAlias = Annotated[AnyWaveform, BY_KIND]
-KINDS: Final[Mapping[str, type[WaveformModel]]] = {
-    kind_of(each): each for each in get_args(AnyWaveform)
-}
+KINDS: Final[Mapping[str, type[WaveformModel]]] = by_kind(AnyWaveform)
 """Every waveform by its kind."""
 
 

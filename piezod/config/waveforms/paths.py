@@ -240,11 +240,7 @@ class Csv(Lines):
         return Points(kind="points", points=self._points)
 
     def slowed(self, factor: float) -> Self:
-        """Refuse it: its times are in the file.
-
-        Raises:
-            DataError: Always.
-        """
+        """Raise a DataError: its times are in the file."""
         raise DataError(f"the times of a CSV file cannot be slowed down {factor:.3g} times")
 
 

@@ -8,7 +8,7 @@ that with `low: 0` it leaves the rest position without a step.
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Final, Literal, TypeAlias, get_args
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -22,7 +22,7 @@ from piezod.config.waveforms.waveform import (
     Value,
     Waveform,
     WaveformModel,
-    kind_of,
+    by_kind,
 )
 
 _TWO_PI: Final = 2.0 * math.pi
@@ -73,9 +73,7 @@ class DecayingEnvelope(EnvelopeModel):
 
 
 Envelope: TypeAlias = ConstantEnvelope | ModulatedEnvelope | DecayingEnvelope
-ENVELOPES: Final[Mapping[str, type[EnvelopeModel]]] = {
-    kind_of(each): each for each in get_args(Envelope)
-}
+ENVELOPES: Final[Mapping[str, type[EnvelopeModel]]] = by_kind(Envelope)
 """Every envelope by its kind."""
 
 

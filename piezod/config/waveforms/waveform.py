@@ -6,12 +6,12 @@ key: µm under `command_um`, V under `drive_v`.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any, Final, Self, TypeAlias, get_args
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from piezod.config.fields import ConfigModel, Quantity, raise_rules
 from piezod.config.quantities import Level
@@ -183,8 +183,7 @@ class Swinging(WaveformModel):
         return self
 
 
-def kind_of(model: type[BaseModel]) -> str:
-    """Return the value of `kind` that selects a model."""
-    kind: str
-    (kind,) = get_args(model.model_fields["kind"].annotation)
-    return kind
+def by_kind(union: Any) -> Mapping[str, Any]:
+    """Return the models of a union by the value of `kind` that selects each."""
+    models = get_args(union)
+    return {get_args(each.model_fields["kind"].annotation)[0]: each for each in models}
