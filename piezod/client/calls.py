@@ -9,7 +9,7 @@ from piezod.client.results import Answer, Document
 from piezod.config.endpoints import Endpoint
 
 if TYPE_CHECKING:
-    from piezod.config.combined_waveforms import WaveformConfig
+    from piezod.config.waveforms.combined import WaveformConfig
 
 ResultT = TypeVar("ResultT")
 Waveforms: TypeAlias = "Mapping[str, WaveformConfig | Mapping[str, Any]]"

@@ -12,7 +12,6 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.endpoints import (
     CHANGE,
     CHANGE_BY_POINTS,
@@ -30,6 +29,7 @@ from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.quantities import DriveV, DurationS, Name, PositionUm, StartS
+from piezod.config.waveforms.combined import WaveformConfig
 
 # Files and clients write a mode as text; strict validation would require the enumeration's member.
 ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]

@@ -6,10 +6,10 @@ from math import nan
 import numpy as np
 
 from piezod.config import requests
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.assembly import assemble
 from piezod.control.law.creep import AT_REST
 from piezod.control.law.kernels import new_kernel

@@ -7,10 +7,11 @@ from typing import Any, Final
 
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.results import Document
+from piezod.config.waveforms.swings import SWINGS
 from piezod.errors import RefusedError
 from piezod.ioc.readings import FAULTY, OK, Reading
 from piezod.ioc.records import Names, Records
-from piezod.ioc.table import LONGEST_RECORD, MODES, WAVES
+from piezod.ioc.table import LONGEST_RECORD, MODES, TABLE, WAVES, wave_record
 
 RENEW_EACH_S: Final = 10.0
 """Time between two renewals of a lease that is kept, in s; it expires after 30 s."""
@@ -83,20 +84,15 @@ class Actions:
     def _waveform(self, axis: str) -> tuple[Document, float]:
         """Return the waveform of the settings, and its duration in s."""
         kind = WAVES[int(self._number(axis, "WAVE:KIND"))]
-        if kind == "table":
+        if kind == TABLE:
             positions_um = self._array(axis, "WAVE:TABLE")
             interval_s = self._number(axis, "WAVE:INTERVAL")
             if not positions_um:
                 raise RefusedError("WAVE:TABLE is empty", "write positions in um to it", "value")
             points = tuple(zip((i * interval_s for i in count()), positions_um, strict=False))
             return {"kind": "points", "points": points}, len(positions_um) * interval_s
-        document = {
-            "kind": kind,
-            "low": self._number(axis, "WAVE:LOW"),
-            "high": self._number(axis, "WAVE:HIGH"),
-            "frequency_hz": self._number(axis, "WAVE:FREQ"),
-        }
-        return document, self._number(axis, "WAVE:DURATION")
+        numbers = {each.key: self._number(axis, wave_record(each.key)) for each in SWINGS[kind]}
+        return {"kind": kind, **numbers}, self._number(axis, "WAVE:DURATION")
 
     def _show_played(self, axis: str, played: Document) -> None:
         """Show the record of the last play."""

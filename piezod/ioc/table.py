@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 from piezod.config.modes import Mode
 from piezod.config.states import State
+from piezod.config.waveforms.swings import SWINGS
 
 HISTORY: Final = 64
 """Longest history, in points: a second at 50 Hz, and some for intervals of unequal length."""
@@ -18,7 +19,10 @@ LONGEST_WORD: Final = 39
 LONGEST_TEXT: Final = 400
 STATES: Final = tuple(str(state) for state in State)
 MODES: Final = tuple(str(mode) for mode in Mode)
-WAVES: Final = ("sine", "triangle", "table")
+TABLE: Final = "table"
+_FIRST_WAVES: Final = ("sine", "triangle", TABLE)
+WAVES: Final = (*_FIRST_WAVES, *(kind for kind in SWINGS if kind not in _FIRST_WAVES))
+"""Kinds of waveforms; clients know them by their numbers, so that new ones come last."""
 FAULT_GROUPS: Final = {
     "SENSOR": "S",
     "AMPLIFIER": "A",
@@ -90,6 +94,12 @@ class Record(NamedTuple):
         return self.kind.is_set and self.kind is not Kind.COMMAND and self.name not in _LIVE
 
 
+def wave_record(key: str) -> str:
+    """Return the name of the record of a number of a waveform."""
+    return "WAVE:FREQ" if key == "frequency_hz" else f"WAVE:{key.partition('_')[0].upper()}"
+
+
+_WAVE_NUMBERS: Final = dict.fromkeys(each for numbers in SWINGS.values() for each in numbers)
 _LIVE: Final = ("MODE", "LEASE")
 """Settings that act at once, which a restart must not repeat."""
 _NO_YES: Final = ("no", "yes")
@@ -144,9 +154,19 @@ AXIS: Final = (
     Record("HIST:CMD", Kind.ARRAY, "Command in the last second", "um", 4, length=HISTORY),
     Record("HIST:DRIVE", Kind.ARRAY, "Drive in the last second", "V", 3, length=HISTORY),
     Record("WAVE:KIND", Kind.SET_CHOICE, "Kind of the waveform", choices=WAVES),
-    Record("WAVE:LOW", Kind.SET_NUMBER, "Lowest position of the waveform", "um", 4),
-    Record("WAVE:HIGH", Kind.SET_NUMBER, "Highest position of the waveform", "um", 4, start=1),
-    Record("WAVE:FREQ", Kind.SET_NUMBER, "Frequency", "Hz", low=1e-4, high=1e4, start=1),
+    *(
+        Record(
+            wave_record(key),
+            Kind.SET_NUMBER,
+            what,
+            unit,
+            4 if unit == "um" else 3,
+            low=low,
+            high=high,
+            start=start,
+        )
+        for key, what, unit, low, high, start in _WAVE_NUMBERS
+    ),
     Record("WAVE:DURATION", Kind.SET_NUMBER, "Duration", "s", low=1e-3, high=86_400, start=1),
     Record("WAVE:TABLE", Kind.SET_ARRAY, "Positions of a table", "um", 4, length=LONGEST_TABLE),
     Record(

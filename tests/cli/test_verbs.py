@@ -9,6 +9,7 @@ import pytest
 from piezod.cli.outcome import outcome
 from piezod.config.faults import Fault
 from piezod.config.states import State
+from piezod.config.waveforms.swings import SWINGS
 from piezod.control.faults.unlisted import GAPS, IN_SHORT, NEVER_SHOWN
 from tests.cli.conftest import Command
 from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, Raw, interval
@@ -287,14 +288,15 @@ def test_wave_of_a_file(piezod: Command, daemon: FakeDaemon, folder: Path) -> No
     assert wave_of(daemon)["command_um"]["x"]["points"] == [[0.0, 0.0], [1.0, 5.0]]
 
 
-@pytest.mark.parametrize("kind", ["sine", "triangle"])
+@pytest.mark.parametrize("kind", SWINGS)
 def test_wave_of_the_command_line(piezod: Command, daemon: FakeDaemon, kind: str) -> None:
-    """A sine or triangle needs numbers only, for the only axis."""
-    arguments = ("wave", f"--{kind}", "-1", "10", "0.5", "--duration", "3")
+    """A swing needs numbers only, for the only axis."""
+    numbers = {each.key: each.start for each in SWINGS[kind]} | {"low": -1.0}
+    arguments = ("wave", f"--{kind}", *map(str, numbers.values()), "--duration", "3")
 
     assert piezod(*arguments).code == 0
     waveform = wave_of(daemon)["command_um"]["x"]
-    assert (waveform["kind"], waveform["low"], waveform["high"]) == (kind, -1, 10)
+    assert waveform.items() >= {"kind": kind, **numbers}.items()
     assert piezod(*arguments, "--axis", "y").code == 0
     assert wave_of(daemon)["command_um"].keys() == {"y"}
 
@@ -302,7 +304,7 @@ def test_wave_of_the_command_line(piezod: Command, daemon: FakeDaemon, kind: str
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ("", "give one of FILE, --sine and --triangle"),
+        ("", "give one of FILE, --sine"),
         ("--sine 0 1 1 --triangle 0 1 1 --duration 1", "give one of"),
         ("--sine 0 1 1", "need --duration"),
         ("wave.yaml --axis x", "FILE names its axes"),

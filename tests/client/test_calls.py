@@ -15,7 +15,7 @@ from piezod.client.waveforms import tupled
 from piezod.config.endpoints import ENDPOINTS
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.requests import REQUESTS, TABLE
-from piezod.config.waveforms import Points
+from piezod.config.waveforms.paths import Points
 from piezod.errors import RefusedError
 
 ROOT = Path(__file__).parents[2]

@@ -7,11 +7,12 @@ from typing import Any
 import pytest
 
 from piezod.client.limits import AxisLimits
+from piezod.config.waveforms.swings import SWINGS
 from piezod.errors import RefusedError
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import OK, REFUSED
 from piezod.ioc.records import Names
-from piezod.ioc.table import AXIS, STAGE
+from piezod.ioc.table import AXIS, STAGE, WAVES
 from piezod.ioc.writes import Writes
 from tests.gcs.fake_stage import FakeLink, FakeStage
 from tests.ioc.fakes import FakeMotor, FakeRecords, axis
@@ -163,6 +164,18 @@ def test_waveform_of_the_settings(bench: Bench) -> None:
     assert points["duration_s"] == 1.0
     assert not empty
     assert "WAVE:TABLE is empty" in bench.reports[-1]
+
+
+@pytest.mark.parametrize("kind", SWINGS)
+def test_swing_of_the_settings(bench: Bench, kind: str) -> None:
+    """Each kind of swing has its numbers from the settings, which begin with values that fit."""
+    bench.records.settings["p:x:WAVE:KIND"] = WAVES.index(kind)
+    bench.run(bench.writes.do("x", "WAVE:START", 1))
+    (body,) = bench.stage.do("wave")
+
+    assert body["command_um"]["x"].items() >= {"kind": kind, "low": 0.0, "high": 1.0}.items()
+    numbers = {each.key: each.start for each in SWINGS[kind]}
+    assert body["command_um"]["x"].items() >= numbers.items()
 
 
 def test_refused_command_is_reported(bench: Bench) -> None:

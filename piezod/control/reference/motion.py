@@ -9,7 +9,7 @@ from collections.abc import Callable
 from math import cos, isfinite, nan, tau
 from typing import Final, NamedTuple
 
-from piezod.control.reference.waveforms import Waveform
+from piezod.config.waveforms.waveform import Waveform
 
 MAX_SHARE: Final = 0.3
 """Largest weight of each neighbour: a larger one would smooth more than the corners."""

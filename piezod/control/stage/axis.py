@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
+from piezod.config.waveforms.waveform import Waveform
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.output import AxisOutput
 from piezod.control.reference.motion import (
@@ -22,7 +23,6 @@ from piezod.control.reference.motion import (
     waveform_motion,
 )
 from piezod.control.reference.programs import VoltageProgram
-from piezod.control.reference.waveforms import Waveform
 from piezod.control.signals import OnTarget
 from piezod.control.stage.motion_limits import motion_limits
 from piezod.devices.interface import Sample

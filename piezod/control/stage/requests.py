@@ -7,7 +7,7 @@ from piezod.config import requests
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
-from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.config.waveforms.waveform import Waveform
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.control.stage.drive_requests import condition, condition_axes, identify, play
@@ -154,9 +154,9 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         axes, why = axes_named(stage, name)
         if why:
             return Answer(False, why)
-        waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
+        waveform = waveforms[axes[0]] = config.built(request.duration_s)
         axis = stage.axes[axes[0]]
-        why = too_fast(config, NS_PER_S / stage.period_ns)
+        why = too_fast(waveform.highest_hz, NS_PER_S / stage.period_ns)
         why = why or axis.motion_limits.refusal(waveform.low, waveform.high)
         lead_in_s = axis.lead_in(waveform, t_ns).duration_s
         if why := why or start_refusal(request.start_s, t_ns, lead_in_s):

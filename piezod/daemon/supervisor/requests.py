@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from piezod.config.packed_waveforms import WaveformCostError
 from piezod.config.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
+from piezod.config.waveforms.waveform import WaveformCostError
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.stage_service import BadValueError, NoAnswerError, UnavailableError
 from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter

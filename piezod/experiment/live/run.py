@@ -12,7 +12,6 @@ from piezod.client import StageClient
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
-from piezod.control.reference.waveforms import build_waveform
 from piezod.experiment.fit.account import parameters_of
 from piezod.experiment.live.late import late_note
 from piezod.experiment.live.plan import check_live, not_used
@@ -99,9 +98,7 @@ class _Runs:
     def run(self, case: CaseConfig, mode: Mode) -> list[tuple[Recording, list[str]]]:
         """Rest, run a case, and return the recording and the warnings of each axis."""
         stage, commands = self._stage, case.commands(self._config.axes)
-        waveforms = {
-            name: build_waveform(command, case.duration_s) for name, command in commands.items()
-        }
+        waveforms = {name: command.built(case.duration_s) for name, command in commands.items()}
         stage.disarm()
         stage.select(mode, commands)
         stage.rest(self._config.settle_s)

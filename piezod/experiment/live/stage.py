@@ -14,7 +14,7 @@ from piezod.client.telemetry import Telemetry as Interval
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.config.waveforms import Setpoint
+from piezod.config.waveforms.shapes import Setpoint
 from piezod.errors import (
     ClientError,
     DataError,

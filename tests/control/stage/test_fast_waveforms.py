@@ -2,7 +2,7 @@
 
 from piezod.config import requests
 from piezod.config.states import State
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from tests.control.rig_stage import RigStage
 
 

@@ -8,7 +8,7 @@ from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.config.waveforms import Setpoint, Sine
+from piezod.config.waveforms.shapes import Setpoint, Sine
 from piezod.testing.injections import InjectionKind
 from tests.control.rig_stage import FaultyStage, RigStage, quick_config, shipped_config
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from piezod.config.requests import Estop, Goto, Hold, Request, Wave
-from piezod.config.waveforms import Reversals
+from piezod.config.waveforms.paths import Reversals
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.stage_service import BadValueError, NoAnswerError, UnavailableError
 from piezod.daemon.supervisor.requests import LoopRequests
