@@ -25,7 +25,7 @@ def test_the_token_becomes_a_cookie(web: Web) -> None:
     """The address with the token leads to one without; the cookie is out of reach of scripts."""
     answer = web.request("GET", f"/?token={web.access.tokens.user}")
 
-    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert (answer.status_code, answer.headers["location"]) == (303, "./")
     assert "httponly" in answer.headers["set-cookie"].lower()
     assert "samesite=strict" in answer.headers["set-cookie"].lower()
     assert web.access.tokens.user not in answer.headers["set-cookie"]
@@ -125,8 +125,8 @@ def test_page_has_no_inline_code(web: Web) -> None:
 
     assert not re.findall(r"<script(?![^>]*\bsrc=)|<style|\sstyle=|\son[a-z]+\s*=", page)
     assert not re.findall(r"""(?:src|href|action)=["']?(?:[a-z]+:)?//""", page)
-    files = re.findall(r"""(?:src|href)=["'](/[^"']+)""", page)
-    assert [web.request("GET", file, Cookie=web.cookie()).status_code for file in files] == [
+    files = re.findall(r"""(?:src|href)=["']([^#"'][^"']*)""", page)
+    assert [web.request("GET", f"/{file}", Cookie=web.cookie()).status_code for file in files] == [
         200
     ] * len(files)
 

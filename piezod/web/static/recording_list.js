@@ -29,7 +29,7 @@ export function insideText(contents) {
 
 /** Return a link that downloads the file of a recording. */
 export function downloadLink(stage, name) {
-  const href = `/recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
+  const href = `recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
   return el("a", { class: "button", href, download: `${name}.h5`, "aria-label": `Download ${name}` }, "Download");
 }
 
@@ -37,7 +37,7 @@ const FORMATS = { csv: "Export as CSV", parquet: "Export as Parquet" };
 
 /** Return links to a recording as a table. A refusal has a tab of its own, so that this page stays. */
 export function exportLinks(stage, name) {
-  const file = `/recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
+  const file = `recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
   return Object.entries(FORMATS).map(([ending, text]) => el("a", { class: "button", href: `${file}/${ending}`, target: "_blank" }, text));
 }
 
