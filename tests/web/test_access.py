@@ -4,6 +4,7 @@ import re
 
 import pytest
 from websockets.exceptions import InvalidStatus
+from websockets.frames import CloseCode
 
 from piezod.config.endpoints import Role
 from piezod.errors import PiezodError
@@ -138,6 +139,20 @@ def test_too_long_message_closes_the_socket(web: Web) -> None:
             tab.connection.send("x" * (LONGEST + 1))
             assert close_code(tab.connection) == 1009
         assert other.ask(do="stages")["ok"]
+
+
+@pytest.mark.parametrize("parts", [[b"\xff"], [b'{"id": 1, "do": "\xc3', b'stages"}']])
+def test_text_that_is_not_utf8_closes_the_socket(
+    web: Web, parts: list[bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    """The tab learns why, other tabs go on, and there is no traceback: anybody can send this."""
+    with web.tab() as other:
+        with web.tab() as tab:
+            tab.connection.send(parts, text=True)
+            assert close_code(tab.connection) == CloseCode.INVALID_DATA
+            assert "UTF-8" in str(tab.connection.close_reason)
+        assert other.ask(do="stages")["ok"]
+    assert not caplog.records
 
 
 @pytest.mark.parametrize(
