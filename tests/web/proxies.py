@@ -71,6 +71,7 @@ def running(
 def _documented(program: str, certificate: Certificate, port: int, web_port: int) -> str:
     """Return the configuration of the page, with other ports and files."""
     language = {"nginx": "nginx", "caddy": "caddyfile"}[program]
+    text: str
     (text,) = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     text = text.replace("127.0.0.1:8080", f"127.0.0.1:{web_port}")
     text = text.replace("/etc/ssl/lab.example.crt", str(certificate.file))

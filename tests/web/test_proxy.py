@@ -12,6 +12,7 @@ import httpx
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from piezod.client import StageClient
 from piezod.config import requests
@@ -51,7 +52,7 @@ class Proxy:
             f"{self.url.replace('https', 'wss')}ws",
             sock=socket.create_connection(("127.0.0.1", self.port), timeout=20),
             ssl=self._trusted,
-            origin=origin or self.origin,  # type: ignore[arg-type]
+            origin=Origin(origin or self.origin),
             additional_headers={"Cookie": cookie},
             max_size=None,
         )
