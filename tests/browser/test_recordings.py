@@ -52,6 +52,7 @@ def test_a_recording_is_found_looked_at_and_downloaded(page: Page, machine: Mach
 
 def test_a_table_that_cannot_be_made_is_barred(page: Page) -> None:
     """The reason stands beside it, and it leads nowhere."""
+    expect(page.locator("#state")).to_contain_text("SAFE")
     page.evaluate(
         """async () => {
             const { exportLinks } = await import("./static/recording_list.js");

@@ -7,8 +7,9 @@ import os
 import signal
 import socket
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ import pytest
 from piezod.client import AsyncStageClient, StageClient, StageGroup
 from piezod.config import requests
 from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.errors import ClientError
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
@@ -27,8 +27,9 @@ from tests.web.browser import Web
 from tests.web.remote import Remote, new_certificate
 
 FORK = multiprocessing.get_context("fork")
+PROGRAM = multiprocessing.get_context("forkserver")
+"""Programs are no forks of the tests, whose threads may hold a lock just then."""
 WITHIN_S = 20.0
-Process = multiprocessing.context.ForkProcess
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
         yield served
 
 
-def sleeper() -> Process:
+def sleeper() -> multiprocessing.context.ForkProcess:
     """Start a child that does nothing, as a worker of `multiprocessing` between two tasks."""
     child = FORK.Process(target=time.sleep, args=(1000.0,), daemon=True)
     child.start()
@@ -47,13 +48,15 @@ def sleeper() -> Process:
 
 
 @contextmanager
-def started(run: Callable[[Any, Connection], None], place: Any) -> Iterator[tuple[Process, int]]:
+def started(
+    run: Callable[[Any, Connection], None], place: Any
+) -> "Iterator[tuple[multiprocessing.context.ForkServerProcess, int]]":
     """Run a program in a process that forks once; yield it and its child's number.
 
     The child lives until the end of the block.
     """
-    mine, its = FORK.Pipe()
-    process = FORK.Process(target=run, args=(place, its))
+    mine, its = PROGRAM.Pipe()
+    process = PROGRAM.Process(target=run, args=(place, its))
     process.start()
     child = 0
     try:
@@ -156,25 +159,20 @@ def test_session_ends_with_its_block_although_a_child_lives(
         eventually(lambda: free(served))
 
 
-def test_session_over_the_network_ends_with_its_owner(
-    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_session_over_the_network_ends_with_its_owner(served: Served, tmp_path: Path) -> None:
     """No daemon sees the process on another computer, but its child has let go of the socket."""
     web = Web(lambda: {"bench": served.socket}, new_certificate(tmp_path))
-    with web.running():
-        environ = Remote(web, tmp_path).environ()
-        for name, value in environ.items():
-            monkeypatch.setenv(name, value)
-        with started(own_there, environ["PIEZOD_STAGE"]) as (owner, _):
-            eventually(lambda: served.app.state.service.lease.held)
-            owner.kill()
-            owner.join()
-            eventually(lambda: free(served))
+    with web.running(), started(own_there, Remote(web, tmp_path).environ()) as (owner, _):
+        eventually(lambda: served.app.state.service.lease.held)
+        owner.kill()
+        owner.join()
+        eventually(lambda: free(served))
 
 
-def own_there(place: str, its: Connection) -> None:
+def own_there(environ: dict[str, str], its: Connection) -> None:
     """Own a session of a stage on another computer."""
-    with StageClient(place, name="owner") as stage, stage.session():
+    os.environ.update(environ)
+    with StageClient(name="owner") as stage, stage.session():
         its.send(sleeper().pid)
         time.sleep(1000.0)
 
@@ -196,75 +194,97 @@ def told(child: Callable[[], Any]) -> Any:
     return answer
 
 
+def outcome(run: Callable[[Path], Any], served: Served) -> Any:
+    """Run a program in a process without threads, which may fork; return its result."""
+    mine, its = PROGRAM.Pipe()
+    process = PROGRAM.Process(target=report, args=(run, served.socket, its))
+    process.start()
+    assert mine.poll(2 * WITHIN_S)
+    found = mine.recv()
+    process.join(WITHIN_S)
+    return found
+
+
+def report(run: Callable[[Path], Any], place: Path, its: Connection) -> None:
+    """Send the result of a program."""
+    its.send(run(place))
+
+
+def ask_together(place: Path) -> tuple[bool, list[str]]:
+    """Let parent and child ask for different documents at the same time."""
+    with StageClient(socket=place) as stage:
+        stage.status()
+        mine, its = FORK.Pipe()
+
+        def ask() -> None:
+            its.send(all("state" in stage.status().document for _ in range(50)))
+
+        child = FORK.Process(target=ask)
+        child.start()
+        configs = {json.dumps(stage.config()) for _ in range(50)}
+        return mine.poll(WITHIN_S) and mine.recv(), sorted(configs)
+
+
 def test_parent_and_child_get_their_own_answers(served: Served) -> None:
     """Both use one client at the same time: the child has a connection of its own."""
-    with StageClient(socket=served.socket) as stage:
-        stage.status()
-
-        def ask() -> set[str]:
-            return {each for _ in range(50) for each in stage.status().document}
-
-        mine, its = FORK.Pipe()
-        child = FORK.Process(target=lambda: its.send(sorted(ask())))
-        child.start()
-        configs = [json.dumps(stage.config()) for _ in range(50)]
-        assert mine.poll(WITHIN_S)
-        assert {"state", "axes"} <= set(mine.recv())
-        child.join()
-        assert len(set(configs)) == 1
+    child, configs = outcome(ask_together, served)
+    assert child
+    assert len(configs) == 1
 
 
-def test_child_that_leaves_the_blocks_ends_nothing_of_its_parent(served: Served) -> None:
+def close_in_child(place: Path) -> tuple[Any, str]:
+    """Let a child close the client while its parent has a session."""
+    with StageClient(socket=place, name="owner") as stage, stage.session():
+        answer = told(stage.close)
+        stage.arm()
+        return answer, stage.status().document["lease"]["holder"]["client"]
+
+
+def test_child_that_closes_the_client_ends_nothing_of_its_parent(served: Served) -> None:
     """A child may run to the end of a `with` that its parent is still in."""
-    with StageClient(socket=served.socket, name="owner") as stage, stage.session():
-
-        def end() -> str:
-            stage.close()
-            return "closed"
-
-        assert told(end) == "closed"
-        assert stage.status().state
-        assert requests.Stop() not in served.stage.requests
+    assert outcome(close_in_child, served) == (None, "owner")
     eventually(lambda: free(served))
+    assert [each.kind for each in served.stage.requests] == ["arm", "stop"]
+
+
+def read_together(place: Path) -> tuple[Any, int]:
+    """Let a child go on with the telemetry of its parent."""
+    with StageClient(socket=place) as stage, closing(stage.telemetry(50.0)) as intervals:
+        next(intervals)
+        return told(lambda: len(next(intervals).axes)), len(next(intervals).axes)
 
 
 def test_telemetry_of_the_parent_is_refused_in_words(served: Served) -> None:
     """What the parent has begun is no business of the child, and goes on in the parent."""
     served.stage.reader.waiting.extend(np.zeros(1, record_dtype(2)) for _ in range(20))
-    with StageClient(socket=served.socket) as stage:
-        intervals = stage.telemetry(50.0)
-        next(intervals)
-        assert "forked" in told(lambda: next(intervals).document and "an interval")
-        assert next(intervals).axes
-        intervals.close()
+    child, axes = outcome(read_together, served)
+    assert axes == 2
+    assert "ClientError" in child
+    assert "forked" in child
 
 
-def test_child_uses_the_client_for_asyncio(served: Served) -> None:
-    """In the loop of the child a client of the parent opens its own connection."""
+def ask_async(place: Path) -> tuple[Any, str]:
+    """Let a child of a program with asyncio use the client of its parent in a loop of its own."""
 
-    @asynccontextmanager
-    async def client() -> AsyncIterator[AsyncStageClient]:
-        async with AsyncStageClient(socket=served.socket) as stage:
-            await stage.status()
-            yield stage
-
-    async def run() -> tuple[str, str]:
-        async with client() as stage:
+    async def run() -> tuple[Any, str]:
+        async with AsyncStageClient(socket=place) as stage:
+            before = (await stage.status()).state
 
             async def ask() -> str:
                 return (await stage.status()).state
 
-            return await asyncio.to_thread(told, lambda: asyncio.run(ask())), await ask()
+            return told(lambda: in_thread(ask)), (await stage.status()).state and before
 
-    child, parent = asyncio.run(run())
+    return asyncio.run(run())
+
+
+def in_thread(ask: Callable[[], Coroutine[Any, Any, str]]) -> str:
+    """Run a coroutine in a loop of another thread, since this one has a loop of its parent."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, ask()).result(WITHIN_S)
+
+
+def test_child_uses_the_client_for_asyncio(served: Served) -> None:
+    """A client of the parent opens its own connection in the child."""
+    child, parent = outcome(ask_async, served)
     assert child == parent
-
-
-def test_error_of_a_foreign_stream_is_a_client_error() -> None:
-    """Programs that handle errors of the client handle this one."""
-    from piezod.client.own_connection import _Owned  # noqa: PLC0415 - slow
-
-    owned = _Owned(None)
-    owned._pid = 0  # noqa: SLF001 - as if forked
-    with pytest.raises(ClientError, match="forked"):
-        owned._check()  # noqa: SLF001 - see above

@@ -96,7 +96,6 @@ def test_true_error_is_drawn_on_top_of_the_measured_one(
     known = simulated.recordings[2]
     panel = _panel(true_run, "(d)")
     lines = _lines(panel)
-
     assert _xy(lines["measured"]) == (known.t_s.tolist(), known.error_um.tolist())
     assert _xy(lines["true"]) == (known.t_s.tolist(), known.true_error_um.tolist())
     assert lines["true"].get_color() != lines["measured"].get_color()
@@ -108,11 +107,10 @@ def test_stage_below_its_command_has_a_positive_error(recording: Recording) -> N
     below = replace(recording, position_um=recording.command_um - 1.0)
     played = PlayedErrors("pass 1", np.full(8, 1.0), (1.0, 1.0), (np.nan, np.nan))
     motion = play_figure("", 0.1, np.zeros(8), [played], (0,), {})
-
     for figure, panel in ((mode_figure(below), "(d)"), (case_figure([below]), "(b)")):
         assert np.allclose(_xy(_panel(figure, panel).lines[0])[1], 1.0)
-    assert set(_xy(_panel(motion, "(a)").lines[0])[1]) == {-1.0}
-    assert set(_xy(_panel(motion, "(b)").lines[0])[1]) == {1.0}
+    for panel, drawn_um in (("(a)", -1.0), ("(b)", 1.0)):
+        assert set(_xy(_panel(motion, panel).lines[0])[1]) == {drawn_um}
 
 
 def test_true_error_is_explained_where_every_sample_counts(simulated: ExperimentResult) -> None:
