@@ -54,10 +54,9 @@ def web(
     if (certificate is None) != (key is None):
         raise typer.BadParameter("--certificate and --key need each other")
     encryption = Certificate(certificate, key) if certificate and key else None
+    public = None if public_url is None else PublicUrl.of(public_url)
     serve(
-        WebPlan(
-            host, port, encryption, tokens, None if public_url is None else PublicUrl.of(public_url)
-        ),
+        WebPlan(host, port, encryption, tokens, public),
         announce=typer.echo,
         warn=lambda text: typer.echo(f"! {text}", err=True),
     )

@@ -46,8 +46,9 @@ class PoolOfProcess(Generic[PoolT]):
 
     def close(self) -> PoolT:
         """Refuse further calls; return the pool, whose connections the caller closes."""
+        pool = self._pool if self._closed else self.get()
         self._closed = True
-        return self._pool
+        return pool
 
 
 class _Owned:
