@@ -78,8 +78,13 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         self.name = name
         import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._pool = httpcore.AsyncConnectionPool(**pool_options(self.place))
-        self._closed = False
+        from piezod.client.own_connection import AsyncBackend, PoolOfProcess
+
+        self._pool = PoolOfProcess(
+            lambda: httpcore.AsyncConnectionPool(
+                **pool_options(self.place), network_backend=AsyncBackend()
+            )
+        )
 
     async def __aenter__(self) -> Self:
         # Slow; no command, least of all an emergency stop, shall wait for it later.
@@ -97,14 +102,11 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
 
     async def close(self) -> None:
         """Close the connection; the stage continues."""
-        self._closed = True
-        await self._pool.aclose()
+        await self._pool.close().aclose()
 
     @property
     def _http(self) -> "httpcore.AsyncConnectionPool":
-        if self._closed:
-            raise RuntimeError("this client is closed: make another one")
-        return self._pool
+        return self._pool.get()
 
     async def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""

@@ -79,8 +79,11 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         self.name = name
         import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._pool = httpcore.ConnectionPool(**pool_options(self.place))
-        self._closed = False
+        from piezod.client.own_connection import Backend, PoolOfProcess
+
+        self._pool = PoolOfProcess(
+            lambda: httpcore.ConnectionPool(**pool_options(self.place), network_backend=Backend())
+        )
 
     def __enter__(self) -> Self:
         # Slow; no command, least of all an emergency stop, shall wait for it later.
@@ -98,14 +101,11 @@ class StageClient(StageCommands, StageReports, SyncCaller):
 
     def close(self) -> None:
         """Close the connection; the stage continues."""
-        self._closed = True
-        self._pool.close()
+        self._pool.close().close()
 
     @property
     def _http(self) -> "httpcore.ConnectionPool":
-        if self._closed:
-            raise RuntimeError("this client is closed: make another one")
-        return self._pool
+        return self._pool.get()
 
     def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
