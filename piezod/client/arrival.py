@@ -10,6 +10,8 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import NotReachedError, RefusedError
 
+SETTLE_S: Final = 30.0
+"""Longest time on the way to a target beyond what the daemon says that the movement takes, in s."""
 SAME_UM: Final = 1e-6
 """A command that is closer than this to its target has arrived, in µm."""
 _NO_CAUSE: Final = frozenset({Fault.D10, Fault.P6, Fault.P7, Fault.P11, Fault.P15})

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
+from piezod.client.arrival import SETTLE_S, Arrival, arrival, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
@@ -118,7 +118,7 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         *,
         axis: str | None = None,
         speed_um_per_s: float | None = None,
-        timeout_s: float = 30.0,
+        timeout_s: float | None = None,
     ) -> Arrival:
         """Move to a position; return when it has been within its tolerance for the settling time.
 
@@ -126,7 +126,8 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             position_um: Target, in µm.
             axis: Name of the axis; None for the only axis.
             speed_um_per_s: Speed, in µm/s; None for the configured speed.
-            timeout_s: Longest time to wait, in s; after that the stage continues.
+            timeout_s: Longest time to wait, in s; after that the stage continues. None for the time
+                that the movement takes, and 30 s.
 
         Raises:
             NotReachedError: If the movement ends before its target or takes too long; the text
@@ -137,13 +138,14 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         refuse_without_sensor(await self.status(), axis)
         start_s = time.monotonic()
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
+        longest_s = answer.duration_s + SETTLE_S if timeout_s is None else timeout_s
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             while True:
                 interval = await anext(intervals)
                 if arrived := arrival(interval, answer.motion, axis):
                     return arrived
-                if time.monotonic() - start_s > timeout_s:
-                    raise too_late(interval, axis, timeout_s)
+                if time.monotonic() - start_s > longest_s:
+                    raise too_late(interval, axis, longest_s)
 
     async def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()
