@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from piezod.client.arrival import SETTLE_S, Arrival, arrival, refuse_without_sensor, too_late
+from piezod.client.arrival import Arrival, arrival, longest_wait_s, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
@@ -139,7 +139,7 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         refuse_without_sensor(self.status(), axis)
         start_s = time.monotonic()
         answer = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
-        longest_s = answer.duration_s + SETTLE_S if timeout_s is None else timeout_s
+        longest_s = longest_wait_s(answer) if timeout_s is None else timeout_s
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             while True:
                 interval = next(intervals)

@@ -59,7 +59,7 @@ async def voltage(readings: Readings, axis: str) -> str:
 async def on_target(readings: Readings, axis: str) -> str:
     """Whether the axis has arrived."""
     now = await _axis(readings, axis)
-    return _flag(has_arrived((await readings.status()).state, now))
+    return _flag(has_arrived((await readings.status()).state, now, has_sensor=now.has_sensor))
 
 
 async def servo(readings: Readings, axis: str) -> str:
@@ -70,12 +70,12 @@ async def servo(readings: Readings, axis: str) -> str:
 
 async def lowest(readings: Readings, axis: str) -> str:
     """Lowest allowed position, in µm."""
-    return number((await readings.limits(axis)).low_um)
+    return number((await readings.limits(axis)).range_um[0])
 
 
 async def highest(readings: Readings, axis: str) -> str:
     """Highest allowed position, in µm."""
-    return number((await readings.limits(axis)).high_um)
+    return number((await readings.limits(axis)).range_um[1])
 
 
 async def name(readings: Readings, axis: str) -> str:
@@ -115,7 +115,7 @@ async def register(readings: Readings, arguments: str) -> str:
     if words[1] != "1":
         raise GcsRefusal(Code.OUT_OF_RANGE, f"no register {words[1]}, there is 1 only")
     bits = _SERVO * readings.servo_on(state, now) + _MOVING * readings.moving(state, now)
-    bits += _ON_TARGET * has_arrived(state, now)
+    bits += _ON_TARGET * has_arrived(state, now, has_sensor=now.has_sensor)
     return f"{words[0]} 1=0x{bits:04X}"
 
 

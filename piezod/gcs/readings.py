@@ -1,12 +1,10 @@
-"""Status and limits of the stage, shared by all connections."""
+"""The stage with the identifiers of GCS; shared by all connections."""
 
-import asyncio
-import time
 from typing import Final
 
 from piezod.client.arrival import has_arrived
-from piezod.client.daemon_link import DaemonLink
-from piezod.client.limits import AxisLimits, limits_in
+from piezod.client.facts import AxisFacts
+from piezod.client.mirror import StageMirror
 from piezod.client.results import AxisStatus, Status
 from piezod.config.states import State
 from piezod.gcs.errors import Code, GcsRefusal
@@ -19,76 +17,42 @@ UP: Final = (State.SAFE, State.READY, State.RUN, State.HOLD)
 
 
 class Readings:
-    """The newest status and limits.
+    """The newest status and limits. Each method raises ClientError if the daemon does not answer.
 
     The axes have the identifiers 1, 2, … in the order of the configuration.
 
     Args:
-        link: Connection to the daemon.
+        mirror: The stage.
         mode: The mode in which an axis counts as servo-controlled.
-
-    Attributes:
-        newest_state: State in the newest status; empty if a command has changed it since.
     """
 
-    def __init__(self, link: DaemonLink, mode: str) -> None:
-        self._link, self._mode = link, mode
-        self._asking = asyncio.Lock()
-        self._status: Status | None = None
-        self._status_s = self._limits_s = 0.0
-        self._limits: dict[str, AxisLimits] = {}
-        self.newest_state = ""
-
-    def expire(self) -> None:
-        """Do not use the present status again: a command has changed it."""
-        self._status, self.newest_state = None, ""
+    def __init__(self, mirror: StageMirror, mode: str) -> None:
+        self.mirror, self._mode = mirror, mode
 
     async def status(self) -> Status:
-        """Return the status; at most `STATUS_AGE_S` old, and newer than the last command.
-
-        Raises:
-            ClientError: If the daemon does not answer.
-        """
-        async with self._asking:
-            status = self._status
-            if status is None or time.monotonic() - self._status_s > STATUS_AGE_S:
-                self._status_s, self._status = time.monotonic(), None
-                status = await self._link.status()
-                self._status, self.newest_state = status, status.state
-            return status
+        """Return the status; at most `STATUS_AGE_S` old, and newer than the last command."""
+        return await self.mirror.status(STATUS_AGE_S)
 
     async def axes(self) -> dict[str, AxisStatus]:
-        """Return the status of each axis by its identifier.
-
-        Raises:
-            ClientError: If the daemon does not answer.
-        """
+        """Return the status of each axis by its identifier."""
         status = await self.status()
         return {str(i): axis for i, axis in enumerate(status.axes.values(), 1)}
 
     async def name_of(self, axis: str) -> str:
-        """Return the name of an axis in the configuration.
-
-        Raises:
-            ClientError: If the daemon does not answer.
-        """
+        """Return the name of an axis in the configuration."""
         return list((await self.status()).axes)[int(axis) - 1]
 
-    async def limits(self, axis: str) -> AxisLimits:
+    async def limits(self, axis: str) -> AxisFacts:
         """Return the limits of an axis; at most 1 s old.
 
         Raises:
-            ClientError: If the daemon does not answer.
             GcsRefusal: If the configuration has no range of commands.
         """
         name = await self.name_of(axis)
-        async with self._asking:
-            if name not in self._limits or time.monotonic() - self._limits_s > _LIMITS_AGE_S:
-                self._limits_s = time.monotonic()
-                self._limits = limits_in(await self._link.config())
-        if name not in self._limits:
+        facts = (await self.mirror.facts(_LIMITS_AGE_S))[name]
+        if not facts.has_range:
             raise GcsRefusal(Code.NOT_ALLOWED, f"axis {name} has no command_range_um")
-        return self._limits[name]
+        return facts
 
     def servo_on(self, state: str, axis: AxisStatus) -> bool:
         """Return whether an axis follows its command in the mode of this server."""
@@ -96,4 +60,4 @@ class Readings:
 
     def moving(self, state: str, axis: AxisStatus) -> bool:
         """Return whether a movement goes on, until the axis has arrived."""
-        return state == State.RUN and not has_arrived(state, axis)
+        return state == State.RUN and not has_arrived(state, axis, has_sensor=axis.has_sensor)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from piezod.config.modes import Mode
 from piezod.config.requests import Arm, Goto, Hold, SelectMode, Wave
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
@@ -15,7 +16,7 @@ def running() -> RigStage:
     """Return a stage in RUN."""
     stage = RigStage()
     stage.until(State.SAFE)
-    stage.do(Arm(), SelectMode(mode="trimmed"))
+    stage.do(Arm(), SelectMode(mode=Mode.TRIMMED))
     return stage
 
 
