@@ -90,7 +90,8 @@ class StageLink:
         """Release the lease and close the connection; the stage continues."""
         connected, self._connected = self._connected, None
         if connected is not None:
-            await connected[1].close()
+            for each in connected:
+                await each.close()
 
     async def read_facts(self) -> None:
         """Read the configuration in force, which a reload may have changed."""

@@ -24,7 +24,7 @@ AGAIN_S: Final = 0.3
 """Time until telemetry that has ended is opened again, in s."""
 STATUS_EACH_S: Final = 1.0
 """Time between two requests of the status of a stage that somebody looks at, in s."""
-_AT_MOST_EACH_S: Final = 0.2
+AT_MOST_EACH_S: Final = 0.2
 """Shortest time between two of them: near its tolerance a stage changes in every interval."""
 _GATHER_S: Final = 0.001
 """Those who ask for the status within this time share a request."""
@@ -50,6 +50,7 @@ class StageMirror:
         self.state = ""
         self._status: Status | None = None
         self._asking: asyncio.Future[Status] | None = None
+        self._requests: set[asyncio.Future[Status]] = set()
         self._status_s = self._facts_s = self._expired_s = float("-inf")
         self._facts: dict[str, AxisFacts] = {}
         self._queues: set[_Queue] = set()
@@ -73,6 +74,8 @@ class StageMirror:
             return self._status
         if self._asking is None:
             self._asking = asyncio.ensure_future(self._ask())
+            self._requests.add(self._asking)
+            self._asking.add_done_callback(self._requests.discard)
             self._asking.add_done_callback(take_exception)
         return await asyncio.shield(self._asking)
 
@@ -91,6 +94,12 @@ class StageMirror:
     def expire(self) -> None:
         """Do not use the present status again: a command has changed it."""
         self._status, self.state, self._expired_s = None, "", time.monotonic()
+
+    async def close(self) -> None:
+        """End the requests whose askers have been cancelled."""
+        for request in self._requests:
+            request.cancel()
+        await asyncio.gather(*self._requests, return_exceptions=True)
 
     async def _ask(self) -> Status:
         await asyncio.sleep(_GATHER_S)
@@ -135,7 +144,7 @@ class StageMirror:
 
     async def until_changed(self, longest_s: float = STATUS_EACH_S) -> None:
         """Wait until the telemetry shows another state than before, at most some time in s."""
-        await asyncio.sleep(_AT_MOST_EACH_S)
+        await asyncio.sleep(AT_MOST_EACH_S)
         with suppress(TimeoutError):
             async with asyncio.timeout(longest_s):
                 await self._changed.wait()
@@ -162,7 +171,7 @@ class StageMirror:
             self._hand_out(ClientError(what, "look at the log of the daemon", "no_answer"))
         except ClientError as error:
             self._hand_out(error)
-        except (LookupError, TypeError, ValueError) as error:  # a daemon of another version
+        except Exception as error:  # noqa: BLE001 - a daemon of another version; nobody may wait
             self._hand_out(unexpected({}, repr(error)))
         finally:
             if self._reading is this:

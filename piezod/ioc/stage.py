@@ -70,6 +70,7 @@ class IocStage:
                 for work in (self._follow, self._ask, self._ask_config):
                     group.create_task(work())
         finally:
+            await self._mirror.close()
             await self._mover.close()
 
     # ------------------------------------------------------------ from the daemon to the records
