@@ -3,8 +3,8 @@
 from piezod.client.mover import StageMover
 from piezod.config.states import State
 from piezod.gcs.errors import Code, GcsRefusal
-from piezod.gcs.queries import number, target_um
-from piezod.gcs.readings import Readings
+from piezod.gcs.queries import number
+from piezod.gcs.readings import AxisNow, Readings
 from piezod.gcs.syntax import IS_READY, ids_in, pairs_in
 
 
@@ -46,14 +46,14 @@ class Motion:
             GcsRefusal: If a servo is off, or a position is out of its limits.
             ClientError: If the daemon refuses.
         """
-        await self._go(pairs_in(arguments, tuple(await self._readings.axes())))
+        axes = await self._readings.axes()
+        await self._go(axes, pairs_in(arguments, tuple(axes)))
 
     async def move_relative(self, arguments: str) -> None:
         """Carry out `MVR`, relative to the targets; as `move`."""
-        steps = pairs_in(arguments, tuple(await self._readings.axes()))
-        await self._go(
-            {axis: await target_um(self._readings, axis) + um for axis, um in steps.items()}
-        )
+        axes = await self._readings.axes()
+        steps = pairs_in(arguments, tuple(axes)).items()
+        await self._go(axes, {axis: axes[axis].target_um + um for axis, um in steps})
 
     async def set_speed(self, arguments: str) -> None:
         """Carry out `VEL`: the speed of the movements of this connection.
@@ -61,16 +61,16 @@ class Motion:
         Raises:
             GcsRefusal: If a speed is not allowed.
         """
-        speeds = pairs_in(arguments, tuple(await self._readings.axes()))
+        axes = await self._readings.axes()
+        speeds = pairs_in(arguments, tuple(axes))
         for axis, speed in speeds.items():
-            if why := (await self._readings.limits(axis)).why_not_speed(speed):
+            if why := axes[axis].limits.why_not_speed(speed):
                 raise GcsRefusal(Code.VELOCITY_LIMITS, f"axis {axis}: {why}")
-        self._speeds_um_per_s.update(speeds)
+        self._speeds_um_per_s.update({axes[axis].name: speed for axis, speed in speeds.items()})
 
-    async def speed(self, readings: Readings, axis: str) -> str:
-        """Speed of movements, in µm/s, for `VEL?`."""
-        speed_um_per_s = self._speeds_um_per_s.get(axis)
-        return number(speed_um_per_s or (await readings.limits(axis)).speed_um_per_s)
+    def speed(self, now: AxisNow) -> str:
+        """Return the speed of movements, in µm/s, for `VEL?`."""
+        return number(self._speeds_um_per_s.get(now.name) or now.limits.speed_um_per_s)
 
     async def stop(self, arguments: str = "") -> None:
         """Carry out `STP`, `HLT` and `#24`: hold the voltage at once.
@@ -94,18 +94,18 @@ class Motion:
 
     async def _switch_on(self, axis: str) -> None:
         readings = self._readings
-        name, status = await readings.name_of(axis), await readings.status()
-        if status.state == State.HOLD:
+        state = await readings.state()
+        if state == State.HOLD:
             await self._mover.link.resume()
-        elif status.state not in {State.RUN, State.IDENT}:
+        elif state not in {State.RUN, State.IDENT}:
             await self._mover.link.arm()
         readings.mirror.expire()
-        status = await readings.status()
-        if status.state == State.IDENT:  # `conditioning.on_arm`
+        now = (await readings.axes())[axis]
+        if now.state == State.IDENT:  # `conditioning.on_arm`
             why = f"the stage is being conditioned: when {IS_READY} reports ready, SVO {axis} 1"
             raise GcsRefusal(Code.INITIALISING, why)
-        if not readings.servo_on(status.state, status.axes[name]):
-            await self._mover.link.mode(self._mode, axis=name)
+        if not now.servo_on:
+            await self._mover.link.mode(self._mode, axis=now.name)
             readings.mirror.expire()
         self._following = True
 
@@ -113,19 +113,17 @@ class Motion:
         self._following = False
         await self._mover.stop(self._readings.mirror.state, resume=False)
 
-    async def _go(self, targets_um: dict[str, float]) -> None:
-        readings = self._readings
-        axes, state = await readings.axes(), (await readings.status()).state
+    async def _go(self, axes: dict[str, AxisNow], targets_um: dict[str, float]) -> None:
         for axis, um in targets_um.items():
-            if not readings.servo_on(state, axes[axis]):
-                why = f"axis {axis} is in {state}, mode {axes[axis].mode}: SVO {axis} 1 first"
+            now = axes[axis]
+            if not now.servo_on:
+                why = f"axis {axis} is in {now.state}, mode {now.status.mode}: SVO {axis} 1 first"
                 raise GcsRefusal(Code.SERVO_OFF, why)
-            if why := (await readings.limits(axis)).why_not(um):
+            if why := now.limits.why_not(um):
                 raise GcsRefusal(Code.POSITION_LIMITS, f"axis {axis}: {why}")
-        names = {axis: await readings.name_of(axis) for axis in axes}
-        speeds = {names[axis]: speed for axis, speed in self._speeds_um_per_s.items()}
+        targets = {axes[axis].name: um for axis, um in targets_um.items()}
         try:
-            await self._mover.goto({names[axis]: um for axis, um in targets_um.items()}, speeds)
+            await self._mover.goto(targets, self._speeds_um_per_s)
         finally:
-            readings.mirror.expire()
+            self._readings.mirror.expire()
         self._following = True

@@ -110,7 +110,7 @@ class GcsServer:
         link = DaemonLink(self._plan.socket, "gcs")
         self._readings = Readings(StageMirror(link), self._plan.mode)
         try:
-            status = await self._readings.status()
+            status = await self._readings.mirror.status()
             self._identity = identity_of(status, self._plan.like)
             with ExitStack() as stack:
                 server = await self._listen()

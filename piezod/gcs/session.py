@@ -159,16 +159,16 @@ class Session:
 
     def _axis_query(self, value: queries.AxisValue) -> Handler:
         async def answer(arguments: str) -> str:
-            axes = ids_in(arguments, tuple(await self._readings.axes()))
-            return lines([f"{axis}={await value(self._readings, axis)}" for axis in axes])
+            axes = await self._readings.axes()
+            return lines([f"{id_}={value(axes[id_])}" for id_ in ids_in(arguments, tuple(axes))])
 
         return answer
 
     async def _is_moving(self, _arguments: str) -> str:
-        return lines([await queries.is_moving(self._readings)])
+        return lines([queries.is_moving(await self._readings.axes())])
 
     async def _is_ready(self, _arguments: str) -> str:
-        return READY if (await self._readings.status()).state in UP else BUSY
+        return READY if await self._readings.state() in UP else BUSY
 
     async def _identify(self, _arguments: str) -> str:
         return lines([self._identity])
@@ -195,10 +195,10 @@ class Session:
         return lines([str(len(await self._readings.axes()))])
 
     async def _parameter(self, arguments: str) -> str:
-        return lines([await queries.parameter(self._readings, arguments)])
+        return lines([queries.parameter(await self._readings.axes(), arguments)])
 
     async def _register(self, arguments: str) -> str:
-        return lines([await queries.register(self._readings, arguments)])
+        return lines([queries.register(await self._readings.axes(), arguments)])
 
 
 def _parts(line: str) -> tuple[str, str]:
