@@ -174,6 +174,7 @@ class StageMirror:
         except Exception as error:  # noqa: BLE001 - a daemon of another version; nobody may wait
             self._hand_out(unexpected({}, repr(error)))
         finally:
+            self._facts_s = float("-inf")  # a daemon that starts again may have other limits
             if self._reading is this:
                 self._reading = None
 

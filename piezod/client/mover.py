@@ -144,19 +144,21 @@ class StageMover:
             ClientError: If the daemon does not answer.
         """
         async with self._leasing:
-            if not self._keepers:
+            if not self._keepers - {keeper}:
                 await self.link.renew_lease()
-                self._renewal = asyncio.create_task(self._renew())
             self._keepers.add(keeper)
+            if self._renewal is None:
+                self._renewal = asyncio.create_task(self._renew())
 
     async def return_lease(self, keeper: object) -> None:
         """Release the lease if nobody else in this process keeps it. Never raises."""
         async with self._leasing:
             self._keepers.discard(keeper)
-            if self._keepers or self._renewal is None:
+            if self._keepers:
                 return
-            self._renewal.cancel()
-            self._renewal = None
+            if self._renewal is not None:
+                self._renewal.cancel()
+                self._renewal = None
             with suppress(ClientError):  # then the daemon has ended, or it ends within 30 s
                 await self.link.release_lease()
 

@@ -38,7 +38,6 @@ class IocStage:
         self.names, self._report = names, report
         self._mirror = StageMirror(DaemonLink(socket, "ioc"))
         self._mover = StageMover(self._mirror.link)
-        self._came_up = asyncio.Event()
         self._steady: object = None
         self._late_us = self._shown_s = self._history_s = 0.0
         self._shown: dict[str, Reading] = {}
@@ -67,7 +66,7 @@ class IocStage:
         self._set_down()
         try:
             async with asyncio.TaskGroup() as group:
-                for work in (self._follow, self._ask, self._ask_config):
+                for work in (self._follow, self._ask):
                     group.create_task(work())
         finally:
             await self._mirror.close()
@@ -114,29 +113,18 @@ class IocStage:
             motor.feed(interval.state, now)
 
     async def _ask(self) -> None:
-        """Show faults, lease and recordings, each second and when something has changed."""
+        """Show faults, lease, recordings and limits, each second and when something has changed."""
         while True:
             with suppress(ClientError):
                 status = await self._mirror.status()
                 recordings = await self._mirror.link.recordings()
+                facts = await self._mirror.facts(_CONFIG_EACH_S)
                 if self._up:
                     self._set(values.of_status(status))
                     self._set(values.of_recordings(recordings))
-            await self._mirror.until_changed()
-
-    async def _ask_config(self) -> None:
-        """Take the limits of the configuration in force, which a reload may change."""
-        while True:
-            with suppress(ClientError):
-                status, facts = await self._mirror.status(), await self._mirror.facts()
-                if self._up:
-                    self._set({"LOOP:RATE": Reading(status.rate_hz)})
                     for axis, motor in self._motors.items():
                         motor.limit(facts[axis])
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_CONFIG_EACH_S):
-                    await self._came_up.wait()
-            self._came_up.clear()
+            await self._mirror.until_changed()
 
     def _set_up(self) -> None:
         if not self._up:
@@ -144,7 +132,6 @@ class IocStage:
             self._shown.clear()
             self._set({"CONNECTED": Reading(True)})
             self._mirror.look_again()
-            self._came_up.set()
 
     def _set_down(self) -> None:
         if not self._up and self._shown:

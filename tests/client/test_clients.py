@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from piezod.client import AsyncStageClient, StageClient
-from piezod.client.arrival import SETTLE_S
 from piezod.client.calls import Call
 from piezod.client.reader import reader
 from piezod.client.results import Status
@@ -265,18 +264,6 @@ def test_goto_that_takes_too_long(stage: StageClient, daemon: FakeDaemon) -> Non
     daemon.telemetry = [interval(None)]
     with pytest.raises(NotReachedError, match=r"not on target within 0 s; the stage continues"):
         stage.goto_and_wait(12.5, timeout_s=0.0)
-
-
-def test_goto_waits_as_long_as_the_movement_takes(stage: StageClient, daemon: FakeDaemon) -> None:
-    """Without a time-out of the caller, the daemon's duration decides how long it waits."""
-    daemon.answers["POST goto"] = {"accepted": True, "motion": 7, "duration_s": -SETTLE_S}
-    daemon.telemetry = [interval()]
-    with pytest.raises(NotReachedError, match="not on target within 0 s"):
-        stage.goto_and_wait(12.5)
-
-    daemon.answers["POST goto"] = {"accepted": True, "motion": 7, "duration_s": 3600.0}
-    daemon.telemetry = [interval(), interval(12.5, on_target=True)]
-    assert stage.goto_and_wait(12.5).position_um == 12.5
 
 
 def test_stream(stage: StageClient, daemon: FakeDaemon) -> None:

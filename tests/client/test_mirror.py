@@ -7,7 +7,9 @@ from typing import Any, TypeVar
 
 import pytest
 
+from piezod.client import AsyncStageClient, StageClient
 from piezod.client import mirror as mirror_module
+from piezod.client.arrival import SETTLE_S, Arrival
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.mirror import StageMirror
 from piezod.client.mover import StageMover
@@ -39,6 +41,29 @@ def stage() -> FakeStage:
 def asked(daemon: FakeDaemon, what: str) -> int:
     """Return how often something was requested."""
     return sum(each.what.startswith(what) for each in daemon.asked)
+
+
+@pytest.mark.parametrize("asynchronous", [False, True])
+def test_goto_waits_as_long_as_it_takes(daemon: FakeDaemon, *, asynchronous: bool) -> None:
+    """Without a time-out of the caller, the daemon's duration decides how long it waits."""
+
+    async def moved() -> Arrival:
+        async with AsyncStageClient(socket=daemon.socket_path) as client:
+            return await client.goto_and_wait(12.5)
+
+    def arrive() -> float:
+        if asynchronous:
+            return asyncio.run(moved()).position_um
+        with StageClient(socket=daemon.socket_path) as client:
+            return client.goto_and_wait(12.5).position_um
+
+    daemon.answers["POST goto"] = {"accepted": True, "motion": 7, "duration_s": -SETTLE_S}
+    with pytest.raises(NotReachedError, match="not on target within 0 s"):
+        arrive()
+
+    daemon.answers["POST goto"] = {"accepted": True, "motion": 7, "duration_s": 3600.0}
+    daemon.telemetry = [interval(), interval(12.5, on_target=True)]
+    assert arrive() == 12.5
 
 
 def test_those_who_look_together_share_status_and_stream(daemon: FakeDaemon) -> None:
@@ -162,7 +187,7 @@ def test_only_who_has_held_the_stage_resumes_it(
 
 
 def test_lease_is_kept_until_each_keeper_has_returned_it(stage: FakeStage) -> None:
-    """It is taken once and released once."""
+    """It is released once; who keeps it already and takes it again learns whether it is there."""
     mover = StageMover(FakeLink(stage, "test"))
 
     async def keep() -> None:
@@ -170,7 +195,6 @@ def test_lease_is_kept_until_each_keeper_has_returned_it(stage: FakeStage) -> No
         await mover.take_lease("a")
         async with mover.commanding():
             await mover.return_lease("a")
-        await mover.return_lease("a")
 
     asyncio.run(keep())
-    assert stage.paths() == ["lease", "lease"]
+    assert stage.paths() == ["lease"] * 3
