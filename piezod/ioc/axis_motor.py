@@ -104,6 +104,11 @@ class AxisMotor:
                 self._record.set(VAL=self._target_um)
             self._end(REFUSED)
 
+    def dropped(self) -> None:
+        """Take that a stop came before the movement; it ends when the stage is stopped."""
+        with self._record.locked():
+            self._asked -= 1
+
     def refused(self) -> None:
         """Show that a write was refused because of the limits."""
         if self._facts is not None:  # else the daemon does not answer, which is worse

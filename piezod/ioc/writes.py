@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from piezod.client.mirror import StageMirror
 from piezod.client.mover import StageMover
-from piezod.errors import ClientError
+from piezod.errors import ClientError, NotReachedError
 from piezod.ioc.actions import Actions
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.motor_fields import FIELDS
@@ -103,7 +103,11 @@ class Writes:
         motor = self._motors[axis]
         with self._reported(f"{axis}.VAL") as refused:
             speeds = {axis: motor.speed_um_per_s}
-            answers = await self._mover.goto({axis: position_um}, speeds)
+            try:
+                answers = await self._mover.goto({axis: position_um}, speeds)
+            except NotReachedError:  # a stop came first, and ends it
+                motor.dropped()
+                return
             motor.accepted(position_um, answers[axis])
         if refused:
             motor.rejected()

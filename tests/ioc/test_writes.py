@@ -123,6 +123,27 @@ def test_stop_holds_and_resumes(bench: Bench) -> None:
     assert bench.stage.paths() == ["hold", "resume", "hold"]
 
 
+def test_stop_drops_targets_that_have_not_begun(bench: Bench) -> None:
+    """Neither a dropped target nor the one before it is left in VAL; DMOV rises once."""
+    bench.stage.state = bench.mirror.state = "RUN"
+    motor, raw = bench.motors["x"], bench.raw["x"]
+    assert bench.put("x", "VAL", 5.0)
+    held = bench.stage.held["goto"] = asyncio.Event()
+    assert bench.put("x", "VAL", 6.0)
+    assert bench.put("x", "VAL", 7.0)
+    assert bench.put("x", "STOP", 1.0)
+    held.set()
+    for _ in range(5):
+        bench.put("x", "TWF", 0.0)  # meanwhile the daemon answers
+    motor.feed("HOLD", axis(3.0, None, motion=2))
+
+    assert [each["position_um"] for each in bench.stage.do("goto")] == [5.0, 6.0]
+    assert bench.stage.paths()[-1] == "resume"
+    assert (raw.fields["VAL"], raw.alarm.severity) == (3.0, 1)
+    assert raw.done == [0.0, 1.0]
+    assert bench.reports == []
+
+
 def test_stop_of_a_disarmed_stage_is_no_error(bench: Bench) -> None:
     """Nothing is driven, and nothing is reported."""
     bench.mirror.state = "SAFE"
