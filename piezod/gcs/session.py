@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Final
 
+from piezod.client.mirror import take_exception
 from piezod.client.mover import StageMover
 from piezod.errors import ClientError
 from piezod.gcs import queries
@@ -117,6 +118,8 @@ class Session:
                 self._stops += 1
                 stop = asyncio.create_task(self._motion.stop(arguments))
                 self._stopping.add(stop)
+                stop.add_done_callback(self._stopping.discard)
+                stop.add_done_callback(take_exception)
             self.waiting.put_nowait((command, self._stops, stop))
 
     async def work(self) -> None:
@@ -140,8 +143,7 @@ class Session:
             return ""
         try:
             if stop is not None:
-                self._stopping.discard(stop)
-                await stop
+                await asyncio.shield(stop)
             handler, _ = self._handlers.get(name, (_unknown, ""))
             if len(line) > LONGEST:
                 handler = _too_long

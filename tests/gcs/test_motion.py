@@ -268,6 +268,18 @@ def test_closed_connection_moves_nothing(controller: Controller, armed: Dialogue
     assert controller.stage.paths() == ["lease"]
 
 
+def test_stop_of_a_client_that_leaves_is_carried_out(
+    controller: Controller, armed: Dialogue
+) -> None:
+    """To its end: the stage is held, and follows the next movement."""
+    held = controller.held("hold")
+    controller.stage.requests.clear()
+
+    armed.leave(b"\x18MOV 1 1\n", held)
+
+    assert controller.stage.paths() == ["hold", "resume", "lease"]
+
+
 def test_servo_that_waits_is_not_switched_on_after_a_stop(
     controller: Controller, armed: Dialogue
 ) -> None:
