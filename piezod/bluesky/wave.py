@@ -9,11 +9,11 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from piezod.bluesky.facts import AxisFacts
 from piezod.bluesky.link import StageLink
 from piezod.bluesky.motion import follow_waves, move_to
 from piezod.bluesky.recorded import Column
 from piezod.client.calls import Waveforms
+from piezod.client.facts import AxisFacts
 from piezod.client.waveforms import tupled
 from piezod.config.requests import Wave as WaveRequest
 from piezod.errors import ClientError, DataError, RefusedError

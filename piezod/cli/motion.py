@@ -42,8 +42,13 @@ def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
         ),
     ] = False,
     timeout: Annotated[
-        float, typer.Option(metavar="S", min=0.0, help="Longest time to wait, s.")
-    ] = 30.0,
+        float | None,
+        typer.Option(
+            metavar="S",
+            min=0.0,
+            help="Longest time to wait, s; default: as long as the movement takes, and 30 s.",
+        ),
+    ] = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,

@@ -122,7 +122,9 @@ class Tab:
             match message:
                 case messages.EmergencyStop():
                     stage = self._stages.named(message.stage)
-                    self._start(self._stops, message.id, stage.connections.estop(self.name))
+                    request = http_request("POST", TABLE["estop"].path, self.name, body={})
+                    work = stage.connections.call(request, urgent=True)
+                    self._start(self._stops, message.id, work)
                 case messages.CallStage():
                     self._start(self._calls, message.id, self._call(message))
                 case messages.ReadRecording():

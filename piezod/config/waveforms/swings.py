@@ -4,7 +4,6 @@ Both have no time to import the models, with which a test compares these numbers
 """
 
 from collections.abc import Mapping
-from math import inf
 from typing import Final, NamedTuple
 
 
@@ -23,14 +22,14 @@ class Number(NamedTuple):
     key: str
     what: str
     unit: str
-    low: float = -inf
-    high: float = inf
+    low: float
+    high: float
     start: float = 0
 
 
 _ENDS: Final = (
-    Number("low", "Lowest position of the waveform", "um"),
-    Number("high", "Highest position of the waveform", "um", start=1),
+    Number("low", "Lowest position of the waveform", "um", -1e6, 1e6),
+    Number("high", "Highest position of the waveform", "um", -1e6, 1e6, start=1),
 )
 _FREQUENCY: Final = Number("frequency_hz", "Frequency", "Hz", 1e-4, 1e4, start=1)
 SWINGS: Final[Mapping[str, tuple[Number, ...]]] = {

@@ -27,11 +27,13 @@ router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 class Accepted(BaseModel):
     """The loop carries out the request.
 
-    `motion` is the number of the new movement, or 0; `state` is the state of the stage then.
+    `motion` is the number of the new movement, or 0; `duration_s` is the time until it can be on
+    target, 0 without a movement; `state` is the state of the stage then.
     """
 
     accepted: bool = True
     motion: int
+    duration_s: float
     state: str
 
 
@@ -43,7 +45,8 @@ def _add_command(row: Endpoint) -> None:
     async def command_endpoint(command: Any, context: ContextOf) -> JsonAnswer:
         answer = await context.ask(_allowed(command, context))
         state = context.stage.status()["state"]
-        return JsonAnswer({"accepted": True, "motion": answer.motion, "state": state})
+        started = {"motion": answer.motion, "duration_s": answer.duration_s}
+        return JsonAnswer({"accepted": True, **started, "state": state})
 
     command_endpoint.__annotations__["command"] = row.request
     responses = {200: {"model": Accepted}, **ERRORS}

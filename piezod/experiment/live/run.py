@@ -107,14 +107,7 @@ class _Runs:
         # The recording starts before the movement, because its start is found in the recording.
         stage.recorder.start(f"{case.name}-{mode.value}")
         stage.select(mode, commands)
-        holding_command_um = stage.holding_command_um()
-        longest_s = max(
-            self._setup.axes[name]
-            .motion(each, case.duration_s, holding_command_um[name])
-            .duration_s
-            for name, each in waveforms.items()
-        )
-        stage.follow(commands, case.duration_s, mode, longest_s)
+        stage.follow(commands, case.duration_s, mode)
         telemetry = stage.recorder.end(self._file)
         run = LiveRun(case, mode, self._config.metrics)
         recordings = [
