@@ -127,7 +127,8 @@ def voltage_in_force(known: Evidence, tolerance_v: float) -> InForce:
     only = read_back if isfinite(read_back.drive_v) else written
     source = Source.AGREED if isfinite(only.drive_v) else Source.UNKNOWN
     if only.excludes(known.position_um):
-        if not isfinite(read_back.drive_v - written.drive_v):  # one witness against another
+        if not (isfinite(read_back.drive_v) and isfinite(written.drive_v)):
+            # One witness against another.
             return InForce(nan, Source.UNKNOWN, _doubt(known, _UNDECIDED), proven=False)
         why = "there is no other voltage to start from"
         return InForce(only.drive_v, source, _doubt(known, why), proven=False)

@@ -125,6 +125,7 @@ def test_witnesses_decide_in_their_order(
         (120.0, 30.0, True, False),
         (99.0, 30.0, True, True),
         (10.0, 30.0, True, True),
+        (-40.0, 30.0, True, False),
         (-41.0, 30.0, True, False),
     ],
 )
