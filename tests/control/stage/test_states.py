@@ -74,9 +74,9 @@ def cases() -> Iterator[tuple[State, Event, str]]:
 def all_facts() -> Iterator[Facts]:
     """Yield every combination of facts."""
     for values in product((False, True), repeat=len(INFLUENCE)):
-        for no_entry in ("", TEXTS["no_entry"]):
-            facts = GOOD._asdict() | dict(zip(INFLUENCE, values, strict=True))
-            yield Facts(**(facts | {"no_entry": no_entry}))
+        facts = GOOD._asdict() | dict(zip(INFLUENCE, values, strict=True))
+        for texts in product(*(("", text) for text in TEXTS.values())):
+            yield Facts(**(facts | dict(zip(TEXTS, texts, strict=True))))
 
 
 def rarely_bad_facts() -> Iterator[Facts]:
