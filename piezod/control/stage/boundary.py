@@ -195,6 +195,14 @@ class DeviceBoundary:
             self.crash = error
             return self._unknown_v
 
+    def misses(self, read_back_v: Sequence[float]) -> bool:
+        """Return whether the read-back of an axis is missing in this cycle, in V by axis.
+
+        It is not missed in shadow, after a cut, or from amplifiers that report no voltage.
+        """
+        awaited = self.reads_back and self.active and not self.shadow
+        return awaited and not all(map(isfinite, read_back_v))
+
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
         """Return the age of the last read-back of each axis, in ns; 0 while devices are lent."""
         return self._no_age_ns if self.lent else self.devices.read_back_age_ns(now_ns)

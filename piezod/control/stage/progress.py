@@ -27,7 +27,7 @@ STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped if no setpoint came for this many cycles and for this time."""
 
 _OUTPUT_FELL, _LOCAL_MODE = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
-_WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND})
+_WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND, State.STOPPING})
 _DOUBTING = mask(DOUBTING)
 _OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
 _EVENTS: Final = {
@@ -249,6 +249,7 @@ def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         unknown, others = stage.judge.resync(read_back_v, t_ns)
     elif not _still_at_last_write(stage):
         unknown = "the amplifier does not report its voltage"
+        stage.boundary.forget_written()  # it tells nothing about the output any more
     if unknown:
         text = (
             f"the amplifier answers again, but its voltage is unknown, and stays: {unknown}; bring "
@@ -288,13 +289,15 @@ def _settle_outputs(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> No
 
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End a ramp when each axis has reached the safe voltage, or takes too long."""
+    if stage.boundary.misses(read_back_v):
+        return  # one that comes again decides; one that stays away is A1
     # Both must be at the safe voltage: the drive that was written, and the read-back if there is
     # one.
     away = [
         i
         for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True))
         if not axis.drive_ended(t_ns)
-        or abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v  # or NaN
+        or abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v
     ]
     if not away or not stage.boundary.active:  # outputs that were cut fall by themselves
         stage.go(Event.ESTOP_RELEASED if stage.release_estop() else Event.AT_SAFE, t_ns)

@@ -218,10 +218,11 @@ class Stage:
     def confirm_output(self, *, confirmed: bool) -> None:
         """Note that a person answers for the voltage in force: that of the read-back.
 
-        Without a read-back it is the safe voltage.
+        Without a read-back it is the safe voltage. Where another voltage was written last, that is
+        not believed: the first write would be a step.
         """
         self._output_confirmed = confirmed
-        if confirmed and not self.boundary.reads_back:
+        if confirmed and not (self.boundary.reads_back or self._away_at(self.boundary.written_v)):
             self.output.known = True
             for i, axis in enumerate(self.axes):
                 axis.track(axis.config.safe_v)
@@ -232,13 +233,17 @@ class Stage:
 
         Both the present voltage and the last write count, within the tolerance of a read-back.
         """
+        in_force_v = [axis.law.in_force_v for axis in self.axes]
+        return self._away_at(in_force_v, self.boundary.written_v)
+
+    def _away_at(self, *told_v: Sequence[float]) -> str:
+        """Return which axes are away by one of these voltages, in V; NaN tells nothing."""
         away = []
-        for axis, written_v in zip(self.axes, self.boundary.written_v, strict=True):
+        for axis, *each_v in zip(self.axes, *told_v, strict=True):
             safe_v, tolerance_v = axis.config.safe_v, axis.law.limits.read_back_tolerance_v
-            for drive_v in (axis.law.in_force_v, written_v):
-                if abs(drive_v - safe_v) > tolerance_v:
-                    away.append(f"axis {axis.name} at {drive_v:.4g} V")
-                    break
+            off_v = [drive_v for drive_v in each_v if abs(drive_v - safe_v) > tolerance_v]
+            if off_v:
+                away.append(f"axis {axis.name} at {off_v[0]:.4g} V instead of {safe_v:g} V")
         return ", ".join(away)
 
     def memory_is_missing(self) -> bool:
@@ -332,10 +337,12 @@ class Stage:
                 axis.law.applied(written_v)
 
     def _facts(self) -> Facts:
+        unread = not (self.boundary.reads_back or self.output.known)
         asks = self.state is State.SAFE and not (self.boundary.shadow or self._output_confirmed)
         doubt = self.judge.doubt() if asks else ""
         return Facts(
             output_known=self.output.known,
+            last_write=self._away_at(self.boundary.written_v) if unread else "",
             sensor_valid=self.boundary.active and all(watch.sensor.ready for watch in self.watches),
             adapt_allowed=self.register.adapt_allowed,
             model_known=self._memory_known,

@@ -71,7 +71,8 @@ class AmplifierRamp:
         wait_s: How long it may be unavailable, in s, as while another process closes it.
         expected: Identity that it must have, apart from its firmware; None accepts any.
         rate_hz: Rate of the loop that wrote last, in Hz.
-        confirmed: Whether a person answers for the read-back, whatever was written last.
+        confirmed: Whether a person answers for the read-back, whatever was written last; without a
+            read-back, that the output is at the safe voltage.
 
     Attributes:
         done: Whether it only has to be closed.
@@ -170,7 +171,8 @@ class AmplifierRamp:
         # Use the last write after half of the time; after all of it `step` gives up.
         if unknown and self._reads_back and self._failing_s(now_ns) < MAX_FAILING_S / 2:
             return False
-        start_v = list(self._last_v)
+        spoken_for = self._confirmed and not self._reads_back
+        start_v = self._safe_v if spoken_for else list(self._last_v)
         if not unknown:
             found = self._in_force(read_back_v, now_ns)
             start_v = [each.drive_v for each in found]

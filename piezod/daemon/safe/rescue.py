@@ -117,7 +117,7 @@ def note_outcomes(output_map: Path, outcomes: Mapping[str, AxisOutcome], t_ns: i
 
 
 def _way(outcome: AxisOutcome) -> str:
-    noted = "last written; the amplifier has no read-back"
+    noted = "as last written, or as you confirm; the amplifier has no read-back"
     source = noted if outcome.from_noted else "read back"
     end_v = outcome.read_back_v
     end = f"{end_v:.2f} V read back" if isfinite(end_v) else "not read back"

@@ -186,6 +186,16 @@ def test_amplifier_without_read_back_starts_from_the_last_write(bench: Bench) ->
     assert bench.amplifiers["amp"].drive_v == [10.0]
 
 
+def test_amplifier_without_read_back_starts_where_a_person_has_seen_it(bench: Bench) -> None:
+    """That is the safe voltage, whatever was written last: no step up after a loss of power."""
+    amplifier = bench.amplifiers["amp"]
+    amplifier.reads_back, amplifier.drive_v = False, [10.0]
+    outcome = bench.run(x=75.0, confirmed=True)["x"]
+
+    assert [drive_v for _, drive_v in amplifier.writes] == [[10.0]]
+    assert (outcome.why, outcome.written_v) == ("", 10.0)
+
+
 def test_silent_amplifier_starts_from_the_last_write(bench: Bench) -> None:
     """An amplifier that should read back and does not is ramped, but is not safe."""
     bench.amplifiers["amp"].silent = True
