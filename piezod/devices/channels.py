@@ -243,6 +243,14 @@ class Channels:
                 drive_v[axis] = value if one.takes_any_voltage else one.voltage(value)
         return drive_v
 
+    def watchdogs(self) -> list[bool]:
+        """Return of each axis whether its amplifier has a watchdog of its own."""
+        found = [False] * len(self._axes)
+        for amplifier, axes, _ in self._amplifiers:
+            for axis in axes:
+                found[axis] = amplifier.capabilities().watchdog
+        return found
+
     def read_back_age_ns(self, now_ns: int) -> list[int]:
         """Return the age of the last read-back of each axis, in ns. Real-time safe."""
         ages_ns = [0] * len(self._axes)

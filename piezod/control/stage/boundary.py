@@ -30,6 +30,10 @@ class StageDevices(TellsStatus, Protocol):
         """Return the read-back voltage of each axis, in V. Real-time safe."""
         ...
 
+    def watchdogs(self) -> Sequence[bool]:
+        """Return of each axis whether its amplifier has a watchdog of its own."""
+        ...
+
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
         """Return the age of the last read-back of each axis, in ns. Real-time safe.
 
@@ -74,7 +78,8 @@ class DeviceBoundary:
         reads_back: Whether the amplifiers report the voltage in force.
         holds: Whether their outputs stay as they are when they are deactivated.
         reports_restart: Whether they report a restart before they take a write.
-        watchdog: Whether each makes its outputs safe by itself if its host falls silent.
+        watchdog: Whether the amplifier of each axis makes its outputs safe by itself if its host
+            falls silent; none does if it is empty.
         lag_cycles: Cycles by which their read-back may be late.
         amplifiers: Name of the amplifier of each axis; one drives all axes if it is empty.
     """
@@ -87,12 +92,12 @@ class DeviceBoundary:
         reads_back: bool,
         holds: bool,
         reports_restart: bool = False,
-        watchdog: bool = False,
+        watchdog: Sequence[bool] = (),
         lag_cycles: int = 0,
         amplifiers: Sequence[str] = (),
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
-        self.reports_restart, self.watchdog = reports_restart, watchdog
+        self.reports_restart, self.watchdog = reports_restart, watchdog or [False] * n_axes
         self.lag_cycles, self.amplifiers = lag_cycles, amplifiers or [""] * n_axes
         self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
         self._true_zero_um, self._no_age_ns = [0.0] * n_axes, [0] * n_axes

@@ -329,7 +329,7 @@ class OutputJudge:
         """Return whether an output that was out of reach has come to its read-back by itself."""
         axis, written_v = self._axes[index], self._boundary.written_v[index]
         tolerance_v, rest_v = axis.law.limits.read_back_tolerance_v, axis.config.limits.rest_v
-        watchdog = self._boundary.watchdog
+        watchdog = self._boundary.watchdog[index]
         answered = self._answered or self._watches[index].amplifier.unexplained_fall
         return not answered and left_alone(
             read_back_v, written_v, rest_v, tolerance_v, watchdog=watchdog

@@ -119,3 +119,19 @@ def test_lost_amplifier_with_an_unknown_voltage_keeps_no_other_one_from_its_ramp
     assert (stage.rigs[0].output_v, len(stage.rigs[0].steps_v)) == (before_v, n_before)
     stage.until("FAULT", OUTPUT_WAIT_S)
     assert stage.rigs[0].output_v == before_v
+
+
+@pytest.mark.parametrize("watched", [0, 1])
+def test_watchdog_of_one_amplifier_explains_no_fall_of_another(watched: int) -> None:
+    """Each amplifier is asked for itself; a fall to neither 0 V nor rest is its watchdog's only."""
+    stage = TwinStage()
+    for i, rig in enumerate(stage.faulty):
+        able = rig.capabilities()._replace(watchdog=i == watched)
+        rig.capabilities = lambda able=able: able  # type: ignore[method-assign, misc] # of this one
+    stage.stage.boundary.watchdog = stage.channels.watchdogs()
+    stage.stage.judge.forget()  # what the sensors have shown
+    fallen_v = [drive_v / 2.0 for drive_v in stage.stage.boundary.written_v]
+    why, _ = stage.stage.judge.resync(fallen_v, stage.t_ns)
+
+    assert stage.channels.watchdogs() == [watched == 0, watched == 1]
+    assert (f"axis {'yx'[watched]}:" in why, f"axis {'xy'[watched]}:" in why) == (True, False)
