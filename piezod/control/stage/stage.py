@@ -19,12 +19,14 @@ from piezod.control.stage.sequence import DriveSequence, DriveStep
 from piezod.control.stage.states import Event, Facts, HoldCause, step
 from piezod.control.stage.zeroing import SensorZero
 from piezod.telemetry.record import StageEvent
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, s_to_ns
 
 DRIVEN: Final = frozenset(
     {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
 )
 """States in which voltages are written."""
+BLIND_NS: Final = s_to_ns(2.0)
+"""An amplifier that does not answer keeps the others from their ramp for this time, in ns."""
 _ALARMING: Final = frozenset({State.HOLD, State.BLIND, State.FAULT, State.ESTOP})
 _COMPENSATING: Final = frozenset({State.READY, State.RUN, State.HOLD})
 
@@ -47,6 +49,7 @@ class Stage:
         register: The faults.
         state: The state.
         output: Whether the voltages in force are known.
+        unverified: A10 of each axis whose amplifier does not read back.
         zero: The zeros of the sensors.
         judge: Judges which voltages are in force.
     """
@@ -63,7 +66,12 @@ class Stage:
         self.watches = [watched.watches for watched in parts.axes.values()]
         self.boundary, self.period_ns = parts.boundary, parts.period_ns
         self.register, self.state = register, State.BOOT
-        self.output = OutputKnowledge(on_output_lost)
+        self.output = OutputKnowledge(self.boundary.reads_back, on_output_lost)
+        self.unverified = [
+            Detection(Fault.A10, i)
+            for i, reads_back in enumerate(self.boundary.reads_back)
+            if not reads_back
+        ]
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self._rebuild = parts.rebuild
         self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
@@ -197,6 +205,14 @@ class Stage:
         self.go(Event.IDENTIFY_DONE, t_ns)
         return becomes_known
 
+    def must_ramp(self, t_ns: int) -> bool:
+        """Return whether BLIND has to end in a ramp, even without all amplifiers. Real-time safe.
+
+        An emergency stop does not wait for them, and a stage that was driven not for long.
+        """
+        waited = self.time_in_state_ns(t_ns) >= BLIND_NS
+        return self._estop_pressed or (self._driven_when_lost and waited)
+
     def play(self) -> StagePlay:
         """Return the play, which has the devices while it runs. Real-time safe."""
         return self._play
@@ -218,12 +234,14 @@ class Stage:
     def confirm_output(self, *, confirmed: bool) -> None:
         """Note that a person answers for the voltage in force: that of the read-back.
 
-        Without a read-back it is the safe voltage.
+        On an axis without a read-back it is the safe voltage.
         """
         self._output_confirmed = confirmed
-        if confirmed and not self.boundary.reads_back:
-            self.output.known = True
-            for i, axis in enumerate(self.axes):
+        if not confirmed:
+            return
+        self.output.know_unread(known=True)
+        for i, axis in enumerate(self.axes):
+            if not self.boundary.reads_back[i]:
                 axis.track(axis.config.safe_v)
                 self.boundary.took_over(i, axis.config.safe_v)
 
@@ -291,7 +309,8 @@ class Stage:
         # From A3 on the memory follows voltages that the output may never have had.
         self._memory_known &= not self.register.axes_of(Fault.A3)
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
-            boundary.shadow = self.output.known = False  # until it is read back
+            boundary.shadow = False
+            self.output.know(known=False)  # until it is read back
             boundary.forget_written()  # others may have driven meanwhile
         if state is State.READY and not boundary.shadow:
             self._was_driven = True
@@ -299,7 +318,7 @@ class Stage:
             self._driven_when_lost, self._memory_known = before in DRIVEN, False
             if not written:  # what somebody else has set meanwhile is no business of ours
                 boundary.forget_written()
-            self.output.lose(traceable=boundary.reads_back or boundary.reports_restart)
+            self.output.lose(traceable=all(boundary.reads_back) or boundary.reports_restart)
         elif state not in {State.RAMP, State.ESTOP}:
             self.output.settle()
         if before is State.IDENT:
