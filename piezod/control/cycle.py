@@ -230,7 +230,7 @@ def _watch_stage(
     if stage.estop_pressed():
         detections.append(_ESTOP)
     if driven and not boundary.shadow:
-        detections += stage.unverified
+        detections += stage.output.unverified
     if stage.memory_is_missing():
         detections.append(_MEMORY_UNKNOWN)
 

@@ -282,6 +282,8 @@ class OutputKnowledge:
         self._reads_back, self._on_lost = reads_back, on_lost
         self._known = self._known_when_lost = [False] * len(reads_back)
         self._silent_cycles = self._losses = 0
+        self.unverified = [Detection(Fault.A10, i) for i, each in enumerate(reads_back) if not each]
+        """A10 of each axis whose amplifier does not read back."""
         self.left: Mapping[int, str] = {}
         """Axes that a ramp leaves as they are, and why: nothing tells their voltage."""
 

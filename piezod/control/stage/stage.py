@@ -49,7 +49,6 @@ class Stage:
         register: The faults.
         state: The state.
         output: Whether the voltages in force are known.
-        unverified: A10 of each axis whose amplifier does not read back.
         zero: The zeros of the sensors.
         judge: Judges which voltages are in force.
     """
@@ -67,11 +66,6 @@ class Stage:
         self.boundary, self.period_ns = parts.boundary, parts.period_ns
         self.register, self.state = register, State.BOOT
         self.output = OutputKnowledge(self.boundary.reads_back, on_output_lost)
-        self.unverified = [
-            Detection(Fault.A10, i)
-            for i, reads_back in enumerate(self.boundary.reads_back)
-            if not reads_back
-        ]
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self._rebuild = parts.rebuild
         self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
