@@ -110,7 +110,7 @@ def make_stage(
     boundary = DeviceBoundary(
         devices,
         len(axes),
-        reads_back=capabilities.read_back,
+        reads_back=devices.reads_back(),
         holds=capabilities.holds,
         reports_restart=capabilities.tells_restart,
         watchdog=devices.watchdogs(),

@@ -73,6 +73,9 @@ class _IdealDevices:
     def watchdogs(self) -> Sequence[bool]:
         return [False] * len(self._axes)
 
+    def reads_back(self) -> Sequence[bool]:
+        return [True] * len(self._axes)
+
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:  # noqa: ARG002 - the same
         return [0] * len(self._axes)
 

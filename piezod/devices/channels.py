@@ -124,6 +124,14 @@ class Channels:
             tells_restart=all(one.tells_restart for one in driving),
         )
 
+    def reads_back(self) -> list[bool]:
+        """Return of each axis whether its amplifier reads back; known when the devices are open."""
+        reads_back = [False] * len(self._axes)
+        for amplifier, axes, _ in self._amplifiers:
+            for axis in axes:
+                reads_back[axis] = amplifier.capabilities().read_back
+        return reads_back
+
     def beyond_reach(self, limits_v: Sequence[tuple[float, float]]) -> str:
         """Return a message on an axis whose limits exceed its amplifier's range, or "".
 

@@ -46,7 +46,7 @@ def _stop(stage: Stage, _: requests.Stop, t_ns: int) -> Answer:
         nothing = "nothing is driven in FAULT"
         if away := stage.away():
             return Answer(False, f"{nothing}, {away}: `piezod estop` ramps it down")
-        if stage.boundary.reads_back and not stage.output.known:
+        if any(stage.boundary.reads_back) and not stage.output.known:
             why = f"{nothing}, and the voltage in force is unknown, because nothing is read back"
             return Answer(False, f"{why}: `piezod estop` ramps down when the amplifier answers")
     _note_delay(stage, "stop", t_ns)
