@@ -325,11 +325,14 @@ class OutputJudge:
         mean = self._means[index]
         mean = mean if mean.cycles else _NO_MEAN.with_one(position_um - expected_um)
         averaged = min(mean.cycles, rest.mean.cycles)
+        # What was learned, perhaps from a sensor that lies, may be as wrong as it is far.
+        bound = self._axes[index].law.bound
+        learned_um = bound.distance * sensor.width_um if bound else 0.0
         least_um = max(
             LEAST_WAY * sensor.width_um,
             LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(averaged, 1)),
             LEAST_WAY_PART * abs(predicted_um),
-            LEAST_WAY_ERRORS * sensor.model_error_um,
+            LEAST_WAY_ERRORS * (sensor.model_error_um + learned_um),
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
         if not (rest.memory_known and settled):
