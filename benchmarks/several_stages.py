@@ -29,11 +29,11 @@ from benchmarks.page_and_recording import SINE, counts, drain, missing_cycles
 from piezod.client import StageClient, running_stages
 from piezod.client.calls import Call
 from piezod.client.reader import reader
-from piezod.client.results import Recording
-from piezod.config.endpoints import ENDPOINTS
 from piezod.config.states import State
 from piezod.daemon.paths import stage_paths
 from piezod.errors import RefusedError
+from piezod.messages.answers import Recording
+from piezod.messages.endpoints import ENDPOINTS
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from tests.daemon.daemons import is_alive

@@ -3,8 +3,8 @@
 from math import nan
 from typing import NamedTuple, Self
 
-from piezod.client.results import Document
 from piezod.config.daemon import StageAxisConfig
+from piezod.messages.answers import Document
 
 
 class AxisFacts(NamedTuple):

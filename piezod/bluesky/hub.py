@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from piezod.client import AsyncStageClient
-from piezod.client.telemetry import Telemetry
+from piezod.messages.telemetry import Telemetry
 
 RATE_HZ: Final = 20.0
 _Queue: TypeAlias = "asyncio.Queue[Telemetry | Exception]"

@@ -11,9 +11,9 @@ from piezod.bluesky.facts import AxisFacts
 from piezod.bluesky.hub import TelemetryHub
 from piezod.client import AsyncStageClient, find_socket
 from piezod.client.daemon_link import DaemonLink
-from piezod.client.results import Status
 from piezod.config.states import State
 from piezod.errors import ClientError, NotRunningError, RefusedError
+from piezod.messages.answers import Status
 
 _RENEW_EACH_S: Final = 10.0
 """Time between two renewals of the lease, which lasts 30 s."""

@@ -9,8 +9,8 @@ from typing import Final
 from piezod.bluesky.link import StageLink
 from piezod.client.arrival import SAME_UM, arrival
 from piezod.client.calls import Waveforms
-from piezod.client.telemetry import Telemetry
 from piezod.errors import NotReachedError, RefusedError
+from piezod.messages.telemetry import Telemetry
 
 _SETTLE_S: Final = 1.0
 """Time after the end of waveforms for the axes to settle, in s."""

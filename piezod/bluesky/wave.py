@@ -15,9 +15,9 @@ from piezod.bluesky.motion import follow_waves, move_to
 from piezod.bluesky.recorded import Column
 from piezod.client.calls import Waveforms
 from piezod.client.waveforms import tupled
-from piezod.config.requests import Wave as WaveRequest
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ClientError, DataError, RefusedError
+from piezod.messages.requests import Wave as WaveRequest
 
 _LABEL: Final = "bluesky"
 

@@ -10,7 +10,7 @@ from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
     from piezod.client import StageGroup
-    from piezod.client.results import Result
+    from piezod.messages.answers import Result
 
 GroupArgument: TypeAlias = Annotated[
     str, typer.Argument(metavar="GROUP", help="Name of a group in the file of the groups.")

@@ -8,7 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from piezod.client import StageClient
-    from piezod.client.results import Result
+    from piezod.messages.answers import Result
 
 
 def _stages(incomplete: str) -> list[str]:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from piezod.client.results import AxisStatus, Document, Fault, Status
     from piezod.config.faults import Fault as FaultId
+    from piezod.messages.answers import AxisStatus, Document, Fault, Status
 
 
 def status(

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Final
 
-from piezod.client.results import AxisStatus, Result, Status
-from piezod.client.telemetry import AxisTelemetry, Telemetry
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import NotReachedError, RefusedError
+from piezod.messages.answers import AxisStatus, Result, Status
+from piezod.messages.telemetry import AxisTelemetry, Telemetry
 
 SAME_UM: Final = 1e-6
 """A command that is closer than this to its target has arrived, in µm."""

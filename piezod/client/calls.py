@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
 
 from piezod.client.reader import reader
-from piezod.client.results import Answer, Document
-from piezod.config.endpoints import Endpoint
+from piezod.messages.answers import Answer, Document
+from piezod.messages.endpoints import Endpoint
 
 if TYPE_CHECKING:
     from piezod.config.combined_waveforms import WaveformConfig

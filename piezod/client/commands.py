@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 from piezod.client.calls import Call, Waveforms, command
 from piezod.client.methods import ClientMethod
-from piezod.client.results import Answer
 from piezod.config.modes import Mode
+from piezod.messages.answers import Answer
 
 if TYPE_CHECKING:
     from piezod.config.model_file import ModelFile

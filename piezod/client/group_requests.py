@@ -7,10 +7,10 @@ from typing import Any, Final, TypeAlias, TypeVar
 from piezod.client.calls import ANSWER_WITHIN_S, Call
 from piezod.client.parallel import Outcomes, in_parallel
 from piezod.client.reader import reader
-from piezod.client.results import Status
 from piezod.client.stage_client import StageClient
-from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import ClientError, GroupError, NotRunningError, RefusedError
+from piezod.messages.answers import Status
+from piezod.messages.endpoints import ENDPOINTS
 
 ResultT = TypeVar("ResultT")
 Act: TypeAlias = Callable[[str, StageClient], ResultT]

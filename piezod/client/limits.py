@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from piezod.client.results import Document
 from piezod.config.daemon import StageAxisConfig
+from piezod.messages.answers import Document
 
 
 class AxisLimits(NamedTuple):

@@ -10,9 +10,9 @@ from piezod.client.calls import Call
 from piezod.client.parallel import in_parallel
 from piezod.client.places import running_stages
 from piezod.client.reader import reader
-from piezod.client.results import Status
 from piezod.client.stage_client import StageClient
-from piezod.config.endpoints import ENDPOINTS
+from piezod.messages.answers import Status
+from piezod.messages.endpoints import ENDPOINTS
 
 ANSWER_WITHIN_S: Final = 2.0
 

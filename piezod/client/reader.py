@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from piezod.client.errors import unexpected
-from piezod.client.results import Document, Result
+from piezod.messages.answers import Document, Result
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

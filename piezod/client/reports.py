@@ -5,7 +5,7 @@ from typing import Final
 from piezod.client.calls import Call
 from piezod.client.methods import ClientMethod
 from piezod.client.reader import reader
-from piezod.client.results import (
+from piezod.messages.answers import (
     Document,
     Faults,
     Health,
@@ -18,7 +18,7 @@ from piezod.client.results import (
     Saved,
     Status,
 )
-from piezod.config.endpoints import ENDPOINTS
+from piezod.messages.endpoints import ENDPOINTS
 
 RELOADED_WITHIN_S: Final = 150.0
 """A reload compiles and starts a loop process, and starts the old one again if that fails, in s."""

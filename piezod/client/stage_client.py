@@ -15,8 +15,7 @@ from piezod.client.methods import SyncCaller
 from piezod.client.place import find_place
 from piezod.client.reader import reader
 from piezod.client.reports import StageReports
-from piezod.client.results import Document, StreamEnd
-from piezod.client.telemetry import LineSplitter, Telemetry, TelemetryReader
+from piezod.client.telemetry import LineSplitter, TelemetryReader
 from piezod.client.wire import (
     SESSION,
     STREAM,
@@ -33,6 +32,8 @@ from piezod.client.wire import (
     telemetry_path,
     whole_file,
 )
+from piezod.messages.answers import Document, StreamEnd
+from piezod.messages.telemetry import Telemetry
 
 if TYPE_CHECKING:
     import httpcore

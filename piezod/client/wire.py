@@ -10,9 +10,9 @@ from urllib.parse import quote, urlencode
 from piezod.client.calls import ANSWER_WITHIN_S, Call
 from piezod.client.errors import error_of, unexpected
 from piezod.client.place import Place
-from piezod.client.results import Document
-from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import RefusedError
+from piezod.messages.answers import Document
+from piezod.messages.endpoints import ENDPOINTS
 
 if TYPE_CHECKING:
     import ssl

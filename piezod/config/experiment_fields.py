@@ -14,6 +14,7 @@ from piezod.config.modes import Mode
 from piezod.config.play import PlayConfig
 from piezod.config.quantities import (
     DurationS,
+    ModeName,
     Name,
     OneLine,
     PauseS,
@@ -21,7 +22,6 @@ from piezod.config.quantities import (
     RateHz,
     Seed,
 )
-from piezod.config.requests import ModeName
 
 Metric: TypeAlias = Literal[
     "tracking_max_pct",

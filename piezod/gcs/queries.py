@@ -4,10 +4,10 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import Final
 
 from piezod.client.arrival import has_arrived
-from piezod.client.results import AxisStatus
 from piezod.gcs.errors import Code, GcsRefusal
 from piezod.gcs.readings import Readings
 from piezod.gcs.syntax import known
+from piezod.messages.answers import AxisStatus
 
 AxisValue = Callable[[Readings, str], Awaitable[str]]
 """Returns the value of an axis as text."""

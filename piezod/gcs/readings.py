@@ -7,9 +7,9 @@ from typing import Final
 from piezod.client.arrival import has_arrived
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.limits import AxisLimits, limits_in
-from piezod.client.results import AxisStatus, Status
 from piezod.config.states import State
 from piezod.gcs.errors import Code, GcsRefusal
+from piezod.messages.answers import AxisStatus, Status
 
 STATUS_AGE_S: Final = 0.04
 """Age from which a status is asked again, in s: half of the daemon's limit of 50 requests per s."""

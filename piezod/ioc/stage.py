@@ -10,8 +10,6 @@ from typing import Final
 from piezod.client import AsyncStageClient
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.limits import limits_in
-from piezod.client.results import Document, Status
-from piezod.client.telemetry import Telemetry
 from piezod.config.daemon import OnTargetConfig
 from piezod.errors import ClientError, NotRunningError
 from piezod.ioc import values
@@ -20,6 +18,8 @@ from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import DOWN, FAULTY, Reading
 from piezod.ioc.records import Motor, Names, Records
 from piezod.ioc.writes import Writes
+from piezod.messages.answers import Document, Status
+from piezod.messages.telemetry import Telemetry
 
 RATE_HZ: Final = 50.0
 """Rate of the telemetry: the highest one, for the histories."""

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from math import nan
 from typing import Final
 
-from piezod.client.results import Fault, Recordings, Status
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.states import State
 from piezod.ioc.readings import FAULTY, OK, UNKNOWN, WARNING, Alarm, Reading
 from piezod.ioc.table import FAULT_GROUPS, HISTORY, LONGEST_TEXT, LONGEST_WORD, MODES, STATES
+from piezod.messages.answers import Fault, Recordings, Status
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 HISTORY_S: Final = 1.0
 _ALARMS_OF_STATES: Final = {

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 from piezod.client.daemon_link import DaemonLink
-from piezod.client.results import Answer
 from piezod.config.states import State
 from piezod.errors import ClientError, RefusedError
 from piezod.ioc.actions import Actions
@@ -14,6 +13,7 @@ from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import Reading
 from piezod.ioc.records import Names, Records
 from piezod.ioc.values import text
+from piezod.messages.answers import Answer
 
 _NOTHING_DRIVEN: Final = "refused"
 """Code of the daemon's answer to `hold` if nothing is driven."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from piezod.config.packed_waveforms import pack_waveforms, unpack_waveforms
-from piezod.config.requests import Goto, Identify, Play, Request, SelectMode, Wave
+from piezod.messages.requests import Goto, Identify, Play, Request, SelectMode, Wave
 
 _ADAPTER: Final[TypeAdapter[Any]] = TypeAdapter(Request)
 _WITH_WAVEFORMS: Final[dict[str, tuple[type[Wave] | type[Identify], str]]] = {

@@ -11,7 +11,6 @@ import httpcore
 from piezod.client.errors import translated
 from piezod.client.place import Place
 from piezod.client.places import check_socket
-from piezod.client.results import Document
 from piezod.client.telemetry import LineSplitter
 from piezod.client.wire import (
     TIMEOUT_S,
@@ -21,8 +20,9 @@ from piezod.client.wire import (
     recording_path,
     telemetry_path,
 )
-from piezod.config.requests import TABLE
 from piezod.errors import ClientError
+from piezod.messages.answers import Document
+from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_RUNNING, PageError, document_of, of_answer, of_connection
 from piezod.web.rows import RATE_HZ
 

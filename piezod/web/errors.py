@@ -5,9 +5,9 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from piezod.client.errors import OTHER_VERSION
-from piezod.client.results import Document
-from piezod.config.endpoints import Role
 from piezod.errors import ClientError, NotAllowedError, NotRunningError
+from piezod.messages.answers import Document
+from piezod.messages.endpoints import Role
 
 if TYPE_CHECKING:
     import httpcore

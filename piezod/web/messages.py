@@ -7,11 +7,11 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from piezod.client.calls import ANSWER_WITHIN_S
 from piezod.client.reports import RELOADED_WITHIN_S
-from piezod.client.results import Document
 from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request
-from piezod.config.endpoints import LARGE_BODY, Endpoint
 from piezod.config.messages import describe
-from piezod.config.requests import TABLE
+from piezod.messages.answers import Document
+from piezod.messages.endpoints import LARGE_BODY, Endpoint
+from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_FOUND, PageError
 from piezod.web.job_commands import Identify, Learn, LookAtJob, Replay
 from piezod.web.message import Message

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from piezod.client import AsyncStageClient, StageClient
-from piezod.config import requests
-from piezod.config.endpoints import Role
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
+from piezod.messages import requests
+from piezod.messages.endpoints import Role
 from piezod.telemetry.arrays import record_dtype
 from tests.control.surface_rig import surface_file
 from tests.daemon.service.fakes import Served

@@ -3,7 +3,7 @@
 import pytest
 
 from piezod.client.arrival import too_late
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 
 def interval(

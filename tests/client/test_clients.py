@@ -13,8 +13,6 @@ import pytest
 from piezod.client import AsyncStageClient, StageClient
 from piezod.client.calls import Call
 from piezod.client.reader import reader
-from piezod.client.results import Status
-from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import (
     ClientError,
     NotAllowedError,
@@ -22,6 +20,8 @@ from piezod.errors import (
     NotRunningError,
     RefusedError,
 )
+from piezod.messages.answers import Status
+from piezod.messages.endpoints import ENDPOINTS
 from tests.client.fake_daemon import ACCEPTED, STATUS, Asked, FakeDaemon, Raw, interval
 
 

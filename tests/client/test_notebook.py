@@ -1,6 +1,6 @@
 """How results look when they are printed or shown in a notebook."""
 
-from piezod.client.results import AxisStatus, Fault, Status
+from piezod.messages.answers import AxisStatus, Fault, Status
 
 
 def status() -> Status:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from piezod.config.daemon import DaemonConfig
-from piezod.config.endpoints import Role
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -17,6 +16,7 @@ from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import Peer
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.stage_link import StageLink
+from piezod.messages.endpoints import Role
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap, create

@@ -9,9 +9,9 @@ import typer
 
 import piezod
 from piezod.cli.gcs import gcs
-from piezod.client.results import Status
 from piezod.errors import PiezodError
 from piezod.gcs.server import MOST_CLIENTS, Plan, identity_of, refusal, serve
+from piezod.messages.answers import Status
 from tests.client.fake_daemon import FakeDaemon
 
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.ioc.motor_fields import FIELDS
 from piezod.ioc.readings import DOWN, Alarm, Reading
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 
 class FakeMotor:

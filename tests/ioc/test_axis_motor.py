@@ -3,9 +3,9 @@
 import pytest
 
 from piezod.client.limits import AxisLimits
-from piezod.client.results import Answer
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import DOWN, FAULTY, OK, REFUSED, UNKNOWN, WARNING
+from piezod.messages.answers import Answer
 from tests.ioc.fakes import FakeMotor, axis
 
 LIMITS = AxisLimits(0.0, 20.0, 100.0)

@@ -4,7 +4,6 @@ from math import isnan
 
 import pytest
 
-from piezod.client.results import Fault, RecordingFile, Recordings, Status
 from piezod.config.states import State
 from piezod.ioc.readings import FAULTY, OK, UNKNOWN, WARNING, Alarm, Reading
 from piezod.ioc.table import STATES
@@ -17,6 +16,7 @@ from piezod.ioc.values import (
     of_status,
     text,
 )
+from piezod.messages.answers import Fault, RecordingFile, Recordings, Status
 from tests.ioc.fakes import axis, interval
 
 

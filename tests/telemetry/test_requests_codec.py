@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from piezod.config import requests
 from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.packed_waveforms import PackedPath
 from piezod.config.waveforms import Points, Setpoint, Sine, Staircase
+from piezod.messages import requests
 from piezod.telemetry.layout import REQUEST_BYTES
 from piezod.telemetry.requests_codec import decode, encode, warm_up
 

@@ -5,8 +5,8 @@ import re
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from piezod.config.endpoints import Role
 from piezod.errors import PiezodError
+from piezod.messages.endpoints import Role
 from piezod.web.access import Access
 from piezod.web.messages import LONGEST
 from piezod.web.server import bind

@@ -16,9 +16,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from piezod.client import StageClient
-from piezod.config.endpoints import Role
 from piezod.control.stage.answer import Answer
 from piezod.errors import NotAllowedError, RefusedError
+from piezod.messages.endpoints import Role
 from piezod.telemetry.arrays import record_dtype
 from piezod.web import connections, messages, protocol
 from piezod.web import tab as tab_module

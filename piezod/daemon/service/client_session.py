@@ -6,12 +6,12 @@ from typing import Final
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from piezod.config.requests import Stop
 from piezod.daemon.logging import logger
 from piezod.daemon.service.answers import dump
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.request_context import RequestContext
 from piezod.daemon.service.stage_service import Document, StageError
+from piezod.messages.requests import Stop
 
 RETRY_S: Final = 0.2
 _TRIES: Final = 150

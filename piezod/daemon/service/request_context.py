@@ -7,8 +7,6 @@ from typing import Annotated, Any, Final, NamedTuple, TypeVar
 from fastapi import Depends
 from fastapi import Request as HttpRequest
 
-from piezod.config.endpoints import Access
-from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.lease import Lease
@@ -23,6 +21,8 @@ from piezod.daemon.service.stage_service import (
     StageService,
 )
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.messages.endpoints import Access
+from piezod.messages.requests import Request
 
 ResultT = TypeVar("ResultT")
 _SHOWN: Final = 300

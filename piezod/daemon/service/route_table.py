@@ -6,9 +6,9 @@ from typing import Any, Final
 from fastapi import APIRouter
 from starlette.routing import compile_path
 
-from piezod.config.endpoints import Endpoint
-from piezod.config.requests import TABLE
 from piezod.daemon.service.answers import ErrorDocument
+from piezod.messages.endpoints import Endpoint
+from piezod.messages.requests import TABLE
 
 PREFIX: Final = "/v1"
 ROUTES: Final[Mapping[tuple[str, str], Endpoint]] = {

@@ -9,9 +9,7 @@ from fastapi import APIRouter
 from fastapi import Request as HttpRequest
 from pydantic import BaseModel
 
-from piezod.config.endpoints import Endpoint, Role
 from piezod.config.fields import ConfigModel
-from piezod.config.requests import TABLE, Request, Reset
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.client_session import SessionAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
@@ -20,6 +18,8 @@ from piezod.daemon.service.refusals import ForbiddenError
 from piezod.daemon.service.request_context import ContextOf, RequestContext, describe
 from piezod.daemon.service.route_table import ERRORS, PREFIX, endpoint
 from piezod.daemon.service.setpoint_stream import SetpointStream
+from piezod.messages.endpoints import Endpoint, Role
+from piezod.messages.requests import TABLE, Request, Reset
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 

@@ -6,7 +6,6 @@ from typing import Any, Final
 
 from starlette.requests import ClientDisconnect, Request
 
-from piezod.config.requests import Stream
 from piezod.config.states import State
 from piezod.daemon.service.open_streams import OpenStream
 from piezod.daemon.service.peer_protocol import PeerProtocol
@@ -14,6 +13,7 @@ from piezod.daemon.service.refusals import SilentError, TooLargeError
 from piezod.daemon.service.request_context import RequestContext
 from piezod.daemon.service.stage_service import BadValueError, Document, StageError
 from piezod.daemon.service.strict_json import loads
+from piezod.messages.requests import Stream
 
 MAX_LINE: Final = 1024
 _REMEDY: Final = 'each line must be like {"x": 12.5}, in µm, with the axes of the first line'

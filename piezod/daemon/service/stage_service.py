@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
-from piezod.config.endpoints import Role
-from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.errors import PiezodError
+from piezod.messages.endpoints import Role
+from piezod.messages.requests import Request
 from piezod.telemetry.arrays import Records
 
 Document: TypeAlias = dict[str, Any]

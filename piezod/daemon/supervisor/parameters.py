@@ -9,7 +9,6 @@ from pydantic import ValidationError
 
 import piezod
 from piezod.config.model_file import ModelFile
-from piezod.config.requests import AdoptModel
 from piezod.control.stage.answer import Answer
 from piezod.daemon.logging import logger
 from piezod.daemon.service.stage_service import NotNowError, StageError, UnknownNameError
@@ -17,6 +16,7 @@ from piezod.daemon.stores.parameter_document import AxisParameters
 from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.errors import DataError
+from piezod.messages.requests import AdoptModel
 from piezod.telemetry.learned import LearnedAxis
 
 Document = dict[str, Any]

@@ -8,9 +8,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Final
 
-from piezod.config.endpoints import TOWARDS_SAFETY
 from piezod.config.faults import Fault
-from piezod.config.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import drops_lines, logger
@@ -33,6 +31,8 @@ from piezod.daemon.supervisor.following_reader import FollowingReader
 from piezod.daemon.supervisor.metrics import StageFacts, metrics_text
 from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
+from piezod.messages.endpoints import TOWARDS_SAFETY
+from piezod.messages.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
 from piezod.telemetry.arrays import Records, RingReader
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.learned import LearnedAxis

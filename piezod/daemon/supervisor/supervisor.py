@@ -12,7 +12,6 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Final
 
-from piezod.config.endpoints import Role
 from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.logging import logger
@@ -36,6 +35,7 @@ from piezod.daemon.supervisor.reload import (
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
+from piezod.messages.endpoints import Role
 
 PERIOD_S: Final = 0.1
 """Period of `_watch`, in s."""

@@ -11,7 +11,6 @@ from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
 from piezod.config.packed_waveforms import WaveformCostError, pack_waveforms
 from piezod.config.play import PlayConfig
-from piezod.config.requests import TABLE
 from piezod.config.rules import MIN_JUDGED_SAMPLES
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError, RefusedError
@@ -19,6 +18,7 @@ from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.experiment.live.setup import LiveAxis, LiveSetup, no_model
 from piezod.experiment.play.command import command_of
 from piezod.experiment.virtual.case import RANGE_MARGIN
+from piezod.messages.requests import TABLE
 
 LARGEST_REQUEST_BYTES: Final = TABLE["wave"].access.most_bytes
 """Largest request that a daemon accepts, in bytes."""

@@ -7,7 +7,6 @@ from pydantic import ValidationError
 
 from piezod.client import StageClient
 from piezod.client.errors import unexpected
-from piezod.client.results import Document
 from piezod.client.waveforms import tupled
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
@@ -17,6 +16,7 @@ from piezod.control.reference.motion import Motion, lead_in, waveform_motion
 from piezod.control.reference.waveforms import Waveform
 from piezod.control.stage.motion_limits import motion_limits
 from piezod.errors import DataError
+from piezod.messages.answers import Document
 
 AT_REST_V = 1e-3
 """Largest difference of a safe voltage and the rest voltage that counts as equal, in V."""

@@ -8,8 +8,6 @@ from collections.abc import Callable, Coroutine
 from math import isfinite
 from typing import Any, Final, cast
 
-from piezod.config import requests as rq
-from piezod.config.endpoints import Role
 from piezod.config.states import State
 from piezod.control.guard import Limits
 from piezod.control.in_force import OUTPUT_WAIT_S
@@ -27,6 +25,8 @@ from piezod.daemon.service.stage_service import Document, Peer, StageError, Stag
 from piezod.daemon.service.urgent_notes import UrgentNotes
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
+from piezod.messages.endpoints import Role
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from piezod.units import NS_PER_S

@@ -5,11 +5,11 @@ from itertools import product
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine, Staircase, Triangle
 from piezod.devices.interface import Amplifier, Device, Sensor
+from piezod.messages import requests as rq
 from piezod.testing.faulty import FaultyDevice
 from piezod.testing.injections import Injection, InjectionKind
 from tests.conftest import Reaction

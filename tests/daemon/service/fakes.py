@@ -12,8 +12,6 @@ import httpx
 import numpy as np
 from numpy.typing import NDArray
 
-from piezod.config.endpoints import Role
-from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
@@ -31,6 +29,8 @@ from piezod.daemon.service.stage_service import (
     UnknownNameError,
 )
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.messages.endpoints import Role
+from piezod.messages.requests import Request
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.daemons import NO_TLS
 from tests.daemon.waiting import join

@@ -9,9 +9,6 @@ import pytest
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
-from piezod.config.requests import (
-    AdoptModel,
-)
 from piezod.config.states import State
 from piezod.control.faults.table import mask
 from piezod.control.stage.answer import Answer
@@ -19,6 +16,9 @@ from piezod.daemon.loop import accept
 from piezod.daemon.service.stage_service import (
     NotNowError,
     UnknownNameError,
+)
+from piezod.messages.requests import (
+    AdoptModel,
 )
 from piezod.telemetry.learned_writer import LearnedWriter
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word

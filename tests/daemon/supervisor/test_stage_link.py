@@ -10,16 +10,6 @@ import numpy as np
 import pytest
 
 from piezod.config.daemon import DaemonConfig
-from piezod.config.requests import (
-    Arm,
-    Disarm,
-    Estop,
-    Goto,
-    Hold,
-    Request,
-    Shutdown,
-    Stop,
-)
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
 from piezod.control.stage.answer import Answer
@@ -32,6 +22,16 @@ from piezod.daemon.service.stage_service import (
 )
 from piezod.daemon.supervisor import stage_link
 from piezod.daemon.supervisor.stage_link import StageLink
+from piezod.messages.requests import (
+    Arm,
+    Disarm,
+    Estop,
+    Goto,
+    Hold,
+    Request,
+    Shutdown,
+    Stop,
+)
 from piezod.telemetry.stream import StreamReader
 from piezod.telemetry.words import Word
 from tests.daemon.bench import PEER, Bench

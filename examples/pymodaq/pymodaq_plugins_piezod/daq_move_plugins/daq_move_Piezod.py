@@ -13,9 +13,9 @@ from pymodaq.utils.data import DataActuator
 from pymodaq_utils.utils import ThreadCommand
 
 from piezod.client import StageClient
-from piezod.client.results import AxisStatus
 from piezod.config.modes import Mode
 from piezod.errors import PiezodError
+from piezod.messages.answers import AxisStatus
 
 
 class DAQ_Move_Piezod(DAQ_Move_base):  # noqa: N801 - PyMoDAQ needs this form

@@ -6,7 +6,7 @@ Every result keeps the complete `document`: a newer daemon may report more than 
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from piezod.client.notebook import StatusTable
+from piezod.messages.notebook import StatusTable
 
 Document: TypeAlias = dict[str, Any]
 

@@ -13,7 +13,10 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import Field
 
 from piezod.config.combined_waveforms import WaveformConfig
-from piezod.config.endpoints import (
+from piezod.config.fields import ConfigModel, Quantity
+from piezod.config.model_file import ModelFile
+from piezod.config.quantities import DriveV, DurationS, ModeName, Name, PositionUm, StartS
+from piezod.messages.endpoints import (
     CHANGE,
     CHANGE_BY_POINTS,
     EMERGENCY,
@@ -26,13 +29,7 @@ from piezod.config.endpoints import (
     Endpoint,
     Group,
 )
-from piezod.config.fields import ConfigModel, Quantity
-from piezod.config.model_file import ModelFile
-from piezod.config.modes import Mode
-from piezod.config.quantities import DriveV, DurationS, Name, PositionUm, StartS
 
-# Files and clients write a mode as text; strict validation would require the enumeration's member.
-ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
 AxisName: TypeAlias = Name | None
 TableV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=16_000)]

@@ -1,6 +1,6 @@
 """The table of commands: its columns, and the rows of endpoints that need no request class.
 
-The rows of requests stand beside the request classes in `piezod.config.requests`, which joins all
+The rows of requests stand beside the request classes in `piezod.messages.requests`, which joins all
 rows to `TABLE`. Routes, roles, clients, the command line and docs/client.md derive from it. This
 module imports nothing heavy, because clients and `piezod --help` import it.
 """
