@@ -4,7 +4,7 @@ from math import nan
 from typing import NamedTuple, Self
 
 from piezod.config.daemon import StageAxisConfig
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 
 
 class AxisFacts(NamedTuple):

@@ -7,7 +7,8 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import NotReachedError, RefusedError
-from piezod.messages.answers import AxisStatus, Result, Status
+from piezod.messages.answers import AxisStatus, Status
+from piezod.messages.documents import Message
 from piezod.messages.telemetry import AxisTelemetry, Telemetry
 
 SAME_UM: Final = 1e-6
@@ -31,7 +32,7 @@ _UNKNOWN_MEMORY: Final = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arrival(Result):
+class Arrival(Message):
     """A movement that has reached its target.
 
     Attributes:
@@ -96,8 +97,7 @@ def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | Non
         raise NotReachedError(what, code="superseded")
     position_um = now.position_um.last
     if now.on_target and position_um is not None:
-        document = {"axis": name, "motion": motion, "position_um": position_um}
-        return Arrival(document=document, axis=name, motion=motion, position_um=position_um)
+        return Arrival(axis=name, motion=motion, position_um=position_um)
     if interval.state != State.RUN:
         because = because_of(interval)
         what = (

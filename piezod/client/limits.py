@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 
 
 class AxisLimits(NamedTuple):

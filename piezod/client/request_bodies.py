@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from piezod.client.waveforms import sendable, tupled
 from piezod.config.messages import describe
 from piezod.errors import RefusedError
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.messages.endpoints import Endpoint
 from piezod.messages.requests import REQUESTS, TABLE
 

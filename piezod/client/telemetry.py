@@ -3,10 +3,8 @@
 import json
 
 from piezod.client.errors import unexpected
-from piezod.client.reader import reader
+from piezod.client.reader import read
 from piezod.messages.telemetry import Telemetry
-
-_read = reader(Telemetry)
 
 
 class LineSplitter:
@@ -50,4 +48,4 @@ class TelemetryReader:
             raise unexpected(text, str(error)) from error
         if not isinstance(document, dict):
             raise unexpected(document, "must be an object")
-        return _read(document)
+        return read(Telemetry, document)

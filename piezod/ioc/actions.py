@@ -10,7 +10,7 @@ from piezod.errors import RefusedError
 from piezod.ioc.readings import FAULTY, OK, Reading
 from piezod.ioc.records import Names, Records
 from piezod.ioc.table import LONGEST_RECORD, MODES, WAVES
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 
 RENEW_EACH_S: Final = 10.0
 """Time between two renewals of a lease that is kept, in s; it expires after 30 s."""

@@ -18,7 +18,8 @@ from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import DOWN, FAULTY, Reading
 from piezod.ioc.records import Motor, Names, Records
 from piezod.ioc.writes import Writes
-from piezod.messages.answers import Document, Status
+from piezod.messages.answers import Status
+from piezod.messages.documents import Document
 from piezod.messages.telemetry import Telemetry
 
 RATE_HZ: Final = 50.0

@@ -8,7 +8,8 @@ from typing import Final
 from piezod.config.states import State
 from piezod.ioc.readings import FAULTY, OK, UNKNOWN, WARNING, Alarm, Reading
 from piezod.ioc.table import FAULT_GROUPS, HISTORY, LONGEST_TEXT, LONGEST_WORD, MODES, STATES
-from piezod.messages.answers import Fault, Recordings, Status
+from piezod.messages.answers import Fault, Holder, Status
+from piezod.messages.stores import Recordings
 from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 HISTORY_S: Final = 1.0
@@ -66,14 +67,13 @@ def of_status(status: Status) -> Readings:
         f"FAULT:{name}": _ids([each for each in faults if each.id.startswith(letter)])
         for name, letter in FAULT_GROUPS.items()
     }
-    held = status.document.get("lease")
-    holder = held["holder"] if held else {"user": "", "client": ""}
+    holder = status.lease.holder if status.lease else Holder()
     return {
         "FAULTS": _ids(faults),
         "FAULT:COUNT": Reading(len(faults), _worst(faults)),
         "FAULT:TEXT": Reading(text(worst), _worst(faults)),
         **groups,
-        "LEASE:HOLDER": Reading(text(f"{holder['user']} {holder['client']}".strip(), LONGEST_WORD)),
+        "LEASE:HOLDER": Reading(text(f"{holder.user} {holder.client}".strip(), LONGEST_WORD)),
     }
 
 

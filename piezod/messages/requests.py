@@ -16,6 +16,7 @@ from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.quantities import DriveV, DurationS, ModeName, Name, PositionUm, StartS
+from piezod.messages.answers import Answer
 from piezod.messages.endpoints import (
     CHANGE,
     CHANGE_BY_POINTS,
@@ -257,7 +258,8 @@ def _row(
     kind: str = request.model_fields["kind"].default
     help = cleandoc(request.__doc__ or "")
     verb = kind if group else ""
-    return Endpoint(kind, "POST", path or kind, access, help, group, verb, done, request)
+    at = path or kind
+    return Endpoint(kind, "POST", at, access, help, group, verb, done, request, answer=Answer)
 
 
 _ROWS: Final = (

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from piezod.messages.answers import Result
+from piezod.messages.documents import Message
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,29 +25,29 @@ class AxisTelemetry:
     """One axis in one interval.
 
     Attributes:
-        position_um: Measured position, in µm.
-        command_um: Commanded position, in µm.
-        drive_v: Drive voltage, in V.
-        error_um: Command minus position, in µm.
-        target_um: Target of the movement, in µm.
-        mode: Mode of the compensator.
+        mode: Mode of the compensator, in the last cycle.
         on_target: Whether in the last cycle the position had been within its tolerance for the
             settling time.
         motion: Number of the movement in the last cycle.
+        target_um: Target of the movement, in µm.
+        position_um: Measured position, in µm.
+        command_um: Commanded position, in µm.
+        drive_v: Drive voltage, in V; in state BLIND the one that the amplifier reports.
+        error_um: Command minus position, in µm.
     """
 
+    mode: str = ""
+    on_target: bool = False
+    motion: int = 0
+    target_um: float | None = None
     position_um: Range
     command_um: Range
     drive_v: Range
     error_um: Range
-    target_um: float | None = None
-    mode: str = ""
-    on_target: bool = False
-    motion: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Telemetry(Result):
+class Telemetry(Message):
     """All axes in one interval.
 
     Attributes:

@@ -21,7 +21,7 @@ from piezod.client.wire import (
     telemetry_path,
 )
 from piezod.errors import ClientError
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_RUNNING, PageError, document_of, of_answer, of_connection
 from piezod.web.rows import RATE_HZ

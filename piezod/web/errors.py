@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from piezod.client.errors import OTHER_VERSION
 from piezod.errors import ClientError, NotAllowedError, NotRunningError
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.messages.endpoints import Role
 
 if TYPE_CHECKING:

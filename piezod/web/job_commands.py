@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from piezod.home import user_folder
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.own_folder import make_folder
 from piezod.web.message import Message, MessagePart
 

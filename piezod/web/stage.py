@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezod.client.errors import OTHER_VERSION
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.web.connections import Connections
 from piezod.web.errors import GONE, PageError
 from piezod.web.rows import Pacer, Row, encoded, with_time

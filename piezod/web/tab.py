@@ -9,7 +9,7 @@ from typing import Any, Final
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from piezod.client.wire import http_request
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.messages.endpoints import Role
 from piezod.messages.requests import TABLE
 from piezod.web import messages

@@ -21,7 +21,7 @@ def interval(
         mode=mode,
     )
     return Telemetry(
-        document={}, t_s=1.0, cycles=50, lost=0, state="RUN", faults=faults, skipped_cycles=0,
+        t_s=1.0, cycles=50, lost=0, state="RUN", faults=faults, skipped_cycles=0,
         axes={"x": axis},
     )  # fmt: skip
 

@@ -7,7 +7,6 @@ def status() -> Status:
     """Return the status of a stage with a fault and an axis without a command."""
     axis = AxisStatus(position_um=1.23456, command_um=None, drive_v=20.0)
     return Status(
-        document={"axes": {"x": {"position_um": 1.23456}}},
         state="RUN",
         mode="adaptive",
         faults=(Fault(id="L2", name="late <often>"),),

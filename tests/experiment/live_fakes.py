@@ -133,7 +133,6 @@ class FakeStage(StageClient):
             motion=self.motion,
         )
         return Telemetry(
-            document={},
             t_s=self.t_s,
             cycles=50,
             lost=0,

@@ -17,7 +17,7 @@ from tests.client.fake_daemon import FakeDaemon
 
 def status_of(stage: str) -> Status:
     """Return the status of a stage of this name."""
-    empty = {"document": {}, "state": "SAFE", "mode": "adaptive", "faults": ()}
+    empty = {"state": "SAFE", "mode": "adaptive", "faults": ()}
     return Status(**empty, skipped_cycles=0, axes={}, stage=stage)  # type: ignore[arg-type]
 
 

@@ -92,7 +92,6 @@ def axis(
 def interval(state: str = "RUN", t_s: float = 0.0, **axes: AxisTelemetry) -> Telemetry:
     """Return one interval of telemetry."""
     return Telemetry(
-        document={},
         t_s=t_s,
         cycles=4,
         lost=0,

@@ -30,7 +30,7 @@ def motor(record: FakeMotor) -> AxisMotor:
 
 def answer(motion: int) -> Answer:
     """Return the answer of the daemon to a movement."""
-    return Answer(document={}, motion=motion, state="RUN")
+    return Answer(motion=motion, state="RUN")
 
 
 def test_movement_goes_on_from_the_write_to_the_target(motor: AxisMotor, record: FakeMotor) -> None:

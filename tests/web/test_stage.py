@@ -5,7 +5,7 @@ from collections.abc import AsyncGenerator
 from pathlib import Path
 from typing import cast
 
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.web.connections import Connections
 from piezod.web.rows import Pacer, Row
 from piezod.web.stage import WebStage

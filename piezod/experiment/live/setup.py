@@ -16,7 +16,7 @@ from piezod.control.reference.motion import Motion, lead_in, waveform_motion
 from piezod.control.reference.waveforms import Waveform
 from piezod.control.stage.motion_limits import motion_limits
 from piezod.errors import DataError
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 
 AT_REST_V = 1e-3
 """Largest difference of a safe voltage and the rest voltage that counts as equal, in V."""

@@ -24,7 +24,7 @@ from piezod.experiment.lateness import until_punctual
 from piezod.experiment.live.loop_lateness import LoopLateness
 from piezod.experiment.live.recorder import StageRecorder
 from piezod.experiment.live.setup import LiveSetup
-from piezod.messages.answers import Document
+from piezod.messages.documents import Document
 from piezod.messages.telemetry import Telemetry as Interval
 
 RATE_HZ: Final = 20.0

@@ -1,0 +1,50 @@
+"""Messages as JSON. An unknown number is None, because JSON has no NaN."""
+
+import json
+import math
+from dataclasses import fields, is_dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+Document: TypeAlias = dict[str, Any]
+"""A JSON object."""
+
+
+class Message:
+    """Base of all answers: frozen dataclasses, which keep the document that they were read from."""
+
+    @cached_property
+    def document(self) -> Document:
+        """The complete answer as JSON: a newer daemon may report more than the fields."""
+        document: Document = plain(self)
+        return document
+
+
+def plain(value: Any) -> Any:
+    """Return a message or a part of one as JSON has it; NaN and infinities become None."""
+    if is_dataclass(value):
+        value = _fields(value)
+    if isinstance(value, dict):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def dump(content: Any) -> bytes:
+    """Return a message or plain data as compact JSON; NaN and infinities become null."""
+    try:
+        text = _dumps(content)
+    except ValueError:
+        text = _dumps(plain(content))
+    return text.encode(errors="backslashreplace")  # bytes of a path that are no text
+
+
+def _dumps(content: Any) -> str:
+    return json.dumps(
+        content, allow_nan=False, separators=(",", ":"), ensure_ascii=False, default=_fields
+    )
+
+
+def _fields(message: Any) -> Document:
+    return {each.name: getattr(message, each.name) for each in fields(message)}
