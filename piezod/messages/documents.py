@@ -1,13 +1,19 @@
 """Messages as JSON. An unknown number is None, because JSON has no NaN."""
 
+import inspect
 import json
 import math
+import re
 from dataclasses import fields, is_dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 Document: TypeAlias = dict[str, Any]
 """A JSON object."""
+
+
+_ATTRIBUTE: Final = re.compile(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", re.MULTILINE)
+"""One entry of an "Attributes:" section, with its continued lines."""
 
 
 class Message:
@@ -29,6 +35,17 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def attributes(declared: type) -> dict[str, str]:
+    """Return what the fields of a class and of its bases mean, as their docstrings say."""
+    texts = (inspect.cleandoc(each.__doc__ or "") for each in reversed(declared.__mro__))
+    sections = (text.partition("Attributes:\n")[2] for text in texts)
+    return {
+        name: " ".join(text.split())
+        for section in sections
+        for name, text in _ATTRIBUTE.findall(section)
+    }
 
 
 def dump(content: Any) -> bytes:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from piezod.messages.documents import Document, Message
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Reloaded(Message):
     """A configuration that has been read again and is in force.
 
@@ -31,7 +31,7 @@ class Parameters(Message):
     axes: dict[str, Document]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Saved(Message):
     """Saved parameters.
 
@@ -42,7 +42,7 @@ class Saved(Message):
     sequence: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Rejected:
     """A file of parameters that was not used.
 
@@ -55,7 +55,7 @@ class Rejected:
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Loaded(Saved):
     """Saved parameters that are in use from now on.
 
@@ -69,7 +69,7 @@ class Loaded(Saved):
     rejected: tuple[Rejected, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class HistoryEntry:
     """Saved parameters in the history.
 
@@ -99,7 +99,7 @@ class History(Message):
     history: tuple[HistoryEntry, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class RecordingFile:
     """A file of a finished recording.
 
@@ -114,7 +114,7 @@ class RecordingFile:
     kept: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Recording(Message):
     """A recording that was started or ended.
 
@@ -137,7 +137,7 @@ class Recording(Message):
     files: int = 1
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class RunningRecording(Recording):
     """The recording in progress.
 
@@ -148,7 +148,7 @@ class RunningRecording(Recording):
     file: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class KeptRecording(Message):
     """A recording that was marked, or whose mark was removed.
 
@@ -176,7 +176,7 @@ class Recordings(Message):
     folder: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class AuditLine:
     """One request and its answer.
 
@@ -190,12 +190,12 @@ class AuditLine:
         why: Why not; empty if it was accepted.
     """
 
-    when: str = ""
-    uid: int = -1
-    user: str = ""
-    client: str = ""
+    when: str
+    uid: int
+    user: str
+    client: str
     what: str
-    accepted: bool = True
+    accepted: bool
     why: str = ""
 
 

@@ -10,8 +10,9 @@ import json
 from dataclasses import asdict, dataclass
 from enum import Enum
 from itertools import accumulate
+from math import isfinite
 from struct import calcsize
-from typing import Final, NamedTuple, Self, get_type_hints
+from typing import Any, Final, NamedTuple, Self, get_type_hints
 
 from piezod.config.daemon import DaemonConfig
 from piezod.telemetry.record import AxisRecord, CycleHeader
@@ -119,6 +120,21 @@ def enumerations() -> dict[str, tuple[Enum, ...]]:
     """Return the fields that contain an index of an enumeration, each with the members."""
     hints = get_type_hints(CycleHeader) | get_type_hints(AxisRecord)
     return {name: tuple(kind) for name, kind in hints.items() if issubclass(kind, Enum)}
+
+
+_WORDS: Final = {name: [str(each.value) for each in kind] for name, kind in enumerations().items()}
+
+
+def as_shown(name: str, value: Any) -> Any:
+    """Return the value of a field as answers have it: the word of a member, None in place of NaN.
+
+    Args:
+        name: Name of the field.
+        value: Its value as Python's own type, or the index of a member.
+    """
+    if name in _WORDS:
+        return _WORDS[name][value]
+    return value if not isinstance(value, float) or isfinite(value) else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,7 +97,7 @@ def test_reports(served: Served, stage: StageClient) -> None:
     assert stage.save_params().sequence == 4
     assert stage.load_params().sequence == 3
     assert stage.restore_params(2).sequence == 2
-    assert stage.reload().document == {"reloaded_by": "somebody"}
+    assert stage.reload().changes == ("by somebody",)
     assert stage.audit().audit[0].what == "reload"
 
 

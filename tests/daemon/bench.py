@@ -5,7 +5,7 @@ import os
 from collections.abc import Awaitable, Callable
 from math import nan
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.gate_reasons import GateReason
@@ -17,6 +17,7 @@ from piezod.daemon.service.stage_service import Peer
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.messages.endpoints import Role
+from piezod.messages.stores import Reloaded
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap, create
@@ -78,8 +79,8 @@ class Bench:
         """Write a record like a loop; numbers that are not given are NaN."""
         write_record(self.loop.shared, state, present, latched=latched, shadow=shadow, **axis)
 
-    async def _reload(self, peer: Peer) -> dict[str, Any]:
-        return {"by": peer.user}
+    async def _reload(self, peer: Peer) -> Reloaded:
+        return Reloaded((f"by {peer.user}",))
 
 
 def write_record(

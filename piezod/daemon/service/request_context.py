@@ -120,8 +120,8 @@ class RequestContext(NamedTuple):
 
     def _remedy(self) -> str:
         """Return the remedy of a refused request: that of the faults which stop the stage."""
-        if self.stage.status()["state"] in _STOPPED and (faults := self.stage.faults()):
-            return "; ".join(f"{each['id']}, {each['name']}: {each['remedy']}" for each in faults)
+        if self.stage.state in _STOPPED and (faults := self.stage.faults().faults):
+            return "; ".join(f"{each.id}, {each.name}: {each.remedy}" for each in faults)
         return "`piezod status` shows the state and the faults"
 
     def note(self, what: str, why: str = "") -> None:

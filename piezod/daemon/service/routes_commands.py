@@ -7,7 +7,6 @@ from typing import Any, Final
 
 from fastapi import APIRouter
 from fastapi import Request as HttpRequest
-from pydantic import BaseModel
 
 from piezod.config.fields import ConfigModel
 from piezod.daemon.service.answers import JsonAnswer
@@ -16,23 +15,14 @@ from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.refusals import ForbiddenError
 from piezod.daemon.service.request_context import ContextOf, RequestContext, describe
-from piezod.daemon.service.route_table import ERRORS, PREFIX, endpoint
+from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.setpoint_stream import SetpointStream
+from piezod.messages.answers import Answer as Accepted
+from piezod.messages.answers import Released
 from piezod.messages.endpoints import Endpoint, Role
 from piezod.messages.requests import TABLE, Request, Reset
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
-
-
-class Accepted(BaseModel):
-    """The loop carries out the request.
-
-    `motion` is the number of the new movement, or 0; `state` is the state of the stage then.
-    """
-
-    accepted: bool = True
-    motion: int
-    state: str
 
 
 class Nothing(ConfigModel):
@@ -42,13 +32,10 @@ class Nothing(ConfigModel):
 def _add_command(row: Endpoint) -> None:
     async def command_endpoint(command: Any, context: ContextOf) -> JsonAnswer:
         answer = await context.ask(_allowed(command, context))
-        state = context.stage.status()["state"]
-        return JsonAnswer({"accepted": True, "motion": answer.motion, "state": state})
+        return JsonAnswer(Accepted(motion=answer.motion, state=context.stage.state))
 
     command_endpoint.__annotations__["command"] = row.request
-    responses = {200: {"model": Accepted}, **ERRORS}
-    options = {"response_class": JsonAnswer, "responses": responses}
-    endpoint(router, row.name, name=row.path, **options)(command_endpoint)
+    endpoint(router, row.name, name=row.path)(command_endpoint)
 
 
 def _allowed(command: Request, context: RequestContext) -> Request:
@@ -65,13 +52,6 @@ for _row in TABLE.values():
         _add_command(_row)
 
 
-class Followed(BaseModel):
-    """A stream that has ended, with the number of its setpoints."""
-
-    accepted: bool = True
-    setpoints: int
-
-
 _LINES: Final = {
     "requestBody": {
         "required": False,
@@ -81,7 +61,7 @@ _LINES: Final = {
 }
 
 
-@endpoint(router, "stream", responses={200: {"model": Followed}, **ERRORS}, openapi_extra=_LINES)
+@endpoint(router, "stream", openapi_extra=_LINES)
 async def stream(request: HttpRequest, context: ContextOf) -> JsonAnswer:
     """Follow the setpoints of the body until it ends."""
     stream = SetpointStream(context, connection_of(request.scope))
@@ -103,4 +83,4 @@ async def renew_lease(_body: Nothing, context: ContextOf) -> JsonAnswer:
 @endpoint(router, "release_lease")
 async def release_lease(context: ContextOf) -> JsonAnswer:
     """Release the lease."""
-    return JsonAnswer({"released": context.state.lease.release(context.peer)})
+    return JsonAnswer(Released(released=context.state.lease.release(context.peer)))

@@ -50,18 +50,6 @@ class KeepRecording(ConfigModel):
     kept: bool = Field(default=True, description="Whether it is marked as kept.")
 
 
-@endpoint(router, "params")
-async def params(context: ContextOf) -> JsonAnswer:
-    """Return the parameters in use."""
-    return JsonAnswer(await context.stage.params())
-
-
-@endpoint(router, "params_history")
-async def params_history(context: ContextOf) -> JsonAnswer:
-    """Return the saved parameters, newest first."""
-    return JsonAnswer({"history": await context.stage.params_history()})
-
-
 @endpoint(router, "save_params")
 async def save_params(_body: Nothing, context: ContextOf) -> JsonAnswer:
     """Save the parameters in use."""
@@ -90,14 +78,6 @@ async def reload(_body: Nothing, context: ContextOf) -> JsonAnswer:
     return JsonAnswer(await context.perform("reload", lambda: context.stage.reload(context.peer)))
 
 
-@endpoint(router, "recordings")
-async def recordings(context: ContextOf) -> JsonAnswer:
-    """Return the recording in progress, the finished recordings, and their folder."""
-    running, finished = await context.stage.recordings()
-    folder = str(context.stage.recordings_folder)
-    return JsonAnswer({"running": running, "recordings": finished, "folder": folder})
-
-
 @endpoint(router, "start_recording")
 async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswer:
     """Start recording every cycle."""
@@ -107,7 +87,7 @@ async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswe
     )
     recorders = context.state.recorders
     recorders.clear()  # there is one recording at a time
-    recorders[started["name"]] = context.peer.pid, context.peer.client
+    recorders[started.name] = context.peer.pid, context.peer.client
     return JsonAnswer(started)
 
 
@@ -134,8 +114,8 @@ async def keep_recording(body: KeepRecording, context: ContextOf) -> JsonAnswer:
 async def recording(name: str, request: HttpRequest, context: ContextOf) -> RecordingAnswer:
     """Return the HDF5 file of a finished recording; one download at a time for each user."""
     downloads, uid = context.state.downloads, context.peer.uid
-    running, _ = await context.stage.recordings()
-    if running is not None and running["file"] == name:
+    running = (await context.stage.recordings()).running
+    if running is not None and running.file == name:
         raise NotNowError(f"{name} is still in progress", "stop the recording first")
     if uid in downloads:
         raise TooManyError("this user already downloads a recording", "wait for its end")

@@ -6,16 +6,26 @@ milliseconds unless it is `async`: all clients share one thread.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import ClassVar, NamedTuple, Protocol
 
 from piezod.control.stage.answer import Answer
 from piezod.errors import PiezodError
+from piezod.messages.answers import Faults, Health, Realtime, Status
+from piezod.messages.documents import Document
 from piezod.messages.endpoints import Role
 from piezod.messages.requests import Request
+from piezod.messages.stores import (
+    Audit,
+    History,
+    KeptRecording,
+    Loaded,
+    Parameters,
+    Recording,
+    Recordings,
+    Reloaded,
+    Saved,
+)
 from piezod.telemetry.arrays import Records
-
-Document: TypeAlias = dict[str, Any]
-"""Becomes a JSON object; NaN and infinities become null."""
 
 
 class Peer(NamedTuple):
@@ -158,23 +168,28 @@ class StageService(Protocol):
         """
         ...
 
-    def status(self) -> Document:
-        """Return `{"state", "mode", "faults", "skipped_cycles", "axes": {…}}`."""
+    @property
+    def state(self) -> str:
+        """State in the newest cycle."""
         ...
 
-    def health(self) -> tuple[bool, Document]:
-        """Return whether the loop runs cycles, and the measured values for it."""
+    def status(self) -> Status:
+        """Return the status of the newest cycle, without lease and role."""
         ...
 
-    def faults(self) -> list[Document]:
-        """Return present and latched faults: `{"id", "name", "present", "latched", "remedy"}`."""
+    def health(self) -> Health:
+        """Return whether the loop runs cycles."""
+        ...
+
+    def faults(self) -> Faults:
+        """Return the faults that are present or latched."""
         ...
 
     def fault_ids(self, mask: int) -> Sequence[str]:
         """Return the ids of the faults in a mask of a record."""
         ...
 
-    def realtime(self) -> Document:
+    def realtime(self) -> Realtime:
         """Return the real-time settings that the loop requested and obtained."""
         ...
 
@@ -191,7 +206,7 @@ class StageService(Protocol):
         """Return the configuration in force, as JSON."""
         ...
 
-    async def reload(self, peer: Peer) -> Document:
+    async def reload(self, peer: Peer) -> Reloaded:
         """Read the configuration again; replace all of it, or keep the present one.
 
         Raises:
@@ -208,20 +223,20 @@ class StageService(Protocol):
         """
         ...
 
-    async def params(self) -> Document:
-        """Return the parameters in use: `{"axes": {"x": {…}}, "sequence"}`."""
+    async def params(self) -> Parameters:
+        """Return the parameters in use."""
         ...
 
-    async def params_history(self) -> list[Document]:
-        """Return the saved parameters, newest first: `{"sequence", "saved_at", "saved_by", …}`."""
+    async def params_history(self) -> History:
+        """Return the saved parameters, newest first."""
         ...
 
-    async def save_params(self, peer: Peer) -> Document:
-        """Save the parameters in use; returns at least `{"sequence"}`."""
+    async def save_params(self, peer: Peer) -> Saved:
+        """Save the parameters in use."""
         ...
 
-    async def load_params(self, sequence: int | None, peer: Peer) -> Document:
-        """Make the loop use saved parameters; returns at least `{"sequence"}`.
+    async def load_params(self, sequence: int | None, peer: Peer) -> Loaded:
+        """Make the loop use saved parameters.
 
         Args:
             sequence: Their number; None for the newest.
@@ -236,8 +251,8 @@ class StageService(Protocol):
 
     async def start_recording(
         self, label: str | None, peer: Peer, *, start_s: float | None = None
-    ) -> Document:
-        """Start recording every cycle from an instant on; returns at least `{"name"}`.
+    ) -> Recording:
+        """Start recording every cycle from an instant on.
 
         Raises:
             BadValueError: If the instant cannot be kept.
@@ -245,23 +260,20 @@ class StageService(Protocol):
         """
         ...
 
-    async def stop_recording(self, peer: Peer) -> Document:
-        """End the recording and close its file; returns at least `{"name", "records", "lost"}`.
+    async def stop_recording(self, peer: Peer) -> Recording:
+        """End the recording and close its file.
 
         Raises:
             NotNowError: If no recording is in progress.
         """
         ...
 
-    async def recordings(self) -> tuple[Document | None, list[Document]]:
-        """Return the recording in progress or None, and the finished files; each has a "name".
-
-        The recording in progress also has "file", the name of the file that is being written.
-        """
+    async def recordings(self) -> Recordings:
+        """Return the recording in progress, the finished ones, and their folder."""
         ...
 
-    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> Document:
-        """Mark a recording as kept, or remove the mark; returns `{"name", "kept"}`.
+    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> KeptRecording:
+        """Mark a recording as kept, or remove the mark.
 
         Raises:
             UnknownNameError: If there is none of that name.
@@ -280,6 +292,6 @@ class StageService(Protocol):
         """
         ...
 
-    async def audit_log(self, limit: int) -> list[Document]:
+    async def audit_log(self, limit: int) -> Audit:
         """Return the newest `limit` entries of the audit, newest first."""
         ...

@@ -18,7 +18,7 @@ from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
-from piezod.daemon.service.stage_service import Document, NotNowError, Peer, StageError
+from piezod.daemon.service.stage_service import NotNowError, Peer, StageError
 from piezod.daemon.supervisor.api_server import ApiServer
 from piezod.daemon.supervisor.compiling import CompilingReport
 from piezod.daemon.supervisor.heartbeat import Heartbeat
@@ -36,6 +36,7 @@ from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
 from piezod.messages.endpoints import Role
+from piezod.messages.stores import Reloaded
 
 PERIOD_S: Final = 0.1
 """Period of `_watch`, in s."""
@@ -208,7 +209,7 @@ class Supervisor:
         self._tasks.add(task)  # the event loop keeps only a weak reference
         task.add_done_callback(self._tasks.discard)
 
-    async def reload(self, peer: Peer) -> Document:
+    async def reload(self, peer: Peer) -> Reloaded:
         """Read the configuration again; if it has changed, exchange the loop.
 
         Latched faults, the identities of the devices and the learned parameters go on, as far as
@@ -230,7 +231,7 @@ class Supervisor:
         finally:
             self._reloading = False
         lost = await self._lost_parameters() if different else []
-        return {"changes": different, "lost": lost}
+        return Reloaded(tuple(different), tuple(lost))
 
     async def _reload(self, peer: Peer) -> list[str]:
         run, strict_rt = self.loop_run, self._options.strict_rt

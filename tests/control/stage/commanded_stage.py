@@ -21,11 +21,12 @@ from piezod.daemon.service.open_streams import OpenStreams
 from piezod.daemon.service.refusals import LeaseHeldError
 from piezod.daemon.service.request_context import RequestContext, ServiceState
 from piezod.daemon.service.roles import Roles
-from piezod.daemon.service.stage_service import Document, Peer, StageError, StageService
+from piezod.daemon.service.stage_service import Peer, StageError, StageService
 from piezod.daemon.service.urgent_notes import UrgentNotes
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag
 from piezod.messages import requests as rq
+from piezod.messages.answers import Faults
 from piezod.messages.endpoints import Role
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
@@ -93,8 +94,8 @@ class CommandedStage(FaultyStage):
         before, row = self.controller.state, rq.TABLE[request.kind]
         # A fault that was latched in SAFE leads to FAULT at the next event of any kind.
         blocked = before is State.SAFE and bool(self.stage.register.blocking)
-        holder = self.lease.document
-        mine = holder is None or holder["holder"]["uid"] == person.uid
+        holder = self.lease.present
+        mine = holder is None or holder.holder.uid == person.uid
         try:
             _finished(RequestContext(self._service, person, row.access).ask(request))
         except StageError as error:
@@ -233,8 +234,8 @@ class CommandedStage(FaultyStage):
         return max(low_v - drive_v, drive_v - high_v, 0.0)
 
     def _mine_now(self, person: Peer) -> bool:
-        holder = self.lease.document
-        return holder is not None and holder["holder"]["uid"] == person.uid
+        holder = self.lease.present
+        return holder is not None and holder.holder.uid == person.uid
 
 
 class _Service:
@@ -243,14 +244,15 @@ class _Service:
     def __init__(self, stage: CommandedStage) -> None:
         self._stage, self.axes = stage, tuple(stage.config.axes)
 
+    @property
+    def state(self) -> str:
+        return self._stage.state
+
     async def request(self, request: rq.Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
         return self._stage.controller.execute(request, self._stage.t_ns)
 
-    def status(self) -> Document:
-        return {"state": self._stage.state}
-
-    def faults(self) -> list[Document]:
-        return []
+    def faults(self) -> Faults:
+        return Faults(faults=())
 
     def audit(self, entry: object) -> None:
         """Keep nothing."""

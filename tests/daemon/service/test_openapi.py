@@ -28,7 +28,7 @@ def test_health_has_its_document_with_either_status(
     served.stage.healthy = False
     answer = client.get("health")
     declared = _operation(document, "GET health")["responses"]
-    schema = document["components"]["schemas"]["HealthDocument"]
+    schema = document["components"]["schemas"]["Health"]
 
     assert declared["200"]["content"] == declared["503"]["content"]
     assert answer.status_code == 503

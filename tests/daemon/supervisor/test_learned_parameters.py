@@ -58,12 +58,12 @@ def test_saved_parameters_are_loaded(bench: Bench) -> None:
     (request,) = bench.requests
     assert isinstance(request, AdoptModel)
     assert request.zero_um == 0.25
-    assert saved["sequence"] == loaded["sequence"] == 1
-    assert [entry["saved_by"] for entry in history] == ["somebody"]
+    assert saved.sequence == loaded.sequence == 1
+    assert [entry.saved_by for entry in history.history] == ["somebody"]
     model = bench.loop.models["x"]
     assert model is not None
     assert [*model.left_stop_weights, *model.right_stop_weights] == pytest.approx(weights)
-    assert asyncio.run(bench.link.params())["axes"]["x"]["zero_um"] == 0.25
+    assert asyncio.run(bench.link.params()).axes["x"]["zero_um"] == 0.25
 
 
 def test_parameters_beyond_their_range_are_not_saved(bench: Bench) -> None:
@@ -97,8 +97,8 @@ def test_corrupt_parameters_are_skipped_and_reported(bench: Bench) -> None:
 
     loaded = bench.do(lambda link: link.load_params(None, PEER))
 
-    assert (loaded["sequence"], loaded["copy"]) == (1, "number 1")
-    assert [each["file"] for each in loaded["rejected"]] == [newest.name]
+    assert (loaded.sequence, loaded.copy) == (1, "number 1")
+    assert [each.file for each in loaded.rejected] == [newest.name]
 
 
 def _reported(bench: Bench) -> list[Fault]:

@@ -34,7 +34,7 @@ def test_a_recording_has_everything_to_understand_it(bench: Bench, tmp_path: Pat
     """The file has meanings, bits, the configuration, and the model in use as a model file."""
 
     async def record() -> str:
-        name = str((await bench.link.start_recording(None, PEER))["name"])
+        name = str((await bench.link.start_recording(None, PEER)).name)
         await bench.link.stop_recording(PEER)
         return name
 
@@ -57,7 +57,7 @@ def test_events_and_adopted_models_are_recorded(bench: Bench) -> None:
     event = StageEvent(1, "info", "state", "SAFE to READY", "", "", 0.0, 0.0)
 
     async def record() -> str:
-        name = str((await bench.link.start_recording(None, PEER))["name"])
+        name = str((await bench.link.start_recording(None, PEER)).name)
         EventWriter(bench.loop.shared).append(event)
         bench.loop.models["x"] = other
         bench.record(State.SAFE)
@@ -77,7 +77,7 @@ def test_recording_begins_at_its_instant(bench: Bench) -> None:
     start_s = time.monotonic() + 20.0
 
     async def record() -> str:
-        name = str((await bench.link.start_recording(None, PEER, start_s=start_s))["name"])
+        name = str((await bench.link.start_recording(None, PEER, start_s=start_s)).name)
         await bench.link.stop_recording(PEER)
         return name
 
@@ -115,10 +115,10 @@ def test_configuration_limits_the_recordings(bench: Bench) -> None:
     async def record() -> tuple[str, list[str]]:
         await bench.link.keep_recording(kept, PEER, kept=True)
         await bench.link.start_recording(None, PEER)
-        running, finished = await bench.link.recordings()
+        found = await bench.link.recordings()
         await bench.link.stop_recording(PEER)
-        assert running is not None
-        return running["file"], [each["name"] for each in finished]
+        assert found.running is not None
+        return found.running.file, [each.name for each in found.recordings]
 
     running, finished = asyncio.run(record())
 
