@@ -47,7 +47,7 @@ EVENT_SLOTS: Final = 512
 EVENT_BYTES: Final = 512
 RING_S: Final = 16.0
 """Length of the ring, in s: 10 s for the flight recorder, and time to fetch them."""
-RING_MAX_BYTES: Final = 64 * 1024 * 1024
+RING_MAX_BYTES: Final = 80 * 1024 * 1024
 
 _CODES: Final = {int: ("<i8", "q"), float: ("<f8", "d"), bool: ("?", "?")}
 """Type of a field: its description for numpy and for `struct`."""
@@ -155,8 +155,8 @@ class Layout:
 
     @classmethod
     def of(cls, config: DaemonConfig) -> Self:
-        """Return the layout for a stage: 16 s of records, or as many as fit into 64 MiB."""
-        # The 64 MiB bind only for fast loops with many axes.
+        """Return the layout for a stage: 16 s of records, or as many as fit into 80 MiB."""
+        # The 80 MiB bind only for fast loops with many axes.
         fitting = RING_MAX_BYTES // record_bytes(len(config.axes))
         capacity = min(max(round(RING_S * config.rate_hz), 64), fitting)
         period_ns = s_to_ns(1 / config.rate_hz)
