@@ -5,9 +5,10 @@ import os
 from collections.abc import Awaitable, Callable
 from math import nan
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, get_type_hints
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -18,7 +19,9 @@ from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.messages.endpoints import Role
 from piezod.messages.stores import Reloaded
+from piezod.telemetry.encoder import encode_axis
 from piezod.telemetry.layout import Layout
+from piezod.telemetry.record import AxisRecord
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word
@@ -96,9 +99,15 @@ def write_record(
     shared.words[Word.LOOP_STATE] = list(State).index(state)
     cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64]
     cycle += [latched & (2**64 - 1), latched >> 64]
-    numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
-    numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
-    mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
-    values = [axis.get(name, nan) for name in numbers]
-    fields = [*cycle, list(State).index(state), shadow, True, 1, *values, mode, gate, 1, 4, 0]
+    numbers = [name for name, kind in get_type_hints(AxisRecord).items() if kind is float]
+    record = AxisRecord(
+        sample_ns=1,
+        mode=Mode.ADAPTIVE,
+        gate=GateReason.OPEN,
+        on_target=True,
+        motion=4,
+        limited=DriveLimit.NONE,
+        **{name: axis.get(name, nan) for name in numbers},
+    )
+    fields = [*cycle, list(State).index(state), shadow, True, *encode_axis(record)]
     RingWriter(shared).append(fields)
