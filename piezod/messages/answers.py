@@ -85,6 +85,8 @@ class AxisStatus:
         on_target: Whether the position has been within its tolerance for the settling time.
         motion: Number of the movement; each accepted movement gets the next number.
         limited: What limits the drive: `none`, `range` or `slew rate`.
+        remaining_s: Time until the command is at the target, in s; 0 from then on, None if the
+            movement does not end at a position.
         learned_pct: How far the learned model is from the identified one, in % of the range; None
             if nothing has been learned.
     """
@@ -101,6 +103,7 @@ class AxisStatus:
     on_target: bool = False
     motion: int = 0
     limited: str = DriveLimit.NONE.value
+    remaining_s: float | None = None
     learned_pct: float | None = None
 
     @property

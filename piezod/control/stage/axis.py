@@ -309,4 +309,10 @@ class StageAxis:
             target_um=self._motion.target_um,
             on_target=self._is_on_target,
             motion=self.motion,
+            remaining_s=self._remaining_s(output.t_ns),
         )
+
+    def _remaining_s(self, t_ns: int) -> float:
+        """Return the time until the command is at the target, in s; NaN without a target."""
+        left_s = max(self._arrives_ns - t_ns, 0) / NS_PER_S
+        return left_s if isfinite(self._motion.target_um) else nan

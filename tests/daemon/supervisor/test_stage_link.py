@@ -85,13 +85,16 @@ def test_state_and_faults_are_of_one_cycle(
 def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
     """Status has position, command and drive of each axis, mode, and faults with a remedy."""
     last = len(FAULTS) - 1
-    bench.record(State.RUN, 1 << last, position_um=3.0, command_um=3.1, drive_v=20.0)
+    bench.record(
+        State.RUN, 1 << last, position_um=3.0, command_um=3.1, drive_v=20.0, remaining_s=1.5
+    )
 
     status = bench.link.status()
 
     axis = status.axes["x"]
     assert (axis.position_um, axis.command_um, axis.drive_v) == (3.0, 3.1, 20.0)
     assert (axis.motion, axis.on_target, axis.gate) == (4, True, "learning")
+    assert (axis.remaining_s, axis.target_um) == (1.5, None)
     assert (status.state, status.mode) == ("RUN", "adaptive")
     assert [fault.id for fault in status.faults] == [FAULTS[last].id]
     assert status.faults == bench.link.faults().faults
