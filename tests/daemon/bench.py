@@ -14,9 +14,9 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import Peer
-from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.stage_link import StageLink
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.peer import Peer
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.messages.endpoints import Role
 from piezod.messages.stores import Reloaded
 from piezod.telemetry.encoder import encode_axis
@@ -44,9 +44,9 @@ class Bench:
 
     def new_link(
         self, *, shadow: bool = False, config_changed: Callable[[], bool] = bool
-    ) -> StageLink:
+    ) -> RunningStage:
         """Make a stage link."""
-        return StageLink(
+        return RunningStage(
             self.paths,
             self.loop,
             stop=self.stopped.append,
@@ -59,7 +59,7 @@ class Bench:
         """Make the shared memory of a loop."""
         return LoopConnection(self.config, create(self.paths.loop_map, Layout.of(self.config)))
 
-    def do(self, call: Callable[[StageLink], Awaitable[T]], answer: Answer | None = None) -> T:
+    def do(self, call: Callable[[RunningStage], Awaitable[T]], answer: Answer | None = None) -> T:
         """Call the link while a fake loop answers."""
 
         async def called() -> T:

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 
 from piezod.config.messages import describe
-from piezod.daemon.service.stage_service import StageError
+from piezod.daemon.stage.errors import StageError
 from piezod.messages.documents import Document, dump
 
 _NOT_ALLOWED: Final = 405

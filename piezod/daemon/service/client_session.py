@@ -9,7 +9,7 @@ from starlette.types import Receive, Scope, Send
 from piezod.daemon.logging import logger
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.request_context import RequestContext
-from piezod.daemon.service.stage_service import StageError
+from piezod.daemon.stage.errors import StageError
 from piezod.messages.documents import dump
 from piezod.messages.requests import Stop
 

@@ -23,8 +23,9 @@ from piezod.daemon.service.refusals import (
 )
 from piezod.daemon.service.request_context import RequestContext, ServiceState
 from piezod.daemon.service.route_table import ROUTES
-from piezod.daemon.service.stage_service import BadValueError, Peer, StageError
 from piezod.daemon.service.strict_json import loads
+from piezod.daemon.stage.errors import BadValueError, StageError
+from piezod.daemon.stage.peer import Peer
 from piezod.messages.endpoints import SMALL_BODY, Access
 
 _LOG: Final = logger("service")

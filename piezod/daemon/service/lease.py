@@ -6,7 +6,8 @@ from math import inf, isfinite, isinf
 from typing import Final, NamedTuple
 
 from piezod.daemon.service.refusals import LeaseHeldError
-from piezod.daemon.service.stage_service import Peer, StageError
+from piezod.daemon.stage.errors import StageError
+from piezod.daemon.stage.peer import Peer
 from piezod.messages.answers import Holder
 from piezod.messages.answers import Lease as HeldLease
 

@@ -12,15 +12,10 @@ from piezod.control.stage.answer import Answer
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.open_streams import OpenStreams, commanded_axes
 from piezod.daemon.service.roles import Roles
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    BadValueError,
-    NotNowError,
-    Peer,
-    StageError,
-    StageService,
-)
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.stage.errors import BadValueError, NotNowError, StageError
+from piezod.daemon.stage.peer import AuditEntry, Peer
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.messages.endpoints import Access
 from piezod.messages.requests import Request
 
@@ -44,7 +39,7 @@ class ServiceState(NamedTuple):
             `piezod web` are one process.
     """
 
-    stage: StageService
+    stage: RunningStage
     roles: Roles
     lease: Lease
     downloads: set[int]
@@ -67,7 +62,7 @@ class RequestContext(NamedTuple):
     access: Access
 
     @property
-    def stage(self) -> StageService:
+    def stage(self) -> RunningStage:
         """The stage."""
         return self.state.stage
 

@@ -15,8 +15,8 @@ from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.request_context import ContextOf
 from piezod.daemon.service.route_table import PREFIX, endpoint
-from piezod.daemon.service.stage_service import UnknownNameError
 from piezod.daemon.service.telemetry_stream import TelemetryAnswer
+from piezod.daemon.stage.errors import UnknownNameError
 from piezod.messages.requests import TABLE
 
 PLAIN_TEXT: Final = "text/plain; version=0.0.4"

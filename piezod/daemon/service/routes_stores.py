@@ -17,7 +17,7 @@ from piezod.daemon.service.refusals import TooManyError
 from piezod.daemon.service.request_context import ContextOf
 from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.routes_commands import Nothing
-from piezod.daemon.service.stage_service import NotNowError
+from piezod.daemon.stage.errors import NotNowError
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 

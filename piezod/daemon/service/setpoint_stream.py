@@ -11,8 +11,8 @@ from piezod.daemon.service.open_streams import OpenStream
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.refusals import SilentError, TooLargeError
 from piezod.daemon.service.request_context import RequestContext
-from piezod.daemon.service.stage_service import BadValueError, StageError
 from piezod.daemon.service.strict_json import loads
+from piezod.daemon.stage.errors import BadValueError, StageError
 from piezod.messages.answers import StreamEnd
 from piezod.messages.requests import Stream
 

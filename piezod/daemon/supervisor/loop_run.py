@@ -15,9 +15,9 @@ from piezod.daemon import accepted_config
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import UnavailableError
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import UnavailableError
 from piezod.daemon.supervisor import processes
-from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.rescuer import Rescuer
 from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.errors import ConfigError, PiezodError, Problem

@@ -18,7 +18,9 @@ from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
-from piezod.daemon.service.stage_service import NotNowError, Peer, StageError
+from piezod.daemon.stage.errors import NotNowError, StageError
+from piezod.daemon.stage.peer import Peer
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.daemon.supervisor.api_server import ApiServer
 from piezod.daemon.supervisor.compiling import CompilingReport
 from piezod.daemon.supervisor.heartbeat import Heartbeat
@@ -33,7 +35,6 @@ from piezod.daemon.supervisor.reload import (
     prepare,
 )
 from piezod.daemon.supervisor.signals import Signals
-from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
 from piezod.messages.endpoints import Role
 from piezod.messages.stores import Reloaded
@@ -81,7 +82,7 @@ class Supervisor:
         self._stopping = self._ready = self._reloading = self._exchanging = False
         self._state: State | None = None
         self.loop_run, self.loop_hung = run, False
-        self._link = StageLink(
+        self._link = RunningStage(
             paths,
             self.loop_run.loop,
             stop=self.stop,

@@ -21,8 +21,10 @@ from piezod.daemon.service.open_streams import OpenStreams
 from piezod.daemon.service.refusals import LeaseHeldError
 from piezod.daemon.service.request_context import RequestContext, ServiceState
 from piezod.daemon.service.roles import Roles
-from piezod.daemon.service.stage_service import Peer, StageError, StageService
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.stage.errors import StageError
+from piezod.daemon.stage.peer import Peer
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag
 from piezod.messages import requests as rq
@@ -80,7 +82,7 @@ class CommandedStage(FaultyStage):
         now_s: Callable[[], float] = lambda: self.t_ns / NS_PER_S  # noqa: E731 - a clock
         self.lease = Lease(now_s)
         self._service = ServiceState(
-            cast("StageService", _Service(self)),
+            cast("RunningStage", _Service(self)),
             cast("Roles", None),  # who may send what is checked before the context is made
             self.lease,
             set(),

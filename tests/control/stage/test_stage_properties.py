@@ -17,7 +17,7 @@ from hypothesis.stateful import (
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine, Triangle
 from piezod.control.watch.loop import CycleTiming
-from piezod.daemon.service.stage_service import Peer
+from piezod.daemon.stage.peer import Peer
 from piezod.devices.status import DeviceFlag
 from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind as Kind

@@ -12,6 +12,7 @@ import httpx
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
@@ -20,14 +21,11 @@ from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
 from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import User
 from piezod.daemon.service.server import bind, make_server
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    NotNowError,
-    Peer,
-    UnavailableError,
-    UnknownNameError,
-)
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNameError
+from piezod.daemon.stage.following_reader import FollowingReader
+from piezod.daemon.stage.peer import AuditEntry, Peer
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.messages.answers import AxisStatus, Fault, Faults, Health, Realtime, Status
 from piezod.messages.documents import Document
 from piezod.messages.endpoints import Role
@@ -54,7 +52,7 @@ from tests.daemon.waiting import join
 NAN = float("nan")
 
 
-class FakeReader:
+class FakeReader(FollowingReader):
     """Returns the records that a test has put into `waiting`, then `else_`."""
 
     def __init__(self) -> None:
@@ -67,11 +65,13 @@ class FakeReader:
         return records[:limit], self.lost
 
 
-class FakeStage:
+class FakeStage(RunningStage):
     """Accepts everything, unless a test sets a refusal."""
 
+    axes: Sequence[str] = ("x", "y")
+    recordings_folder = Path()
+
     def __init__(self, folder: Path) -> None:
-        self.axes: Sequence[str] = ("x", "y")
         self.recordings_folder = folder
         self.requests: list[Request] = []
         self.setpoints: list[Mapping[str, float]] = []
@@ -103,8 +103,8 @@ class FakeStage:
         self.setpoints.append(setpoints_um)
 
     @property
-    def state(self) -> str:
-        return self.next_states.pop(0) if self.next_states else self.state_then
+    def state(self) -> State:
+        return State(self.next_states.pop(0) if self.next_states else self.state_then)
 
     @state.setter
     def state(self, state: str) -> None:

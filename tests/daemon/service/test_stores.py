@@ -6,7 +6,7 @@ import pytest
 
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.recording_files import open_recording
-from piezod.daemon.service.stage_service import UnknownNameError
+from piezod.daemon.stage.errors import UnknownNameError
 from piezod.messages.stores import RunningRecording
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import Served

@@ -17,9 +17,9 @@ from piezod.config.states import State
 from piezod.daemon.lean_structlog import structlog
 from piezod.daemon.logging import MAX_LINES, WINDOW_S, EventRateLimit, set_up_logging
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import NotNowError
+from piezod.daemon.stage import recordings
+from piezod.daemon.stage.errors import NotNowError
 from piezod.daemon.stores import recorder
-from piezod.daemon.supervisor import recordings
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.messages.stores import Recording
 from piezod.telemetry.events import EventWriter

@@ -14,16 +14,12 @@ from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import (
-    BadValueError,
-    NotNowError,
-    UnknownNameError,
-)
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
 from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.stores.recorded_files import EventSource, RecordedStage, RecordSource
 from piezod.daemon.stores.recorder import Recorder, RecorderError
 from piezod.daemon.stores.recording_limits import RecordingLimits
-from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.errors import DataError
 from piezod.messages.stores import KeptRecording, Recording, Recordings, RunningRecording
 from piezod.records.part_names import part_name

@@ -23,8 +23,8 @@ from prometheus_client.registry import Collector, CollectorRegistry
 import piezod
 from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile
-from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.status import STATES, masks, state_of
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.status import STATES, masks, state_of
 from piezod.devices.status import DeviceFlag
 from piezod.messages.stores import Recording
 from piezod.telemetry.cycle_counts import LIMITS, Histogram, counts_of

@@ -13,10 +13,7 @@ from piezod.config.states import State
 from piezod.control.faults.table import mask
 from piezod.control.stage.answer import Answer
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import (
-    NotNowError,
-    UnknownNameError,
-)
+from piezod.daemon.stage.errors import NotNowError, UnknownNameError
 from piezod.messages.requests import (
     AdoptModel,
 )

@@ -1,4 +1,8 @@
-"""The stage as the HTTP service sees it: posts requests to the loop, reads the shared memory."""
+"""The stage as the HTTP service sees it: posts requests to the loop, reads the shared memory.
+
+Only the service knows HTTP, roles and the lease. No method may block for more than a few
+milliseconds unless it is `async`: all clients share one thread.
+"""
 
 import asyncio
 import json
@@ -14,23 +18,17 @@ from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import drops_lines, logger
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    NotNowError,
-    Peer,
-    RecordReader,
-    UnavailableError,
-    UnknownNameError,
-)
+from piezod.daemon.stage import status as told
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNameError
+from piezod.daemon.stage.following_reader import FollowingReader
+from piezod.daemon.stage.metrics import StageFacts, metrics_text
+from piezod.daemon.stage.parameters import LearnedParameters
+from piezod.daemon.stage.peer import AuditEntry, Peer
+from piezod.daemon.stage.recordings import StageRecordings
 from piezod.daemon.stores.audit import AuditLog
 from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore
-from piezod.daemon.supervisor import status as told
-from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.following_reader import FollowingReader
-from piezod.daemon.supervisor.metrics import StageFacts, metrics_text
-from piezod.daemon.supervisor.parameters import LearnedParameters
-from piezod.daemon.supervisor.recordings import StageRecordings
 from piezod.messages.answers import Faults, Health, Realtime, Status
 from piezod.messages.documents import Document
 from piezod.messages.endpoints import TOWARDS_SAFETY
@@ -60,8 +58,8 @@ _POLL_S: Final = 0.02
 _log = logger("service")
 
 
-class StageLink:
-    """Implements `StageService` with the memory that is shared with the loop.
+class RunningStage:
+    """A stage with its loop, recordings, parameters and audit.
 
     Args:
         paths: The files of the stage; their folders exist.
@@ -117,7 +115,14 @@ class StageLink:
         return self._paths.recordings
 
     async def request(self, request: Request, peer: Peer) -> Answer:
-        """Execute a request and return the answer."""
+        """Send a request to the loop, and wait for its answer.
+
+        The service has checked role and lease; `Reset.engineer` is set only for an engineer.
+
+        Raises:
+            UnavailableError: If there is no loop, or its mailbox is full.
+            NoAnswerError: If it does not answer in time.
+        """
         # Only the supervisor shuts down: a loop that ends without its request counts as lost.
         if isinstance(request, Shutdown):
             self._stop(f"requested by {peer.user}")
@@ -133,7 +138,16 @@ class StageLink:
         return await loop.requests.ask(request)
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
-        """Set the newest setpoint of each given axis, in µm."""
+        """Set the newest setpoint of a stream, in µm, for each axis in the mapping.
+
+        Called after a `Stream` request for these axes was accepted, up to some thousand times per
+        second.
+
+        Raises:
+            BadValueError: If a value is out of the command range of its axis; no axis is set then.
+            NotNowError: If the stage no longer follows the stream.
+            UnavailableError: If there is no loop.
+        """
         self._running().stream_setpoint(setpoints_um)
 
     @property
@@ -142,7 +156,7 @@ class StageLink:
         return told.state_of(self.loop.shared, self.loop.latest())
 
     def status(self) -> Status:
-        """Return state, mode, faults and axes of the newest cycle."""
+        """Return the status of the newest cycle, without lease and role."""
         loop, name = self.loop, self._paths.name
         return told.status(name, loop.config, loop.shared, loop.latest(), loop.learned)
 
@@ -171,7 +185,12 @@ class StageLink:
             self._detections[Fault(event.fault)] += 1
 
     def metrics(self, *, lease_held: bool, openmetrics: bool) -> bytes:
-        """Return the metrics as text."""
+        """Return the metrics as text; called in a thread.
+
+        Args:
+            lease_held: Whether a client has the lease.
+            openmetrics: Whether as OpenMetrics; otherwise in the older text format of Prometheus.
+        """
         health = self.health()
         recording = self.stage_recordings.status
         facts = StageFacts(
@@ -196,10 +215,15 @@ class StageLink:
         return document
 
     async def reload(self, peer: Peer) -> Reloaded:
-        """Read the configuration again; exchange all of it, or keep the present one."""
+        """Read the configuration again; exchange all of it, or keep the present one.
+
+        Raises:
+            BadValueError: If the file is not valid; the text lists every problem.
+            NotNowError: If the present state does not allow it.
+        """
         return await self._reload(peer)
 
-    def open_reader(self) -> RecordReader:
+    def open_reader(self) -> FollowingReader:
         """Return a new reader of the ring; it begins with the next record."""
         return FollowingReader(lambda: self.loop.shared)
 
@@ -216,7 +240,12 @@ class StageLink:
         return await self.parameters.save(self._running(), peer.user)
 
     async def load_params(self, sequence: int | None, peer: Peer) -> Loaded:
-        """Load saved parameters into the loop."""
+        """Load saved parameters into the loop; the newest if there is no number.
+
+        Raises:
+            UnknownNameError: If no parameters have that number.
+            NotNowError: If the loop does not accept them now, or they are of another stage.
+        """
         loaded = await self.parameters.load(self._running(), sequence)
         _log.info("parameters loaded", user=peer.user, sequence=loaded.sequence)
         return loaded

@@ -7,7 +7,7 @@ from typing import Final
 
 from piezod.config.packed_waveforms import WaveformCostError
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.stage_service import BadValueError, NoAnswerError, UnavailableError
+from piezod.daemon.stage.errors import BadValueError, NoAnswerError, UnavailableError
 from piezod.messages.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
 from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
 from piezod.telemetry.requests_codec import encode

@@ -14,14 +14,10 @@ from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
 from piezod.control.stage.answer import Answer
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    BadValueError,
-    NotNowError,
-    UnavailableError,
-)
-from piezod.daemon.supervisor import stage_link
-from piezod.daemon.supervisor.stage_link import StageLink
+from piezod.daemon.stage import running_stage
+from piezod.daemon.stage.errors import BadValueError, NotNowError, UnavailableError
+from piezod.daemon.stage.peer import AuditEntry
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.messages.answers import Processor
 from piezod.messages.requests import (
     Arm,
@@ -159,7 +155,7 @@ def test_shutdown_is_for_the_supervisor(bench: Bench) -> None:
     assert bench.stopped == ["requested by somebody"]
 
 
-async def _during_an_exchange(link: StageLink, request: Request) -> Answer:
+async def _during_an_exchange(link: RunningStage, request: Request) -> Answer:
     """Send a request while there is no loop, and make the loop available later."""
     link.available = False
     asking = asyncio.create_task(link.request(request, PEER))
@@ -182,7 +178,7 @@ def test_requests_are_refused_if_an_exchange_takes_too_long(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The client gets the reason before it gives up."""
-    monkeypatch.setattr(stage_link, "EXCHANGED_WITHIN_S", 0.0)
+    monkeypatch.setattr(running_stage, "EXCHANGED_WITHIN_S", 0.0)
     bench.link.available = False
 
     with pytest.raises(UnavailableError, match="being exchanged"):

@@ -13,7 +13,7 @@ from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.states import State
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import BadValueError, NotNowError, UnknownNameError
+from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
 from piezod.records.telemetry_reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.events import EventWriter
@@ -94,7 +94,7 @@ def test_recording_that_was_ready_too_late_is_refused(
 ) -> None:
     """A file without its first cycles would look complete."""
     instants_ns = chain([0, 0], repeat(2 * 10**9))
-    clock = "piezod.daemon.supervisor.recordings.time.monotonic_ns"
+    clock = "piezod.daemon.stage.recordings.time.monotonic_ns"
     monkeypatch.setattr(clock, lambda: next(instants_ns))
 
     with pytest.raises(NotNowError, match=r"the file was ready 1 s after start_s"):

@@ -11,10 +11,10 @@ import piezod
 from piezod.config.model_file import ModelFile
 from piezod.control.stage.answer import Answer
 from piezod.daemon.logging import logger
-from piezod.daemon.service.stage_service import NotNowError, StageError, UnknownNameError
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import NotNowError, StageError, UnknownNameError
 from piezod.daemon.stores.parameter_document import AxisParameters
 from piezod.daemon.stores.parameter_store import ParameterStore
-from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.errors import DataError
 from piezod.messages.requests import AdoptModel
 from piezod.messages.stores import History, Loaded, Parameters, Saved
