@@ -30,6 +30,8 @@ class AxisTelemetry:
             settling time.
         motion: Number of the movement in the last cycle.
         target_um: Target of the movement, in µm.
+        remaining_s: Time until the command is at the target, in s, in the last cycle; None if the
+            movement does not end at a position.
         position_um: Measured position, in µm.
         command_um: Commanded position, in µm.
         drive_v: Drive voltage, in V; in state BLIND the one that the amplifier reports.
@@ -40,6 +42,7 @@ class AxisTelemetry:
     on_target: bool = False
     motion: int = 0
     target_um: float | None = None
+    remaining_s: float | None = None
     position_um: Range
     command_um: Range
     drive_v: Range
