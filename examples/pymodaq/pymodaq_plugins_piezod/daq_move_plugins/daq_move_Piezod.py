@@ -12,10 +12,9 @@ from pymodaq.control_modules.move_utility_classes import (
 from pymodaq.utils.data import DataActuator
 from pymodaq_utils.utils import ThreadCommand
 
-from piezod.client import StageClient
+from piezod.client import AxisStatus, StageClient
 from piezod.config.modes import Mode
 from piezod.errors import PiezodError
-from piezod.messages.answers import AxisStatus
 
 
 class DAQ_Move_Piezod(DAQ_Move_base):  # noqa: N801 - PyMoDAQ needs this form
