@@ -1,7 +1,7 @@
 """Reports, parameters, recordings and the lease, as methods of both clients."""
 
 from piezod.client.calls import Call, ask
-from piezod.client.methods import ClientMethod
+from piezod.client.methods import ClientMethod, PlainMethod
 from piezod.messages.answers import Faults, Health, Lease, Realtime, Released, Status
 from piezod.messages.documents import Document
 from piezod.messages.stores import (
@@ -20,73 +20,35 @@ from piezod.messages.stores import (
 class StageReports:
     """Methods that the daemon answers without a request to the loop."""
 
-    @ClientMethod
-    def status(self) -> Call[Status]:
-        """Return state, mode, faults, and each axis in the newest cycle."""
-        return ask("status")
-
-    @ClientMethod
-    def faults(self) -> Call[Faults]:
-        """Return the faults that are present or latched, with their remedies."""
-        return ask("faults")
-
-    @ClientMethod
-    def health(self) -> Call[Health]:
-        """Return whether the loop runs cycles, and the measured values for it."""
-        return ask("health")
-
-    @ClientMethod
-    def realtime(self) -> Call[Realtime]:
-        """Return the real-time settings that the loop requested and obtained."""
-        return ask("realtime")
-
-    @ClientMethod
-    def metrics(self) -> Call[str]:
-        """Return the metrics in the text format of Prometheus."""
-        return ask("metrics")
-
-    @ClientMethod
-    def config(self) -> Call[Document]:
-        """Return the configuration in force."""
-        return ask("config")
-
-    @ClientMethod
-    def played(self) -> Call[Document]:
-        """Return the record of the last play: the voltages as played, and the positions."""
-        return ask("played")
-
-    @ClientMethod
-    def audit(self) -> Call[Audit]:
-        """Return who requested what, newest first."""
-        return ask("audit")
-
-    @ClientMethod
-    def reload(self) -> Call[Reloaded]:
-        """Make the daemon read its configuration again; an invalid one changes nothing.
-
-        The sensor zeros and the learned weights stay. It takes some seconds.
-        """
-        return ask("reload")
-
-    @ClientMethod
-    def params(self) -> Call[Parameters]:
-        """Return the parameters in use."""
-        return ask("params")
-
-    @ClientMethod
-    def params_history(self) -> Call[History]:
-        """Return the saved parameters, newest first."""
-        return ask("params_history")
-
-    @ClientMethod
-    def save_params(self) -> Call[Saved]:
-        """Save the parameters in use; the next start of the daemon uses them."""
-        return ask("save_params")
-
-    @ClientMethod
-    def load_params(self) -> Call[Loaded]:
-        """Use the parameters that were saved last; only while disarmed."""
-        return ask("load_params")
+    status = PlainMethod(Status, "Return state, mode, faults, and each axis in the newest cycle.")
+    faults = PlainMethod(
+        Faults, "Return the faults that are present or latched, with their remedies."
+    )
+    health = PlainMethod(
+        Health, "Return whether the loop runs cycles, and the measured values for it."
+    )
+    realtime = PlainMethod(
+        Realtime, "Return the real-time settings that the loop requested and obtained."
+    )
+    metrics = PlainMethod(str, "Return the metrics in the text format of Prometheus.")
+    config = PlainMethod(Document, "Return the configuration in force.")
+    played = PlainMethod(
+        Document, "Return the record of the last play: the voltages as played, and the positions."
+    )
+    audit = PlainMethod(Audit, "Return who requested what, newest first.")
+    reload = PlainMethod(
+        Reloaded,
+        "Make the daemon read its configuration again; an invalid one changes nothing.\n\n"
+        "The sensor zeros and the learned weights stay. It takes some seconds.",
+    )
+    params = PlainMethod(Parameters, "Return the parameters in use.")
+    params_history = PlainMethod(History, "Return the saved parameters, newest first.")
+    save_params = PlainMethod(
+        Saved, "Save the parameters in use; the next start of the daemon uses them."
+    )
+    load_params = PlainMethod(
+        Loaded, "Use the parameters that were saved last; only while disarmed."
+    )
 
     @ClientMethod
     def restore_params(self, sequence: int) -> Call[Loaded]:
@@ -110,10 +72,7 @@ class StageReports:
         """
         return ask("start_recording", label=label or None, start_s=start_s)
 
-    @ClientMethod
-    def stop_recording(self) -> Call[Recording]:
-        """End the recording and close its file."""
-        return ask("stop_recording")
+    stop_recording = PlainMethod(Recording, "End the recording and close its file.")
 
     @ClientMethod
     def keep_recording(self, name: str, *, kept: bool = True) -> Call[KeptRecording]:
@@ -125,17 +84,10 @@ class StageReports:
         """
         return ask("keep_recording", name=name, kept=kept)
 
-    @ClientMethod
-    def recordings(self) -> Call[Recordings]:
-        """Return the finished recordings, and the one in progress."""
-        return ask("recordings")
-
-    @ClientMethod
-    def renew_lease(self) -> Call[Lease]:
-        """Take or renew the lease for 30 s; each command that needs the lease renews it too."""
-        return ask("renew_lease")
-
-    @ClientMethod
-    def release_lease(self) -> Call[Released]:
-        """Release the lease, so that other clients do not wait for its end."""
-        return ask("release_lease")
+    recordings = PlainMethod(Recordings, "Return the finished recordings, and the one in progress.")
+    renew_lease = PlainMethod(
+        Lease, "Take or renew the lease for 30 s; each command that needs the lease renews it too."
+    )
+    release_lease = PlainMethod(
+        Released, "Release the lease, so that other clients do not wait for its end."
+    )
