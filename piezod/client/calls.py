@@ -47,7 +47,7 @@ class Call(Generic[ResultT]):
         Raises:
             ClientError: If it does not fit.
         """
-        answer_class: Any = self.endpoint.answer
+        answer_class: Any = self.endpoint.answer_class
         result: ResultT = answer if answer_class in (dict, str) else read(answer_class, answer)
         return result
 

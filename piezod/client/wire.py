@@ -117,7 +117,7 @@ def request_of(call: Call[Any], client: str, place: Place = _HERE) -> HttpReques
     request = http_request(
         call.method, call.path, client, body=call.body, timeout_s=timeout_s, place=place
     )
-    if call.endpoint.answer is str:
+    if call.endpoint.answer == "str":
         request["headers"].append(("Accept", "text/plain"))
     return request
 
@@ -171,7 +171,7 @@ def read_answer(call: Call[ResultT], response: "httpcore.Response") -> ResultT:
     Raises:
         ClientError: If the answer is an error, or has an unexpected form.
     """
-    if call.endpoint.answer is str:
+    if call.endpoint.answer == "str":
         check(response)
         return call.read(response.content.decode(errors="replace"))
     return call.read(read_document(response, call.endpoint.also_fine))

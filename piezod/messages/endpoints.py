@@ -5,32 +5,12 @@ rows to `TABLE`. Routes, roles, clients, the command line and docs/client.md der
 module imports nothing heavy, because clients and `piezod --help` import it.
 """
 
+import builtins
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
-
-from piezod.messages.answers import (
-    Faults,
-    Health,
-    Lease,
-    Realtime,
-    Released,
-    Status,
-    StreamEnd,
-)
-from piezod.messages.stores import (
-    Audit,
-    History,
-    KeptRecording,
-    Loaded,
-    Parameters,
-    Recording,
-    Recordings,
-    Reloaded,
-    Saved,
-)
-from piezod.messages.telemetry import Telemetry
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -38,6 +18,8 @@ if TYPE_CHECKING:
 SMALL_BODY: Final = 1024
 LARGE_BODY: Final = 256 * 1024
 """For points of a waveform and for models."""
+_ANSWERS: Final = ("answers", "stores", "telemetry")
+"""Modules of the classes of answers."""
 ANSWER_WITHIN_S: Final = 10.0
 """How long clients wait for most answers, in s."""
 
@@ -105,8 +87,8 @@ class Endpoint:
         done: What the command line prints when the request is accepted.
         request: Model of the body of a request to the loop; None for all other endpoints.
         streamed: Whether the body is a stream of lines, which the endpoint reads itself.
-        answer: Class of the answer, of each event for telemetry; `dict` for a document without a
-            class, `str` for a text, None for a file.
+        answer: Name of the class of the answer, of each event for telemetry; "dict" for a document
+            without a class, "str" for a text, empty for a file.
         also_fine: HTTP status that is no error.
         answer_within_s: Longest time that a client waits for the answer, in s.
     """
@@ -121,14 +103,22 @@ class Endpoint:
     done: str = ""
     request: "type[BaseModel] | None" = None
     streamed: bool = False
-    answer: type | None = None
+    answer: str = ""
     also_fine: int = 200
     answer_within_s: float = ANSWER_WITHIN_S
+
+    @property
+    def answer_class(self) -> type | None:
+        """Class of the answer; None for a file."""
+        # Imported at the first use: `piezod --help` has no time for classes that it does not need.
+        modules = (import_module(f"piezod.messages.{name}") for name in _ANSWERS)
+        found = (getattr(each, self.answer, None) for each in (builtins, *modules))
+        return next(filter(None, found), None) if self.answer else None
 
 
 def _get(
     name: str,
-    answer: type | None,
+    answer: str,
     help: str,
     group: Group | None = None,
     verb: str = "",
@@ -139,18 +129,18 @@ def _get(
 
 
 def _post(
-    name: str, path: str, answer: type, access: Access, help: str, verb: str = "", **more: Any
+    name: str, path: str, answer: str, access: Access, help: str, verb: str = "", **more: Any
 ) -> Endpoint:
     group = Group.STORES if verb else None
     return Endpoint(name, "POST", path, access, help, group, verb, answer=answer, **more)
 
 
 _ROWS: Final = (
-    _get("status", Status, "Show state, mode, faults and each axis.", Group.LOOK, "status"),
-    _get("faults", Faults, "List the faults, with their remedies.", Group.LOOK, "faults"),
+    _get("status", "Status", "Show state, mode, faults and each axis.", Group.LOOK, "status"),
+    _get("faults", "Faults", "List the faults, with their remedies.", Group.LOOK, "faults"),
     _get(
         "telemetry",
-        Telemetry,
+        "Telemetry",
         "Show a stage as it moves.\n\nEach update has the minimum, the maximum and the last value "
         "of all cycles since the update before, so that no spike is lost. `piezod watch` shows "
         "error and drive of the last 30 s, timing, and faults with their remedies. It prints one "
@@ -160,7 +150,7 @@ _ROWS: Final = (
     ),
     _get(
         "metrics",
-        str,
+        "str",
         "Print the metrics for Prometheus.\n\nThe text is in the format of the textfile collector "
         "of node_exporter. Over HTTP it is OpenMetrics, or that format for a client that accepts "
         "only `text/plain`.",
@@ -180,32 +170,34 @@ _ROWS: Final = (
         Group.MOVE,
         "stream",
         streamed=True,
-        answer=StreamEnd,
+        answer="StreamEnd",
     ),
     _get(
         "health",
-        Health,
+        "Health",
         "Return whether the loop runs cycles, with HTTP status 503 if not.",
         also_fine=503,
     ),
     _get(
-        "realtime", Realtime, "Return the real-time settings that the loop requested and obtained."
+        "realtime",
+        "Realtime",
+        "Return the real-time settings that the loop requested and obtained.",
     ),
-    _get("played", dict, "Return the record of the last play.", path="play"),
-    _get("config", dict, "Return the configuration in force."),
-    _get("audit", Audit, "Return who requested what, newest first.", access=KEEP),
-    _get("openapi", dict, "Return this description."),
+    _get("played", "dict", "Return the record of the last play.", path="play"),
+    _get("config", "dict", "Return the configuration in force."),
+    _get("audit", "Audit", "Return who requested what, newest first.", access=KEEP),
+    _get("openapi", "dict", "Return this description."),
     _post(
         "renew_lease",
         "lease",
-        Lease,
+        "Lease",
         MOVE,
         "Take or renew the lease for 30 s, as each command does.",
     ),
     _post(
         "session",
         "session",
-        Lease,
+        "Lease",
         MOVE,
         "Take the lease until this connection closes.\n\nThen the daemon stops the stage and ends "
         "a recording that this client has started.",
@@ -216,13 +208,13 @@ _ROWS: Final = (
         "lease",
         KEEP,
         "Release the lease for other clients.",
-        answer=Released,
+        answer="Released",
     ),
-    _get("params", Parameters, "Show the parameters in use.", Group.STORES, "params list"),
+    _get("params", "Parameters", "Show the parameters in use.", Group.STORES, "params list"),
     _post(
         "save_params",
         "params/save",
-        Saved,
+        "Saved",
         KEEP,
         "Save the parameters in use, for the next start too.\n\nOffset and scale are saved for "
         "inspection only and not restored, because they drift within a day.",
@@ -231,7 +223,7 @@ _ROWS: Final = (
     _post(
         "load_params",
         "params/load",
-        Loaded,
+        "Loaded",
         CHANGE,
         "Use the newest saved parameters; only while disarmed.",
         "params load",
@@ -239,14 +231,14 @@ _ROWS: Final = (
     _post(
         "restore_params",
         "params/restore",
-        Loaded,
+        "Loaded",
         CHANGE,
         "Use earlier saved parameters; only while disarmed.",
         "params restore",
     ),
     _get(
         "params_history",
-        History,
+        "History",
         "List the saved parameters, newest first.",
         Group.STORES,
         "params history",
@@ -255,7 +247,7 @@ _ROWS: Final = (
     _post(
         "start_recording",
         "recordings/start",
-        Recording,
+        "Recording",
         KEEP,
         "Start recording every cycle.",
         "record start",
@@ -263,16 +255,16 @@ _ROWS: Final = (
     _post(
         "stop_recording",
         "recordings/stop",
-        Recording,
+        "Recording",
         KEEP,
         "End the recording, close its file.",
         "record stop",
     ),
-    _get("recordings", Recordings, "List the recordings.", Group.STORES, "record list"),
+    _get("recordings", "Recordings", "List the recordings.", Group.STORES, "record list"),
     _post(
         "keep_recording",
         "recordings/keep",
-        KeptRecording,
+        "KeptRecording",
         KEEP,
         "Keep a recording when old ones are removed.\n\nThe daemon removes the oldest files if the "
         "configuration limits their size with `recordings.max_total_mb`.",
@@ -280,7 +272,7 @@ _ROWS: Final = (
     ),
     _get(
         "fetch_recording",
-        None,
+        "",
         "Copy a finished recording, an HDF5 file.",
         Group.STORES,
         "record get",
@@ -289,7 +281,7 @@ _ROWS: Final = (
     _post(
         "reload",
         "reload",
-        Reloaded,
+        "Reloaded",
         CHANGE,
         "Make the daemon read its configuration again.\n\n"
         "If the configuration is not valid, nothing changes. Sensor zeros and learned weights "

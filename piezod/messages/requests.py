@@ -16,7 +16,6 @@ from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.quantities import DriveV, DurationS, ModeName, Name, PositionUm, StartS
-from piezod.messages.answers import Answer
 from piezod.messages.endpoints import (
     CHANGE,
     CHANGE_BY_POINTS,
@@ -259,7 +258,7 @@ def _row(
     help = cleandoc(request.__doc__ or "")
     verb = kind if group else ""
     at = path or kind
-    return Endpoint(kind, "POST", at, access, help, group, verb, done, request, answer=Answer)
+    return Endpoint(kind, "POST", at, access, help, group, verb, done, request, answer="Answer")
 
 
 _ROWS: Final = (

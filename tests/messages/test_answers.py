@@ -4,7 +4,7 @@ import json
 from dataclasses import fields, is_dataclass
 from inspect import signature
 from math import inf, nan
-from typing import Any
+from typing import Any, get_origin
 
 import pytest
 
@@ -16,6 +16,7 @@ from piezod.errors import ClientError
 from piezod.messages import answers, stores, telemetry
 from piezod.messages.answers import AxisStatus, Fault, Holder, Lease, Processor, Status
 from piezod.messages.documents import Message, attributes, dump, plain
+from piezod.messages.endpoints import Endpoint
 from piezod.messages.requests import TABLE
 from piezod.messages.stores import Loaded, Recordings, Rejected, RunningRecording
 from piezod.telemetry.record import AxisRecord, CycleHeader
@@ -95,6 +96,11 @@ def test_methods_of_the_clients_return_the_answers_of_the_table(group: type) -> 
     methods = {name: getattr(StageClient, name) for name in vars(group) if name[0] != "_"}
 
     for name, method in methods.items():
-        assert signature(method).return_annotation is TABLE[name].answer or (
-            TABLE[name].answer is dict and "dict" in str(signature(method).return_annotation)
-        ), name
+        returned = signature(method).return_annotation
+        assert (get_origin(returned) or returned) is TABLE[name].answer_class, name
+
+
+@pytest.mark.parametrize("row", TABLE.values(), ids=lambda row: row.name)
+def test_every_endpoint_but_a_file_has_a_class(row: Endpoint) -> None:
+    """Only a recording is a file."""
+    assert (row.answer_class is None) == (row.name == "fetch_recording")

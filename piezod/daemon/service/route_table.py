@@ -55,9 +55,10 @@ def endpoint(
 
 
 def _responses(row: Endpoint) -> dict[int | str, dict[str, Any]]:
-    if row.answer is None or not is_dataclass(row.answer) or row.name == "telemetry":
+    answer = row.answer_class
+    if answer is None or not is_dataclass(answer) or row.name == "telemetry":
         return _ERRORS
-    fine: dict[int | str, dict[str, Any]] = {200: {"model": row.answer}}
+    fine: dict[int | str, dict[str, Any]] = {200: {"model": answer}}
     if row.also_fine != 200:
-        fine[row.also_fine] = {"model": row.answer, "description": row.help}
+        fine[row.also_fine] = {"model": answer, "description": row.help}
     return {**fine, **_ERRORS}
