@@ -4,6 +4,7 @@ import inspect
 import json
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cached_property
 from typing import Any, Final, TypeAlias
@@ -30,7 +31,7 @@ def plain(value: Any) -> Any:
     """Return a message or a part of one as JSON has it; NaN and infinities become None."""
     if is_dataclass(value):
         value = _fields(value)
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [plain(each) for each in value]

@@ -18,6 +18,7 @@ from piezod.daemon.service.request_context import ContextOf
 from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.routes_commands import Nothing
 from piezod.daemon.stage.errors import NotNowError
+from piezod.messages.requests import TABLE
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
@@ -50,11 +51,18 @@ class KeepRecording(ConfigModel):
     kept: bool = Field(default=True, description="Whether it is marked as kept.")
 
 
-@endpoint(router, "save_params")
-async def save_params(_body: Nothing, context: ContextOf) -> JsonAnswer:
-    """Save the parameters in use."""
-    saving = context.perform("params save", lambda: context.stage.save_params(context.peer))
-    return JsonAnswer(await saving)
+def _add_action(name: str) -> None:
+    what = TABLE[name].path.replace("/", " ")
+
+    async def action(_body: Nothing, context: ContextOf) -> JsonAnswer:
+        act = getattr(context.stage, name)
+        return JsonAnswer(await context.perform(what, lambda: act(context.peer)))
+
+    endpoint(router, name, name=name)(action)
+
+
+for _name in ("save_params", "reload", "stop_recording"):  # the method of the stage does all
+    _add_action(_name)
 
 
 @endpoint(router, "load_params")
@@ -72,12 +80,6 @@ async def restore_params(body: Restore, context: ContextOf) -> JsonAnswer:
     return JsonAnswer(await loading)
 
 
-@endpoint(router, "reload")
-async def reload(_body: Nothing, context: ContextOf) -> JsonAnswer:
-    """Read the configuration again; an invalid one changes nothing."""
-    return JsonAnswer(await context.perform("reload", lambda: context.stage.reload(context.peer)))
-
-
 @endpoint(router, "start_recording")
 async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswer:
     """Start recording every cycle."""
@@ -89,15 +91,6 @@ async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswe
     recorders.clear()  # there is one recording at a time
     recorders[started.name] = context.peer.pid, context.peer.client
     return JsonAnswer(started)
-
-
-@endpoint(router, "stop_recording")
-async def stop_recording(_body: Nothing, context: ContextOf) -> JsonAnswer:
-    """End the recording and close its file."""
-    stopping = context.perform(
-        "recordings stop", lambda: context.stage.stop_recording(context.peer)
-    )
-    return JsonAnswer(await stopping)
 
 
 @endpoint(router, "keep_recording")
