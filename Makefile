@@ -46,7 +46,7 @@ faults: $(STAMP) ## run the proofs of all faults, and compare their times with t
 chaos: $(STAMP) ## kill, starve and flood the processes of a stage (some minutes)
 	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos tests/liars
 
-liars: $(STAMP) ## let an amplifier lie in each way, in each state, and judge each write (twenty minutes)
+liars: $(STAMP) ## let an amplifier lie in each way, in each state, and judge each write (half an hour)
 	$(BIN)/python -m tests.liars --out build/liars
 
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=, MODEL=stops)

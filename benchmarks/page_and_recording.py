@@ -24,7 +24,7 @@ from websockets.asyncio.client import ClientConnection
 
 from benchmarks.bench_page import RATE_HZ, STAGE, cpu_s, opened_tabs, resident_mb, started
 from piezod.client import StageClient
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 
 LARGEST_PART: Final = 0.15
 """Supervisor and server together take less than this part of a core."""

@@ -19,6 +19,8 @@ ROOT: Final = Path(__file__).parents[1]
 PRODUCT: Final = ("piezod", "drivers")
 EXAMPLE: Final = "follow"
 """The verb that CONTRIBUTING shows."""
+WAVEFORM: Final = "chirp"
+"""The waveform that stands for all others."""
 VERB_ROOMS: Final = ("piezod/messages", "piezod/client", "piezod/cli", "piezod/daemon/service")
 """In these rooms a function with the name of a verb serves the verb; elsewhere names coincide."""
 
@@ -62,6 +64,23 @@ def files_of_a_verb(name: str = EXAMPLE) -> Measure:
         str(each.relative_to(ROOT)) for each in files if each != VERB_LIST and _names(each, name)
     )
     return Measure(f"product files name the verb {name!r}", tuple(found), limit=3)
+
+
+def files_of_a_waveform() -> Measure:
+    """Count the product files that name a kind of waveform, scripts of the page included."""
+    files = (
+        file
+        for folder in PRODUCT
+        for ending in ("py", "js")
+        for file in sorted((ROOT / folder).rglob(f"*.{ending}"))
+    )
+    word = re.compile(rf"\b{WAVEFORM}\b")
+    found = tuple(
+        str(each.relative_to(ROOT))
+        for each in files
+        if word.search(each.read_text(encoding="utf-8", errors="ignore"))
+    )
+    return Measure(f"product files name the waveform {WAVEFORM!r}", found, limit=3)
 
 
 def public_attributes_of_stage() -> Measure:
@@ -125,6 +144,7 @@ def long_functions() -> Measure:
 
 MEASURES: Final[tuple[Callable[[], Measure], ...]] = (
     files_of_a_verb,
+    files_of_a_waveform,
     public_attributes_of_stage,
     fault_ids_as_texts,
     long_files,

@@ -13,7 +13,7 @@ from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon import accepted_config
 from piezod.messages import requests

@@ -8,7 +8,6 @@ import numpy as np
 import yaml
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
-from piezod.control.reference.waveforms import build_waveform
 from piezod.devices import registry
 from piezod.experiment.fit.record import Record
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, opened
@@ -107,7 +106,7 @@ def _recorded(config: ExperimentConfig) -> Record:
     assert settings is not None  # noqa: S101 - for the type checker: it is in the document
     with opened(config, lambda _cycles: None) as stage:
         stage.rest(settings.settle_s)
-        drive = build_waveform(settings.drive_v, settings.duration_s).value
+        drive = settings.drive_v.built(settings.duration_s).value
         trace = stage.open_loop([drive], settings.duration_s)[0]
         t_s = np.arange(trace.shape[0]) * (stage.period_ns / NS_PER_S)
     return Record(

@@ -15,6 +15,7 @@ from piezod.records.figures.overview import MODE_MARKS, Mark
 from piezod.records.figures.style import (
     BLACK,
     COMMAND,
+    ERROR_LABEL,
     house_style,
     legend_above,
     new_figure,
@@ -99,7 +100,7 @@ def holding_figure(holds: Mapping[str, Recording]) -> Figure:
     for axes in (linear, logarithmic):
         axes.axhline(0.0, color=BLACK, linewidth=0.6)
         axes.set_xlabel("time since the move (s)")
-    linear.set(title="Over time", ylabel="true displacement\nminus command (µm)")
+    linear.set(title="Over time", ylabel=ERROR_LABEL)
     logarithmic.set(title="Over its logarithm", xscale="log")
     logarithmic.xaxis.set_major_formatter(_PLAIN)
     handles, labels = linear.get_legend_handles_labels()

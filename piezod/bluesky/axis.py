@@ -32,8 +32,6 @@ from piezod.bluesky.recorded import Column
 from piezod.bluesky.signals import Source, movable, readable
 from piezod.errors import NotReachedError, RefusedError
 
-SETTLE_S: Final = 10.0
-"""Longest time on the way to a target beyond the way at full speed, in s."""
 _DIGITS: Final = {"um": 4, "V": 3}
 
 
@@ -42,10 +40,12 @@ class Movement:
     """A movement that `stop` may end.
 
     Attributes:
+        limited: Whether it may take no longer than the daemon says, and some time to settle.
         ended: Empty; "success" or "failure" if it was ended before its target.
         status: The wait for its arrival, once it has begun.
     """
 
+    limited: bool = True
     ended: str = ""
     status: AsyncStatus[None] | None = None
 
@@ -123,7 +123,7 @@ class PiezoAxis(
             lambda interval: interval.axes[axis].target_um,
             self._metadata("um"),
         )
-        self.setpoint = movable(link, target, lambda um: move_to(link, axis, um))
+        self.setpoint = movable(link, target, self._move_to)
         super().__init__()
 
     def set_name(self, name: str, *, child_name_separator: str | None = None) -> None:
@@ -152,28 +152,23 @@ class PiezoAxis(
 
         Args:
             value: Target, in µm.
-            timeout: Longest time, in s; None for no limit. If it is not given, it is the time of
-                the way at the configured speed, and 10 s.
+            timeout: Longest time, in s; None for no limit. If it is not given, it is the time that
+                the movement takes, as the daemon says, and 30 s.
 
         Raises:
             NotReachedError: If the movement was stopped, held, replaced, or takes too long.
             ClientError: If the daemon refuses it, or ends.
         """
         # Before anything is awaited: `stop` may come before the task begins.
-        self._movement = Movement()
+        self._movement = Movement(limited=timeout == CALCULATE_TIMEOUT)
         return WatchableAsyncStatus(self._moves(value, timeout, self._movement), self.name)
 
     async def _moves(
         self, value: float, timeout: CalculatableTimeout, movement: "Movement"
     ) -> AsyncIterator[WatcherUpdate[float]]:
         await self.check_value(value)
-        initial_um, speed_um_per_s = await asyncio.gather(
-            self.position.get_value(), self.speed.get_value()
-        )
+        initial_um = await self.position.get_value()
         longest_s = timeout if isinstance(timeout, int | float) else None
-        if timeout == CALCULATE_TIMEOUT:
-            way_um = abs(value - initial_um) if math.isfinite(initial_um) else 0.0
-            longest_s = way_um / speed_um_per_s + SETTLE_S
         try:
             async with AsyncStatus(self._go(value, longest_s, movement)) as movement.status:
                 async for current_um in observe_value(self.position, done_status=movement.status):
@@ -224,6 +219,9 @@ class PiezoAxis(
     def clear_sub(self, function: Callback[dict[str, Reading[float]]]) -> None:
         """Remove a subscription."""
         self.position.clear_sub(function)
+
+    async def _move_to(self, um: float) -> None:
+        await move_to(self._link, self._axis, um, limited=self._movement.limited)
 
     async def _go(self, value: float, timeout_s: float | None, movement: "Movement") -> None:
         if movement.ended:

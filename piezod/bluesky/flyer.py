@@ -17,10 +17,11 @@ from bluesky.protocols import (
 from event_model import DataKey
 from ophyd_async.core import AsyncStatus, Device, PathInfo, PathProvider
 
-from piezod.bluesky.link import StageLink, take_exception
+from piezod.bluesky.link import StageLink
 from piezod.bluesky.play import Play
 from piezod.bluesky.recorded import Column, RecordedFile
 from piezod.bluesky.wave import Wave
+from piezod.client.mirror import take_exception
 from piezod.errors import ClientError, DataError, RefusedError
 
 

@@ -5,22 +5,19 @@ import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from piezod.bluesky.facts import AxisFacts
-from piezod.bluesky.hub import TelemetryHub
 from piezod.client import AsyncStageClient, find_socket
 from piezod.client.daemon_link import DaemonLink
-from piezod.config.states import State
+from piezod.client.facts import AxisFacts
+from piezod.client.mirror import StageMirror
+from piezod.client.mover import StageMover
 from piezod.errors import ClientError, NotRunningError, RefusedError
-from piezod.messages.answers import Status
 
-_RENEW_EACH_S: Final = 10.0
-"""Time between two renewals of the lease, which lasts 30 s."""
+_RATE_HZ: Final = 20.0
+"""Rate of the telemetry, in Hz."""
 _SOON_S: Final = 0.2
 """Longest time by which a hold may come later, in s."""
-_GATHER_S: Final = 0.001
-"""Requests for the status within this time share one."""
 
 
 class StageLink:
@@ -40,13 +37,7 @@ class StageLink:
 
     def __init__(self, stage: str | None, socket: Path | None) -> None:
         self._stage, self._given = stage, socket
-        self._daemon: DaemonLink | None = None
-        self._hub: TelemetryHub | None = None
-        self._batch: asyncio.Future[Status] | None = None
-        self._commanders = 0
-        self._renewing, self._resuming = asyncio.Lock(), asyncio.Lock()
-        self._renewal: asyncio.Task[None] | None = None
-        self._held_here = False
+        self._connected: tuple[StageMirror, StageMover] | None = None
         self.facts: dict[str, AxisFacts] = {}
         self.moving: set[str] = set()
         self.commanded = False
@@ -57,22 +48,23 @@ class StageLink:
         return self._stage or (self._given.parent.name if self._given else "stage")
 
     @property
-    def daemon(self) -> DaemonLink:
-        """The client with which the stage is commanded.
+    def mirror(self) -> StageMirror:
+        """The stage as it is seen.
 
         Raises:
             NotRunningError: If `connect` was not called.
         """
-        if self._daemon is None:
-            raise NotRunningError(f"{self.title}: not connected", "connect the device first")
-        return self._daemon
+        return self._parts()[0]
 
     @property
-    def hub(self) -> TelemetryHub:
-        """The telemetry of the stage."""
-        if self._hub is None:
-            raise NotRunningError(f"{self.title}: not connected", "connect the device first")
-        return self._hub
+    def mover(self) -> StageMover:
+        """Moves and stops the stage; raises as `mirror`."""
+        return self._parts()[1]
+
+    @property
+    def daemon(self) -> DaemonLink:
+        """The client with which the stage is commanded; raises as `mirror`."""
+        return self.mover.link
 
     async def connect(self, axes: tuple[str, ...]) -> None:
         """Find the stage, and read its limits.
@@ -87,8 +79,8 @@ class StageLink:
         socket = self._given
         if socket is None:
             socket = await asyncio.to_thread(find_socket, self._stage)
-        self._daemon = DaemonLink(socket, f"bluesky-{os.getpid()}")
-        self._hub = TelemetryHub(socket)
+        link = DaemonLink(socket, f"bluesky-{os.getpid()}")
+        self._connected = StageMirror(link, _RATE_HZ), StageMover(link)
         await self.read_facts()
         if missing := [axis for axis in axes if axis not in self.facts]:
             what = f"{self.title} has no axis {', '.join(missing)}"
@@ -96,30 +88,14 @@ class StageLink:
 
     async def close(self) -> None:
         """Release the lease and close the connection; the stage continues."""
-        if self._renewal is not None:
-            self._renewal.cancel()
-        self._commanders, self._renewal = 0, None
-        daemon, self._daemon, self._hub = self._daemon, None, None
-        if daemon is not None:
-            await daemon.close()
+        connected, self._connected = self._connected, None
+        if connected is not None:
+            for each in connected:
+                await each.close()
 
     async def read_facts(self) -> None:
         """Read the configuration in force, which a reload may have changed."""
-        axes = (await self.daemon.config())["axes"]
-        self.facts = {name: AxisFacts.of(axis) for name, axis in axes.items()}
-
-    async def status(self) -> Status:
-        """Return a status that is requested from now on.
-
-        Signals that are read together share it, so that their values are of one cycle.
-
-        Raises:
-            ClientError: If the daemon does not answer.
-        """
-        if self._batch is None:
-            self._batch = asyncio.ensure_future(self._status_soon())
-            self._batch.add_done_callback(take_exception)
-        return await asyncio.shield(self._batch)
+        self.facts = await self.mirror.facts()
 
     @asynccontextmanager
     async def commanding(self) -> AsyncIterator[None]:
@@ -129,11 +105,9 @@ class StageLink:
             RefusedError: If another client has it.
             ClientError: If the daemon does not answer.
         """
-        await self.take_lease()
-        try:
+        async with self.mover.commanding():
+            self.commanded = True
             yield
-        finally:
-            await self.return_lease()
 
     async def fetch_recording(self, name: str, file: Path) -> None:
         """Copy a recording.
@@ -145,83 +119,25 @@ class StageLink:
         async with AsyncStageClient(socket=self.daemon.socket) as client:
             await client.fetch_recording(name, file)
 
-    async def take_lease(self) -> None:
-        """Take the lease, and renew it until `return_lease` was called as often as this.
-
-        Raises:
-            RefusedError: If another client has it.
-            ClientError: If the daemon does not answer.
-        """
-        async with self._renewing:
-            if not self._commanders:
-                await self.daemon.renew_lease()
-                self._renewal = asyncio.create_task(self._renew())
-            self._commanders, self.commanded = self._commanders + 1, True
-
-    async def return_lease(self) -> None:
-        """Release the lease if no other device of this process needs it. Never raises."""
-        async with self._renewing:
-            self._commanders = max(self._commanders - 1, 0)
-            if self._commanders or self._renewal is None:
-                return
-            self._renewal.cancel()
-            self._renewal = None
-            with suppress(ClientError):  # then the daemon has ended, or it ends within 30 s
-                await self.daemon.release_lease()
-
     async def hold(self) -> None:
         """Hold the voltage of all axes; nothing if nothing is driven.
+
+        The next movement resumes, unless somebody else has held the stage before.
 
         Raises:
             ClientError: If the daemon does not answer, or does not allow it.
         """
-        held_already = not self.moving and await self._is_held()
-        try:
-            await self.daemon.hold()
-        except RefusedError as error:
-            if error.code != "refused":
-                raise
-        else:
-            self._held_here = self._held_here or not held_already
+        await self.mover.stop("" if self.moving else await self._state_soon(), resume=False)
         self.moving.clear()
 
-    async def go_on(self) -> str:
-        """Resume if this process has held the stage; return the state.
-
-        Another client's hold stays: whoever has held the stage resumes it.
-
-        Raises:
-            ClientError: If the daemon does not answer, or refuses to resume.
-        """
-        async with self._resuming:
-            if not self._held_here:
-                return (await self.status()).state
-            state = (await self.daemon.status()).state
-            if state == State.HOLD:
-                state = (await self.daemon.resume()).state
-            self._held_here = False
-        return state
-
-    async def _is_held(self) -> bool:
-        """Return whether the stage is held; False if the daemon does not report it soon."""
+    async def _state_soon(self) -> str:
+        """Return the state; empty if the daemon does not report it soon."""
         with suppress(ClientError, TimeoutError):
             async with asyncio.timeout(_SOON_S):
-                return (await self.status()).state == State.HOLD
-        return False
+                return (await self.mirror.status()).state
+        return ""
 
-    async def _status_soon(self) -> Status:
-        await asyncio.sleep(_GATHER_S)
-        self._batch = None
-        return await self.daemon.status()
-
-    async def _renew(self) -> None:
-        while True:
-            await asyncio.sleep(_RENEW_EACH_S)
-            with suppress(ClientError):  # the next command reports it
-                await self.daemon.renew_lease()
-
-
-def take_exception(future: "asyncio.Future[Any]") -> None:
-    """Take the exception of a request that nobody waits for any more."""
-    if not future.cancelled():
-        future.exception()
+    def _parts(self) -> tuple[StageMirror, StageMover]:
+        if self._connected is None:
+            raise NotRunningError(f"{self.title}: not connected", "connect the device first")
+        return self._connected

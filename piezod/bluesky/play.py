@@ -66,7 +66,7 @@ class Play:
             ClientError: If the daemon refuses, or ends.
         """
         before = await _number(link)
-        async with link.hub.listening() as intervals:
+        async with link.mirror.listening() as intervals:
             with moving(link, self.axis):
                 await link.daemon.play(
                     self.drive_v,

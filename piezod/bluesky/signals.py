@@ -23,7 +23,6 @@ from piezod.errors import ClientError
 from piezod.messages.answers import Status
 from piezod.messages.telemetry import Telemetry
 
-_RETRY_S: Final = 1.0
 _UNKNOWN, _OK, _MINOR, _MAJOR = -1, 0, 1, 2
 """Severities of a reading."""
 _DOWN: Final = (State.BLIND, State.FAULT, State.ESTOP)
@@ -93,7 +92,7 @@ class StageBackend(SignalBackend[ValueT]):
 
     async def get_reading(self) -> Reading[ValueT]:
         """Return the value, requested now."""
-        status = await self._link.status()
+        status = await self._link.mirror.status()
         return self._reading(
             self._source.of_status(status), status.state, [fault.id for fault in status.faults]
         )
@@ -113,19 +112,13 @@ class StageBackend(SignalBackend[ValueT]):
         self._monitor = None if callback is None else asyncio.create_task(self._watch(callback))
 
     async def _watch(self, callback: Callback[Reading[ValueT]]) -> None:
-        while True:
-            try:
-                async with self._link.hub.listening() as intervals:
-                    async for each in intervals:
-                        callback(
-                            self._reading(
-                                self._source.of_interval(each), each.state, list(each.faults)
-                            )
-                        )
-            except ClientError as error:
+        async for each in self._link.mirror.following():
+            if isinstance(each, ClientError):
                 unknown = self._reading(None, "", [])
-                callback({**unknown, "alarm_severity": _UNKNOWN, "message": str(error)})
-            await asyncio.sleep(_RETRY_S)
+                callback({**unknown, "alarm_severity": _UNKNOWN, "message": str(each)})
+            else:
+                value = self._source.of_interval(each)
+                callback(self._reading(value, each.state, list(each.faults)))
 
     def _reading(self, value: ValueT | None, state: str, faults: list[str]) -> Reading[Any]:
         unknown = "" if self._source.datatype is str else math.nan

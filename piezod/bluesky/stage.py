@@ -126,11 +126,12 @@ class PiezoStage(StandardReadable):
         """
         if self._staged or self._mock is not None:
             return
-        await self.link.take_lease()
+        await self.link.mover.take_lease(self)
+        self.link.commanded = True
         try:
             await self._make_ready()
         except BaseException:
-            await self.link.return_lease()
+            await self.link.mover.return_lease(self)
             raise
         self._staged = True
 
@@ -148,7 +149,7 @@ class PiezoStage(StandardReadable):
             if self.link.moving or self.flyer.flies or self._hold_at_end:
                 await self.hold()
         finally:
-            await self.link.return_lease()
+            await self.link.mover.return_lease(self)
 
     async def hold(self) -> None:
         """Hold the voltage of all axes; movements that this process has started count as done.
@@ -177,7 +178,8 @@ class PiezoStage(StandardReadable):
         await link.read_facts()
         for axis in self.axes.values():
             axis.set_limits()
-        state = await link.go_on()
+        await link.mover.go_on()
+        state = (await link.mirror.status()).state
         if state == State.SAFE and self._arm:
             await link.daemon.arm()
             state = State.READY

@@ -9,13 +9,12 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from piezod.bluesky.facts import AxisFacts
 from piezod.bluesky.link import StageLink
 from piezod.bluesky.motion import follow_waves, move_to
 from piezod.bluesky.recorded import Column
 from piezod.client.calls import Waveforms
+from piezod.client.facts import AxisFacts
 from piezod.client.waveforms import tupled
-from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ClientError, DataError, RefusedError
 from piezod.messages.requests import Wave as WaveRequest
 
@@ -90,7 +89,7 @@ class Wave:
         for axis, config in request.command_um.items():
             if axis not in facts:
                 raise RefusedError(f"no axis {axis}", f"axes: {', '.join(facts)}", "not_found")
-            waveform = build_waveform(config, self.duration_s)
+            waveform = config.built(self.duration_s)
             low_um, high_um = facts[axis].range_um
             if waveform.low < low_um or waveform.high > high_um:
                 what = f"axis {axis}: {waveform.low:g} to {waveform.high:g} µm"

@@ -50,6 +50,13 @@ OutputOption: TypeAlias = Annotated[
         show_default=False,
     ),
 ]
+ConfirmOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--confirm-output",
+        help="You have seen that the read-back is right, whatever was written last.",
+    ),
+]
 YesOption: TypeAlias = Annotated[bool, typer.Option("--yes", help="Confirm every step in advance.")]
 
 
@@ -58,6 +65,7 @@ def commission(
     axis: AxisOption = None,
     out: OutOption = None,
     output_v: OutputOption = float("nan"),
+    confirm_output: ConfirmOption = False,
     yes: YesOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -66,7 +74,8 @@ def commission(
     Each step announces the voltages that it drives and waits for a yes. It stays within the limits
     of the configuration and returns to the initial voltage. Ctrl-C, a no, or an error ends the
     procedure. The results so far are stored as an acceptance sheet, a configuration for `piezod
-    run`, and the data.
+    run`, and the data. If the read-back contradicts the voltage that was written last, by whatever
+    command, nothing is driven unless you confirm the read-back.
     """
     from piezod.config.daemon import load_daemon
     from piezod.daemon.paths import stage_paths
@@ -79,25 +88,36 @@ def commission(
     with new_folder(out or default) as folder:
         check_writable(folder)
         results = _Results(stage, name, folder)
-        _measure(config, results, output_v, asking=not yes, json=json)
+        _measure(config, results, output_v, confirmed=confirm_output, asking=not yes, json=json)
 
 
 def _measure(
-    config: Path, results: "_Results", output_v: float, *, asking: bool, json: bool
+    config: Path,
+    results: "_Results",
+    output_v: float,
+    *,
+    confirmed: bool,
+    asking: bool,
+    json: bool,
 ) -> None:
     """Do the steps and store their results, also those before an error."""
     from piezod.commission.bench import one_axis
     from piezod.commission.procedure import steps_of
+    from piezod.daemon.output_notes import OutputNotes
+    from piezod.daemon.paths import stage_paths
 
+    stage, axis = results.stage, results.axis
     opened: OneAxis | None = None
     try:
         with (
             owning(config),
             unwinding(),
             guardian(config) as guard,
-            one_axis(results.stage, results.axis, output_v, note=guard.note) as opened,
+            one_axis(
+                stage, axis, OutputNotes(stage, stage_paths(config)), output_v, confirmed=confirmed
+            ) as opened,
         ):
-            guard.watch(results.axis, opened)
+            guard.watch(axis, opened)
             _print_identities(opened)
             steps = steps_of(opened.session, results.findings, print_note)
             walk(opened.session, steps, results.not_done, asking=asking)

@@ -1,7 +1,7 @@
 """`piezod group wave` and `piezod group play`: movements that begin together."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypeVar
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -12,17 +12,14 @@ from piezod.cli.group_options import (
     connect_group,
 )
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import existing_file
+from piezod.cli.paths import existing_file, load_file
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
-
     from piezod.client import StageGroup
     from piezod.client.calls import Waveforms
     from piezod.client.stage_group import GroupStart
     from piezod.config.commands import Command
 
-ModelT = TypeVar("ModelT", bound="BaseModel")
 _START_IN_S: Final = 1.0
 
 
@@ -48,7 +45,7 @@ def wave(
     """
     from piezod.messages.groups import GroupWaveFile
 
-    loaded = _load(file, GroupWaveFile)
+    loaded = load_file(file, GroupWaveFile)
     with connect_group(name, groups) as group:
         waveforms = {stage: _per_axis(group, stage, each) for stage, each in loaded.stages.items()}
         started = group.wave(waveforms, loaded.duration_s, start_in_s=start_in)
@@ -77,20 +74,12 @@ def play(
     """
     from piezod.messages.groups import GroupPlayFile
 
-    loaded = _load(file, GroupPlayFile)
+    loaded = load_file(file, GroupPlayFile)
     without = {"kind", "start_s"}
     tables = {stage: each.model_dump(exclude=without) for stage, each in loaded.stages.items()}
     with connect_group(name, groups) as group:
         started = group.play(tables, start_in_s=start_in)
     _print(started, "playing", json=json)
-
-
-def _load(file: Path, model: type[ModelT]) -> ModelT:
-    from piezod.config.fields import Context
-    from piezod.config.validate import validate
-    from piezod.config.yaml_loader import load_yaml
-
-    return validate(load_yaml(file), model, Context(file.parent))
 
 
 def _per_axis(group: "StageGroup", stage: str, command_um: "Command") -> "Waveforms":

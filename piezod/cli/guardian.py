@@ -1,13 +1,12 @@
-"""A process that ramps an axis back if the command that drives it is killed.
+"""The guardian of a command that drives an axis, as the command sees it.
 
-A killed process cannot undo anything itself. The guardian waits at the end of a pipe, which the
-kernel closes with the process; it opens nothing before that.
+A killed process cannot undo anything itself. The guardian is another process, which then ramps the
+axis back; it waits at the end of a pipe, which the kernel closes with the command.
 """
 
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,12 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from piezod.commission.bench import OneAxis
-    from piezod.config.daemon import DaemonConfig
-    from piezod.daemon.last_output import LastOutputWriter
 
 DONE: Final = "done\n"
-WAIT_S: Final = 10.0
-"""How long the amplifier may be unavailable after the end of the command, in s."""
 
 
 class Guardian:
@@ -28,33 +23,34 @@ class Guardian:
 
     Args:
         config: Configuration of the stage.
-        output: Stores the last written voltage, for an amplifier without read-back.
-        output_file: Its file.
     """
 
-    def __init__(self, config: Path, output: "LastOutputWriter", output_file: Path) -> None:
-        self._config, self._output, self._output_file = config, output, output_file
-        command = [sys.executable, "-m", "piezod.cli.guardian"]
+    def __init__(self, config: Path) -> None:
+        self._config = config
+        command = [sys.executable, "-m", "piezod.cli.guardian_process"]
         # A new session: Ctrl-C in a terminal reaches only the command, which ramps back by itself.
         self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and module
-            command, stdin=subprocess.PIPE, text=True, start_new_session=True
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
         )
 
-    def note(self, drive_v: float) -> None:
-        """Store a voltage that is about to be written, in V."""
-        self._output.note([drive_v], time.monotonic_ns())
-
     def watch(self, axis: str, opened: "OneAxis") -> None:
-        """From now on bring this axis back to its initial voltage if this process is killed."""
-        self.note(opened.session.found_v)
+        """From now on bring this axis back to its initial voltage if this process is killed.
+
+        Returns when the guardian has loaded all that it needs.
+        """
         job = {
             "config": str(self._config.absolute()),
             "axis": axis,
             "found_v": opened.session.found_v,
             "identities": opened.identities,
-            "output": str(self._output_file),
         }
         self._tell(json.dumps(job) + "\n")
+        if self._process.stdout is not None:
+            self._process.stdout.readline()
 
     def end(self) -> None:
         """End the process: the axis was brought back, or nothing was driven."""
@@ -73,55 +69,8 @@ class Guardian:
 @contextmanager
 def guardian(config: Path) -> Iterator[Guardian]:
     """Start a guardian for the time of the block; the caller owns the devices of the stage."""
-    from piezod.daemon.last_output import LastOutputWriter
-    from piezod.daemon.paths import stage_paths
-
-    file = stage_paths(config).runtime / "commission.map"
-    guard = Guardian(config, LastOutputWriter(file, 1), file)
+    guard = Guardian(config)
     try:
         yield guard
     finally:
         guard.end()
-
-
-def main() -> None:
-    """Wait for the end of the command, and ramp the axis back that it has not brought back."""
-    job, line = "", sys.stdin.readline()
-    while line not in {"", DONE}:
-        job, line = line, sys.stdin.readline()
-    if line != DONE and job:
-        _ramp_back(**json.loads(job))
-
-
-def _ramp_back(
-    config: str, axis: str, found_v: float, identities: dict[str, list[str]], output: str
-) -> None:
-    from piezod.cli.owned_stage import owning
-    from piezod.config.daemon import load_daemon
-    from piezod.daemon.clock import MonotonicClock
-    from piezod.daemon.last_output import read_last_output
-    from piezod.daemon.safe.ramp_down import Noted, ramp_down
-    from piezod.devices import registry
-    from piezod.devices.interface import Identity
-
-    with owning(Path(config)):
-        (last,) = read_last_output(Path(output))
-        known = {name: Identity(*who) for name, who in identities.items()}
-        stage = _with_target(load_daemon(Path(config), registry), axis, found_v)
-        noted = Noted({axis: last.drive_v}, known)
-        outcome = ramp_down(stage, noted, WAIT_S, MonotonicClock())[axis]
-    text = outcome.why or f"ramped from {outcome.from_v:.2f} V to {outcome.safe_v:.2f} V"
-    unknown = "the voltage is UNKNOWN: " if outcome.why else ""
-    print(f"piezod: the command was killed; axis {axis}: {unknown}{text}", file=sys.stderr)
-
-
-def _with_target(stage: "DaemonConfig", axis: str, found_v: float) -> "DaemonConfig":
-    """Return the stage with one axis only, whose safe voltage is the initial voltage."""
-    one = stage.axes[axis]
-    target_v = min(max(found_v, one.limits.drive_min_v), one.limits.drive_max_v)
-    safety = one.safety.model_copy(update={"safe_v": target_v})
-    return stage.model_copy(update={"axes": {axis: one.model_copy(update={"safety": safety})}})
-
-
-if __name__ == "__main__":
-    main()

@@ -1,12 +1,15 @@
 """`piezod goto` and `piezod wave`: movements."""
 
+import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from types import GenericAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import existing_file
+from piezod.cli.paths import existing_file, load_file
 from piezod.cli.stage_options import (
     AxisOption,
     SocketOption,
@@ -14,14 +17,13 @@ from piezod.cli.stage_options import (
     connect,
     print_answer,
 )
+from piezod.config.waveforms.swings import SWINGS
 
 if TYPE_CHECKING:
     from piezod.client import StageClient
     from piezod.client.calls import Waveforms
-    from piezod.config.commands import WaveFile
 
-Swing: TypeAlias = tuple[float, float, float]
-"""Lowest and highest position in µm, frequency in Hz."""
+_SWING_OPTIONS: Final = ", ".join(f"--{kind}" for kind in SWINGS)
 
 
 def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
@@ -40,8 +42,13 @@ def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
         ),
     ] = False,
     timeout: Annotated[
-        float, typer.Option(metavar="S", min=0.0, help="Longest time to wait, s.")
-    ] = 30.0,
+        float | None,
+        typer.Option(
+            metavar="S",
+            min=0.0,
+            help="Longest time to wait, s; default: as long as the movement takes, and 30 s.",
+        ),
+    ] = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
@@ -58,7 +65,29 @@ def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
             print_answer(answer, f"going to {position_um:g} µm", json=json)
 
 
-def wave(  # noqa: PLR0913, PLR0917 - likewise
+def _with_swings(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command an option for each swing, after its first argument."""
+    given = inspect.signature(command)
+    own = [each for each in given.parameters.values() if each.kind is not each.VAR_KEYWORD]
+    signature = given.replace(parameters=[*own[:1], *map(_option, SWINGS), *own[1:]])
+    command.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
+    vars(command)["__signature__"] = signature
+    return command
+
+
+def _option(kind: str) -> inspect.Parameter:
+    numbers = SWINGS[kind]
+    words = " ".join(each.key.upper() for each in numbers)
+    option = typer.Option(metavar=words, help=f"A {kind} between two positions, µm.")
+    values: Any = GenericAlias(tuple, (float,) * len(numbers))
+    annotation = Annotated[values | None, option]
+    return inspect.Parameter(
+        kind, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=None, annotation=annotation
+    )
+
+
+@_with_swings
+def wave(
     file: Annotated[
         Path | None,
         typer.Argument(
@@ -68,13 +97,6 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
             help="YAML with `command_um`, as in a case of an experiment, and `duration_s`.",
         ),
     ] = None,
-    sine: Annotated[
-        Swing | None, typer.Option(metavar="LOW HIGH HZ", help="A sine between two positions, µm.")
-    ] = None,
-    triangle: Annotated[
-        Swing | None,
-        typer.Option(metavar="LOW HIGH HZ", help="A triangle between two positions, µm."),
-    ] = None,
     duration: Annotated[
         float | None, typer.Option(metavar="S", help="Duration, s; replaces that of FILE.")
     ] = None,
@@ -82,19 +104,21 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
+    **swings: tuple[float, ...] | None,
 ) -> None:
-    """Follow the waveform of a file, or a sine or triangle."""
-    if [file, sine, triangle].count(None) != 2:
-        raise typer.BadParameter("give one of FILE, --sine and --triangle")
+    """Follow the waveform of a file, or a swing that a few numbers describe."""
+    given = {kind: numbers for kind, numbers in swings.items() if numbers is not None}
+    if (file is not None) + len(given) != 1:
+        raise typer.BadParameter(f"give one of FILE, {_SWING_OPTIONS}")
     if file is None and duration is None:
-        raise typer.BadParameter("--sine and --triangle need --duration")
+        raise typer.BadParameter(f"{_SWING_OPTIONS} need --duration")
     if file is not None and axis is not None:
-        raise typer.BadParameter("--axis goes with --sine and --triangle, FILE names its axes")
-    from piezod.config.commands import CommandPerAxis
+        raise typer.BadParameter(f"--axis goes with {_SWING_OPTIONS}, FILE names its axes")
+    from piezod.config.commands import CommandPerAxis, WaveFile
 
-    loaded = _load(file) if file else None
+    loaded = load_file(file, WaveFile) if file else None
     with connect(stage, socket) as client:
-        command_um = loaded.command_um if loaded else _swing(sine, triangle)
+        command_um = loaded.command_um if loaded else _swing(*given.popitem())
         if isinstance(command_um, CommandPerAxis):
             waveforms: Waveforms = command_um.axes
         else:
@@ -109,27 +133,17 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
     print_answer(answer, f"following for {duration_s:g} s", json=json)
 
 
-def _load(file: Path) -> "WaveFile":
-    from piezod.config.commands import WaveFile
-    from piezod.config.fields import Context
-    from piezod.config.validate import validate
-    from piezod.config.yaml_loader import load_yaml
-
-    return validate(load_yaml(file), WaveFile, Context(file.parent))
-
-
-def _swing(sine: Swing | None, triangle: Swing | None) -> dict[str, str | float]:
-    low, high, frequency_hz = sine or triangle or (0.0, 0.0, 0.0)
-    kind = "sine" if sine else "triangle"
-    return {"kind": kind, "low": low, "high": high, "frequency_hz": frequency_hz}
+def _swing(kind: str, numbers: tuple[float, ...]) -> dict[str, str | float]:
+    keys = (each.key for each in SWINGS[kind])
+    return {"kind": kind, **dict(zip(keys, numbers, strict=True))}
 
 
 def _coarse(client: "StageClient", waveforms: "Waveforms") -> list[str]:
     """Return the warnings about waveforms, which the stage has accepted."""
     from pydantic import TypeAdapter
 
-    from piezod.config.combined_waveforms import WaveformConfig
     from piezod.config.frequencies import coarse
+    from piezod.config.waveforms.combined import WaveformConfig
 
     adapter: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
     accepted = {axis: adapter.validate_python(each) for axis, each in waveforms.items()}

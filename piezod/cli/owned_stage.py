@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from piezod.daemon.lock import Lock, device_lock, taken_within
+from piezod.daemon.paths import stage_paths
+
 LOCK_WAIT_S = 2.0
 """A daemon that is ending releases its stage within this time."""
 
@@ -18,9 +21,6 @@ def owning(config: Path) -> Iterator[None]:
     Raises:
         AlreadyRunningError: If a daemon runs, or a loop process without a daemon.
     """
-    from piezod.daemon.lock import Lock, device_lock, taken_within
-    from piezod.daemon.paths import stage_paths
-
     paths = stage_paths(config)
     paths.make_folders()
     # The daemon holds the first lock and its loop process the second, which may outlive the first.

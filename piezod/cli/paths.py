@@ -1,11 +1,17 @@
-"""Checks of files and folders on the command line, before any work begins."""
+"""Files and folders on the command line, checked before any work begins."""
 
 import errno
 import os
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import typer
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+ModelT = TypeVar("ModelT", bound="BaseModel")
 
 
 def existing_file(path: Path | None) -> Path | None:
@@ -48,3 +54,16 @@ def check_writable(folder: Path) -> None:
         raise OSError(
             error.errno, f"cannot be written to: {error.strerror}", str(folder)
         ) from error
+
+
+def load_file(file: Path, model: type[ModelT]) -> ModelT:
+    """Return the contents of a YAML file, checked.
+
+    Raises:
+        ConfigError: If they are not valid; the text lists every problem with its place.
+    """
+    from piezod.config.fields import Context
+    from piezod.config.validate import validate
+    from piezod.config.yaml_loader import load_yaml
+
+    return validate(load_yaml(file), model, Context(file.parent))

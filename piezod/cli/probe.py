@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from piezod.commission.probe import Probed
     from piezod.config.daemon import DaemonConfig
+    from piezod.daemon.output_notes import OutputNotes
 
 WiggleOption: TypeAlias = Annotated[
     bool,
@@ -54,6 +55,8 @@ def probe(
     from piezod.commission.probe import probe as inspect
     from piezod.config.daemon import load_daemon
     from piezod.daemon.clock import MonotonicClock
+    from piezod.daemon.output_notes import OutputNotes
+    from piezod.daemon.paths import stage_paths
     from piezod.devices import registry
     from piezod.devices.bus.byte_trace import tracing
     from piezod.devices.wiring import pairs_of
@@ -69,7 +72,8 @@ def probe(
             _print_text(found, all_hz, stage.rate_hz)
         if wiggle and complete:
             with unwinding(), guardian(config) as guard:
-                wiggled = _wiggle(stage, guard, asking=not yes, err=json)
+                notes = OutputNotes(stage, stage_paths(config))
+                wiggled = _wiggle(stage, notes, guard, asking=not yes, err=json)
     if json:
         devices = {name: _document(each) for name, each in found.items()}
         print_json({"devices": devices, "together_hz": all_hz, "wiggled": wiggled})
@@ -92,7 +96,7 @@ def _print_text(found: "Mapping[str, Probed]", all_hz: float, stage_rate_hz: flo
 
 
 def _wiggle(
-    stage: "DaemonConfig", guard: Guardian, *, asking: bool, err: bool
+    stage: "DaemonConfig", notes: "OutputNotes", guard: Guardian, *, asking: bool, err: bool
 ) -> dict[str, object]:
     """Do the first two steps of `piezod commission` with each axis."""
     from itertools import islice
@@ -103,7 +107,7 @@ def _wiggle(
     moved: dict[str, object] = {}
     for axis in stage.axes:
         findings = Findings()
-        with one_axis(stage, axis, note=guard.note) as opened:
+        with one_axis(stage, axis, notes) as opened:
             guard.watch(axis, opened)
             session = opened.session
             steps = islice(steps_of(session, findings, print_note), 2)

@@ -27,7 +27,7 @@ def status(
     with closing(connect(stage, socket)) as client:  # without what only commands need
         found = client.status()
     if json:
-        print_json({**found.document, "undetected": _reasons()})
+        print_json(found.document)
         return
     console = new_console()
     console.print(_summary(found))
@@ -46,7 +46,6 @@ def status(
         )
     if found.faults:
         console.print(_faults(found.faults))
-    console.print(_in_short(), style="dim", soft_wrap=True)
 
 
 def faults(
@@ -95,16 +94,6 @@ def _reasons() -> dict[str, dict["FaultId", str]]:
     from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 
     return {"never_shown": dict(NEVER_SHOWN), "gaps": dict(GAPS)}
-
-
-def _in_short() -> str:
-    """Return the reasons in one line each."""
-    from piezod.control.faults.unlisted import IN_SHORT
-
-    lines = []
-    for key, reasons in _reasons().items():
-        lines += [_HEADINGS[key], *(f"  {fault:<3} {IN_SHORT[fault]}" for fault in reasons)]
-    return "\n".join([*lines, "`piezod faults --undetected` has the reasons in full."])
 
 
 _HEADINGS: Final = {"never_shown": "Never shown:", "gaps": "Partly detected:"}

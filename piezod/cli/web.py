@@ -34,6 +34,13 @@ def web(
             "Default: a token for this start.",
         ),
     ] = None,
+    public_url: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Address of the page at a reverse proxy, as https://lab.example/piezod/.",
+        ),
+    ] = None,
 ) -> None:
     """Serve a page with all stages of this machine, and their API, until Ctrl-C.
 
@@ -41,13 +48,15 @@ def web(
     of this command. Other computers reach the stages over TLS.
     """
     from piezod.web.encryption import Certificate
+    from piezod.web.public_url import PublicUrl
     from piezod.web.server import WebPlan, serve
 
     if (certificate is None) != (key is None):
         raise typer.BadParameter("--certificate and --key need each other")
     encryption = Certificate(certificate, key) if certificate and key else None
+    public = None if public_url is None else PublicUrl.of(public_url)
     serve(
-        WebPlan(host, port, encryption, tokens),
+        WebPlan(host, port, encryption, tokens, public),
         announce=typer.echo,
         warn=lambda text: typer.echo(f"! {text}", err=True),
     )

@@ -1,5 +1,7 @@
 """Whether a movement has reached its target, from telemetry."""
 
+import time
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -7,10 +9,12 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import NotReachedError, RefusedError
-from piezod.messages.answers import AxisStatus, Status
+from piezod.messages.answers import Answer, AxisStatus, Status
 from piezod.messages.documents import Message
-from piezod.messages.telemetry import AxisTelemetry, Telemetry
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
+SETTLE_S: Final = 30.0
+"""Longest time on the way to a target beyond what the daemon says that the movement takes, in s."""
 SAME_UM: Final = 1e-6
 """A command that is closer than this to its target has arrived, in µm."""
 _NO_CAUSE: Final = frozenset({Fault.D10, Fault.P6, Fault.P7, Fault.P11, Fault.P15})
@@ -46,19 +50,29 @@ class Arrival(Message):
     position_um: float
 
 
-def has_arrived(state: str, axis: AxisStatus) -> bool:
+def longest_wait_s(answer: Answer) -> float:
+    """Return how long to wait for a movement if its client does not say, in s."""
+    return answer.duration_s + SETTLE_S
+
+
+def has_arrived(state: str, axis: AxisStatus | AxisTelemetry, *, has_sensor: bool) -> bool:
     """Return whether an axis has arrived: without a sensor, its command has.
 
     Args:
         state: State of the stage.
         axis: The axis.
+        has_sensor: Whether it has a sensor.
     """
-    if axis.has_sensor:
+    if has_sensor:
         return axis.on_target
-    target_um, command_um = axis.target_um, axis.command_um
+    target_um, command_um = axis.target_um, _last(axis.command_um)
     if state != State.RUN or target_um is None or command_um is None:
         return False
     return abs(target_um - command_um) <= SAME_UM
+
+
+def _last(value: float | Range | None) -> float | None:
+    return value.last if isinstance(value, Range) else value
 
 
 def refuse_without_sensor(status: Status, axis: str | None) -> None:
@@ -77,13 +91,16 @@ def refuse_without_sensor(status: Status, axis: str | None) -> None:
         raise RefusedError(what, "move without waiting for the position", "no_sensor")
 
 
-def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | None:
+def arrival(
+    interval: Telemetry, motion: int, axis: str | None, *, has_sensor: bool = True
+) -> Arrival | None:
     """Return the arrival of a movement, or None while the movement continues.
 
     Args:
         interval: The newest interval of telemetry.
         motion: Number of the movement.
         axis: Name of its axis; None for the only axis.
+        has_sensor: Whether the axis has a sensor; otherwise its position is its command.
 
     Raises:
         NotReachedError: If the movement has ended before its target.
@@ -95,8 +112,8 @@ def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | Non
     if now.motion > motion:
         what = f"axis {name}: another movement has replaced this one"
         raise NotReachedError(what, code="superseded")
-    position_um = now.position_um.last
-    if now.on_target and position_um is not None:
+    position_um = now.position_um.last if has_sensor else now.command_um.last
+    if position_um is not None and has_arrived(interval.state, now, has_sensor=has_sensor):
         return Arrival(axis=name, motion=motion, position_um=position_um)
     if interval.state != State.RUN:
         because = because_of(interval)
@@ -105,6 +122,36 @@ def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | Non
         )
         raise NotReachedError(what, "`piezod faults` shows more", "state")
     return None
+
+
+async def until_arrived(
+    intervals: AsyncIterator[Telemetry],
+    answer: Answer,
+    axis: str | None,
+    longest_s: float | None,
+    *,
+    has_sensor: bool = True,
+) -> Arrival:
+    """Return the arrival of a movement.
+
+    Args:
+        intervals: Telemetry, from before the movement or later.
+        answer: The answer that has started it.
+        axis: Name of its axis; None for the only axis.
+        longest_s: Longest time to wait, in s; None for no limit.
+        has_sensor: Whether the axis has a sensor.
+
+    Raises:
+        NotReachedError: If the movement ends before its target, or takes too long.
+        ClientError: If the daemon ends.
+    """
+    start_s = time.monotonic()
+    while True:
+        interval = await anext(intervals)
+        if arrived := arrival(interval, answer.motion, axis, has_sensor=has_sensor):
+            return arrived
+        if longest_s is not None and time.monotonic() - start_s > longest_s:
+            raise too_late(interval, axis, longest_s)
 
 
 def because_of(interval: Telemetry) -> str:

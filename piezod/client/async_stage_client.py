@@ -1,13 +1,12 @@
 """The client for programs under asyncio; `StageClient` is the one for all others."""
 
-import time
 from collections.abc import AsyncGenerator, AsyncIterable, AsyncIterator, Mapping, Sequence
 from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
+from piezod.client.arrival import Arrival, longest_wait_s, refuse_without_sensor, until_arrived
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
@@ -80,8 +79,13 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         self.name = name
         import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._pool = httpcore.AsyncConnectionPool(**pool_options(self.place))
-        self._closed = False
+        from piezod.client.own_connection import AsyncBackend, PoolOfProcess
+
+        self._pool = PoolOfProcess(
+            lambda: httpcore.AsyncConnectionPool(
+                **pool_options(self.place), network_backend=AsyncBackend()
+            )
+        )
 
     async def __aenter__(self) -> Self:
         # Slow; no command, least of all an emergency stop, shall wait for it later.
@@ -99,14 +103,11 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
 
     async def close(self) -> None:
         """Close the connection; the stage continues."""
-        self._closed = True
-        await self._pool.aclose()
+        await self._pool.close().aclose()
 
     @property
     def _http(self) -> "httpcore.AsyncConnectionPool":
-        if self._closed:
-            raise RuntimeError("this client is closed: make another one")
-        return self._pool
+        return self._pool.get()
 
     async def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
@@ -120,7 +121,7 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         *,
         axis: str | None = None,
         speed_um_per_s: float | None = None,
-        timeout_s: float = 30.0,
+        timeout_s: float | None = None,
     ) -> Arrival:
         """Move to a position; return when it has been within its tolerance for the settling time.
 
@@ -128,7 +129,8 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             position_um: Target, in µm.
             axis: Name of the axis; None for the only axis.
             speed_um_per_s: Speed, in µm/s; None for the configured speed.
-            timeout_s: Longest time to wait, in s; after that the stage continues.
+            timeout_s: Longest time to wait, in s; after that the stage continues. None for the time
+                that the movement takes, and 30 s.
 
         Raises:
             NotReachedError: If the movement ends before its target or takes too long; the text
@@ -137,15 +139,10 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             ClientError: As in every method.
         """
         refuse_without_sensor(await self.status(), axis)
-        start_s = time.monotonic()
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
+        longest_s = longest_wait_s(answer) if timeout_s is None else timeout_s
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
-            while True:
-                interval = await anext(intervals)
-                if arrived := arrival(interval, answer.motion, axis):
-                    return arrived
-                if time.monotonic() - start_s > timeout_s:
-                    raise too_late(interval, axis, timeout_s)
+            return await until_arrived(intervals, answer, axis, longest_s)
 
     async def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()

@@ -10,7 +10,7 @@ from piezod.messages.documents import Document
 from piezod.messages.endpoints import ENDPOINTS, Endpoint
 
 if TYPE_CHECKING:
-    from piezod.config.combined_waveforms import WaveformConfig
+    from piezod.config.waveforms.combined import WaveformConfig
 
 ResultT = TypeVar("ResultT")
 Waveforms: TypeAlias = "Mapping[str, WaveformConfig | Mapping[str, Any]]"

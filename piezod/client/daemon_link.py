@@ -31,7 +31,7 @@ class DaemonLink(StageCommands, StageReports, AsyncCaller):
     """
 
     def __init__(self, socket: Path, name: str) -> None:
-        self.socket, self._name = socket, name
+        self.socket, self.name = socket, name
         self._client: AsyncStageClient | None = None
         self._commanded = False
 
@@ -59,7 +59,7 @@ class DaemonLink(StageCommands, StageReports, AsyncCaller):
 
     async def _call(self, call: Call[ResultT]) -> ResultT:
         if self._client is None:
-            self._client = AsyncStageClient(socket=self.socket, name=self._name)
+            self._client = AsyncStageClient(socket=self.socket, name=self.name)
         self._commanded = self._commanded or call.endpoint.access.lease
         try:
             return await self._client.call(call)

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from piezod.client.arrival import Arrival, arrival, refuse_without_sensor, too_late
+from piezod.client.arrival import Arrival, arrival, longest_wait_s, refuse_without_sensor, too_late
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
@@ -81,8 +81,11 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         self.name = name
         import httpcore  # slow; `import piezod.client` shall not wait for it
 
-        self._pool = httpcore.ConnectionPool(**pool_options(self.place))
-        self._closed = False
+        from piezod.client.own_connection import Backend, PoolOfProcess
+
+        self._pool = PoolOfProcess(
+            lambda: httpcore.ConnectionPool(**pool_options(self.place), network_backend=Backend())
+        )
 
     def __enter__(self) -> Self:
         # Slow; no command, least of all an emergency stop, shall wait for it later.
@@ -100,14 +103,11 @@ class StageClient(StageCommands, StageReports, SyncCaller):
 
     def close(self) -> None:
         """Close the connection; the stage continues."""
-        self._closed = True
-        self._pool.close()
+        self._pool.close().close()
 
     @property
     def _http(self) -> "httpcore.ConnectionPool":
-        if self._closed:
-            raise RuntimeError("this client is closed: make another one")
-        return self._pool
+        return self._pool.get()
 
     def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
@@ -121,7 +121,7 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         *,
         axis: str | None = None,
         speed_um_per_s: float | None = None,
-        timeout_s: float = 30.0,
+        timeout_s: float | None = None,
     ) -> Arrival:
         """Move to a position; return when it has been within its tolerance for the settling time.
 
@@ -129,7 +129,8 @@ class StageClient(StageCommands, StageReports, SyncCaller):
             position_um: Target, in µm.
             axis: Name of the axis; None for the only axis.
             speed_um_per_s: Speed, in µm/s; None for the configured speed.
-            timeout_s: Longest time to wait, in s; after that the stage continues.
+            timeout_s: Longest time to wait, in s; after that the stage continues. None for the time
+                that the movement takes, and 30 s.
 
         Raises:
             NotReachedError: If the movement ends before its target or takes too long; the text
@@ -139,14 +140,15 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         """
         refuse_without_sensor(self.status(), axis)
         start_s = time.monotonic()
-        motion = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s).motion
+        answer = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
+        longest_s = longest_wait_s(answer) if timeout_s is None else timeout_s
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             while True:
                 interval = next(intervals)
-                if arrived := arrival(interval, motion, axis):
+                if arrived := arrival(interval, answer.motion, axis):
                     return arrived
-                if time.monotonic() - start_s > timeout_s:
-                    raise too_late(interval, axis, timeout_s)
+                if time.monotonic() - start_s > longest_s:
+                    raise too_late(interval, axis, longest_s)
 
     def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from piezod.config.waveforms import Csv, Points
+from piezod.config.waveforms.waveform import WaveformModel
 
 
 def tupled(value: object) -> object:
@@ -23,8 +23,8 @@ def sendable(value: object) -> object:
     Raises:
         ValidationError: If a file has more points than may be sent.
     """
-    if isinstance(value, Csv):
-        value = Points(kind="points", points=value.points)
+    if isinstance(value, WaveformModel):
+        value = value.sendable()
     if isinstance(value, BaseModel):
         fields = {name: getattr(value, name) for name in type(value).model_fields}
         return sendable({name: each for name, each in fields.items() if each is not None})

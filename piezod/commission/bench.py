@@ -3,14 +3,17 @@
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from math import nan
 from types import FrameType
 from typing import Final, NamedTuple
 
+from piezod.commission.output import Output
 from piezod.commission.session import Session
-from piezod.config.daemon import DaemonConfig
-from piezod.control.guard import Limits
+from piezod.config.daemon import DaemonConfig, StageAxisConfig
+from piezod.control.guard import Limits, read_back_tolerance_v
 from piezod.daemon.clock import Clock, MonotonicClock
+from piezod.daemon.output_notes import OutputNotes
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
 from piezod.devices.wiring import construct, pairs_of
@@ -77,25 +80,43 @@ def _ramp_back(session: Session, before: str) -> None:
         ) from error
 
 
+def _output(
+    channels: Channels,
+    axis: StageAxisConfig,
+    clock: Clock,
+    output_v: float,
+    last_v: float,
+    note: Callable[[float], object],
+) -> Output:
+    able, limits = channels.capabilities(), axis.limits
+    tolerance_v = read_back_tolerance_v(limits.drive_min_v, limits.drive_max_v)
+    last_v, rest_v = last_v if able.read_back else output_v, axis.safe_v if able.watchdog else nan
+    return Output(channels, tolerance_v, clock, last_v, rest_v, note)
+
+
 @contextmanager
 def one_axis(
     config: DaemonConfig,
     axis: str,
+    notes: OutputNotes,
     output_v: float = nan,
     clock: Clock | None = None,
-    note: Callable[[float], object] = float,
+    *,
+    confirmed: bool = False,
 ) -> Iterator[OneAxis]:
     """Open the devices of an axis; in any case return to the initial voltage at the end.
 
     Args:
         config: The stage; its limits apply.
         axis: Name of the axis.
+        notes: What was written last; takes each voltage before it is written.
         output_v: Voltage in force, in V, for an amplifier without read-back.
         clock: Clock of the cycles; by default that of the machine.
-        note: Called with each voltage before it is written, in V.
+        confirmed: Whether a person answers for the read-back, whatever was written last.
 
     Raises:
         DeviceError: If a device cannot be opened, or the voltage in force is unknown.
+        OSError: If the identities of the devices cannot be stored.
     """
     one, clock = config.axes[axis], clock or MonotonicClock()
     if one.sensor is None:
@@ -117,7 +138,11 @@ def one_axis(
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
-        session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v, note)
+        notes.meet(channels)
+        last_v = nan if confirmed else notes.last_v(axis)
+        output = _output(channels, one, clock, output_v, last_v, partial(notes.note, axis))
+        session = Session(channels, output, limits, config.rate_hz, ramp_v_per_s, clock)
+        notes.note(axis, session.found_v)
         with _returning(session):
             yield OneAxis(session, channels.identities)
     finally:

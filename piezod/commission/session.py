@@ -10,16 +10,16 @@ from typing import Final
 import numpy as np
 
 from piezod.commission.cycles import SessionCycles
-from piezod.commission.device_watch import PATIENCE_S, DeviceWatch
+from piezod.commission.device_watch import DeviceWatch
+from piezod.commission.output import Output
 from piezod.commission.session_trace import SessionTrace
 from piezod.control.guard import Guard, Limits
-from piezod.control.in_force import Claim, Evidence, voltage_in_force
 from piezod.daemon.clock import Clock
 from piezod.devices.channels import Channels
 from piezod.devices.status import MOVED, DeviceFlag
 from piezod.errors import DeviceError
 from piezod.experiment.lateness import Lateness
-from piezod.units import NS_PER_S, s_to_ns
+from piezod.units import NS_PER_S
 
 HOLD_S: Final = 0.1
 """Period, in s, with which a held voltage checks whether the wait is over."""
@@ -29,8 +29,6 @@ SETTLE_CYCLES, SETTLE_S = 4, 0.05
 """Extra duration of a ramp, in cycles or in s, so that its last write is its end voltage."""
 LEAST_ROWS: Final = 2
 """Smallest number of rows in a trace."""
-LONGEST_PERIODS: Final = 2
-"""Largest time step of a cycle, in periods: after a pause the voltage makes no jump."""
 
 
 class Session:
@@ -38,12 +36,11 @@ class Session:
 
     Args:
         channels: The devices, of this one axis.
+        output: Its output.
         limits: Limits of the drive voltage, for every step.
         rate_hz: Cycles per second.
         ramp_v_per_s: Rate of `go`, in V/s.
         clock: Clock of the cycles.
-        output_v: Voltage in force, in V, for an amplifier without read-back; otherwise NaN.
-        note: Called with each voltage before it is written, in V.
 
     Raises:
         DeviceError: If the voltage in force is unknown, or outside the limits.
@@ -52,23 +49,17 @@ class Session:
     def __init__(
         self,
         channels: Channels,
+        output: Output,
         limits: Limits,
         rate_hz: float,
         ramp_v_per_s: float,
         clock: Clock,
-        output_v: float = nan,
-        note: Callable[[float], object] = float,
     ) -> None:
-        self._channels, self._clock, self._note = channels, clock, note
+        self._channels, self._output, self._clock = channels, output, clock
         self.limits, self.rate_hz, self._ramp_v_per_s = limits, rate_hz, ramp_v_per_s
-        self._reads_back = channels.capabilities().read_back
         self._lateness = Lateness()
-        initial_v = self._read_back_v() if self._reads_back else output_v
-        if not isfinite(initial_v):
-            raise DeviceError(
-                "the voltage in force is unknown: the amplifier does not read back; give it with "
-                "`piezod commission --output-v`"
-            )
+        output.find()
+        initial_v = output.drive_v
         slack_v = limits.read_back_tolerance_v
         if not limits.drive_min_v - slack_v <= initial_v <= limits.drive_max_v + slack_v:
             raise DeviceError(
@@ -77,13 +68,16 @@ class Session:
             )
         self.found_v = initial_v
         """Initial voltage of the session, in V."""
-        self.drive_v = initial_v
-        """Voltage in force, in V."""
-        self._shown_v, self._shown_ns = initial_v, clock.now_ns()
+        self._shown_v, self._shown_ns = output.read_back_v(clock.now_ns()), clock.now_ns()
         self._not_ours = ""  # flags after which the voltage must not be driven any more
         self._holder: threading.Event | None = None
         self._driving = threading.Lock()
         self._watch = self._new_watch()
+
+    @property
+    def drive_v(self) -> float:
+        """Voltage in force, in V."""
+        return self._output.drive_v
 
     def rest(self, duration_s: float) -> SessionTrace:
         """Hold the voltage and record.
@@ -109,20 +103,19 @@ class Session:
         return self.drive(ramp_v, duration_s + max(SETTLE_S, SETTLE_CYCLES / self.rate_hz))
 
     def back(self) -> SessionTrace:
-        """Ramp from the read-back voltage to the initial voltage of the session.
+        """Ramp from the voltage in force to the initial voltage of the session.
 
         A thread that holds the voltage is ended first.
 
         Raises:
             DeviceError: If a device reports a fault, or has reported that something else has
-                changed the voltage: then nothing is driven.
+                changed the voltage, or if the voltage is unknown: then nothing is driven.
         """
         self._take_over()
         if self._not_ours:
             raise DeviceError(f"the voltage is left as it is: {self._not_ours}")
         self._watch = self._new_watch()  # earlier problems must not prevent the way back
-        if self._reads_back:
-            self.drive_v = self._start_v(self._read_back_v())
+        self._output.find()
         target_v = min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v)
         trace = self.go(target_v)
         if abs(self.drive_v - target_v) > self.limits.read_back_tolerance_v:
@@ -171,7 +164,8 @@ class Session:
     ) -> SessionTrace:
         """Drive a voltage over time and record; leave out late cycles without a valid sample.
 
-        The time of the waveform advances with every accepted write, by at most two periods.
+        The time of the waveform advances with every accepted write, by at most a period: after a
+        late cycle the voltage makes no jump.
 
         Args:
             wave_v: Function from the time in s to the voltage in V.
@@ -182,10 +176,7 @@ class Session:
             DeviceError: If a device reports a fault.
         """
         cycles = SessionCycles(self._clock, rate_hz or self.rate_hz)
-        longest_ns = LONGEST_PERIODS * cycles.period_ns
-        # The slew limit must use the same time step as the waveform, or a ramp would lag behind.
-        lag_s = self._channels.capabilities().lag_ns / NS_PER_S
-        guard = Guard([self.limits], longest_ns / NS_PER_S, [lag_s])
+        guard = Guard([self.limits], cycles.period_ns / NS_PER_S)
         rows, told = list[tuple[float, float, float, float]](), list[bool]()
         begin_ns = before_ns = self._clock.now_ns()
         wave_s = 0.0  # time of the waveform
@@ -194,7 +185,7 @@ class Session:
                 late = cycles.wait()
                 now_ns = self._clock.now_ns()
                 position_um = self._read(now_ns)
-                read_back_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
+                read_back_v = self._output.read_back_v(now_ns)
                 flags = self._flags(now_ns)
                 late |= cycles.note(flags)
                 self._watch.check_read_back(read_back_v, self.drive_v, flags)
@@ -202,7 +193,8 @@ class Session:
                 t_s = (now_ns - begin_ns) / NS_PER_S
                 rows.append((t_s, self.drive_v, read_back_v, position_um))
                 told.append(isfinite(position_um) or not late)
-                elapsed_s = min(now_ns - before_ns, longest_ns) / NS_PER_S
+                # The slew limit has the same time step as the waveform, or a ramp would lag behind.
+                elapsed_s = min(now_ns - before_ns, cycles.period_ns) / NS_PER_S
                 # After a refused write the waveform waits, so that it continues without a jump.
                 if self._write(guard, wave_v(wave_s), read_back_v, now_ns, elapsed_s):
                     wave_s += elapsed_s
@@ -223,25 +215,25 @@ class Session:
     ) -> bool:
         """Write a voltage as the guard admits it; return whether it was accepted."""
         if isfinite(read_back_v):
-            self._shown_v, self._shown_ns = read_back_v, now_ns
+            self._shown_v = read_back_v
+            self._shown_ns = now_ns - self._channels.read_back_age_ns(now_ns)[0]
         admitted = guard.admit(
             now_ns,
             now_ns,
             [wished_v],
             [self.drive_v],
             elapsed_s,
-            read_back_v=[self._shown_v if self._reads_back else nan],
-            age_s=(now_ns - self._shown_ns) / NS_PER_S,
+            [self._output.sent_v],
+            read_back_v=[self._shown_v],
+            age_s=[(now_ns - self._shown_ns) / NS_PER_S],
         )
         waits = bool(admitted.waits)
         self._watch.check_wait(read_back_v, self.drive_v, now_ns, waits=waits)
         if waits:
             return False
-        self._note(admitted.drive_v[0])
-        accepted = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
-        self._watch.check_write(accepted=accepted, drive_v=admitted.drive_v[0], now_ns=now_ns)
-        if accepted:
-            self.drive_v = admitted.drive_v[0]
+        (drive_v,) = admitted.drive_v
+        accepted = admitted.writable and self._output.write(drive_v, now_ns)
+        self._watch.check_write(accepted=accepted, drive_v=drive_v, now_ns=now_ns)
         return accepted
 
     def _flags(self, now_ns: int) -> frozenset[DeviceFlag]:
@@ -249,38 +241,6 @@ class Session:
         if elsewhere := flags & MOVED:  # the session leaves the voltage as it is
             self._not_ours = ", ".join(sorted(elsewhere))
         return flags
-
-    def _start_v(self, read_back_v: float) -> float:
-        """Return the voltage at which the way back starts, in V.
-
-        Raises:
-            DeviceError: If it is unknown, because the read-back is unlike the last write.
-        """
-        lag_s = self._channels.capabilities().lag_ns / NS_PER_S
-        step_v = self.limits.slew_v_per_s * (LONGEST_PERIODS / self.rate_hz + lag_s)
-        known = Evidence(Claim(read_back_v), Claim(self.drive_v))
-        found = voltage_in_force(known, self.limits.read_back_tolerance_v + step_v)
-        if not isfinite(found.drive_v):
-            raise DeviceError(
-                f"the voltage is left as it is: {found.doubt}; look at the amplifier, then "
-                "`piezod safe`"
-            )
-        return found.drive_v
-
-    def _read_back_v(self) -> float:
-        """Return the read-back voltage, in V; wait for a finite one."""
-        end_ns = self._clock.now_ns() + s_to_ns(PATIENCE_S)
-        while True:
-            now_ns = self._clock.now_ns()
-            read_back_v = self._channels.read_back(now_ns)[0]
-            if isfinite(read_back_v):
-                return read_back_v
-            if now_ns > end_ns:
-                raise DeviceError(
-                    "the voltage in force is unknown: the amplifier has reported none for "
-                    f"{PATIENCE_S:g} s"
-                )
-            self._clock.sleep_until_ns(now_ns + s_to_ns(1.0 / self.rate_hz))
 
     def _read(self, now_ns: int) -> float:
         sample = self._channels.read(now_ns)[0]

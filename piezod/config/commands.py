@@ -4,12 +4,13 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Discriminator, Field, Tag
 
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.fields import ConfigModel
 from piezod.config.quantities import DurationS, Name
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.waveform import Timed
 
 
-class CommandPerAxis(ConfigModel):
+class CommandPerAxis(Timed):
     """A separate command for each axis."""
 
     axes: dict[Name, WaveformConfig] = Field(min_length=1, description="Axis: command, µm.")

@@ -6,7 +6,6 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, model_validator
 
 from piezod.config.axes import AxisConfig
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.commands import Command, CommandPerAxis
 from piezod.config.devices import DeviceConfig
 from piezod.config.fields import ConfigModel, raise_rules
@@ -22,6 +21,8 @@ from piezod.config.quantities import (
     RateHz,
     Seed,
 )
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.waveform import Timed
 
 Metric: TypeAlias = Literal[
     "tracking_max_pct",
@@ -48,7 +49,7 @@ class IdentificationConfig(ConfigModel):
     drive_v: WaveformConfig = Field(description="Open-loop drive voltage of these axes, V.")
 
 
-class CaseConfig(ConfigModel):
+class CaseConfig(Timed):
     """One command, run in every mode."""
 
     name: OneLine = Field(min_length=1, max_length=40, description="Name.")

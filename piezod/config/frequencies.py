@@ -9,9 +9,7 @@ from collections.abc import Iterator, Mapping
 from math import pi, sin
 from typing import Final
 
-from piezod.config.combined_waveforms import Sequence, Sum, WaveformConfig
-from piezod.config.packed_waveforms import LoopWaveform
-from piezod.config.waveforms import Multisine, Periodic
+from piezod.config.waveforms.combined import WaveformConfig
 
 NYQUIST_SHARE: Final = 0.5
 """Frequencies from this share of the rate on are refused."""
@@ -19,18 +17,18 @@ COARSE_SHARE: Final = 0.1
 """Frequencies above this share of the rate give a warning."""
 
 
-def too_fast(waveform: LoopWaveform, rate_hz: float) -> str:
+def too_fast(highest_hz: float, rate_hz: float) -> str:
     """Return why a loop cannot make a waveform, or "".
 
     Args:
-        waveform: The waveform.
+        highest_hz: Highest frequency of the waveform, in Hz.
         rate_hz: Cycles of the loop per second.
     """
-    frequency_hz, allowed_hz = _highest_hz(waveform), NYQUIST_SHARE * rate_hz
-    if frequency_hz < allowed_hz:
+    allowed_hz = NYQUIST_SHARE * rate_hz
+    if highest_hz < allowed_hz:
         return ""
     return (
-        f"too fast for the loop (got {frequency_hz:g} Hz), allowed: below {allowed_hz:g} Hz, half "
+        f"too fast for the loop (got {highest_hz:g} Hz), allowed: below {allowed_hz:g} Hz, half "
         f"of rate_hz; a tenth, {COARSE_SHARE * rate_hz:g} Hz, gives a smooth motion"
     )
 
@@ -43,7 +41,7 @@ def coarse(waveforms: Mapping[str, WaveformConfig], rate_hz: float) -> Iterator[
         rate_hz: Cycles of the loop per second.
     """
     for axis, waveform in waveforms.items():
-        share = _highest_hz(waveform) / rate_hz
+        share = waveform.highest_hz() / rate_hz
         if share > COARSE_SHARE:
             yield (
                 f"axis {axis}: {share * rate_hz:g} Hz is more than a tenth of the rate, "
@@ -52,18 +50,3 @@ def coarse(waveforms: Mapping[str, WaveformConfig], rate_hz: float) -> Iterator[
                 f"{180.0 * share:.2g}° on average between two cycles, besides the delay of "
                 "amplifier and stage. Use a lower frequency or a higher rate_hz."
             )
-
-
-def _highest_hz(waveform: LoopWaveform) -> float:
-    """Return the highest frequency of the sines and triangles in a waveform; 0 without any."""
-    match waveform:
-        case Periodic(frequency_hz=frequency_hz):
-            return frequency_hz
-        case Multisine(components=components):
-            return max(component.frequency_hz for component in components)
-        case Sum(parts=parts):
-            return max(map(_highest_hz, parts))
-        case Sequence(parts=parts):
-            return max(_highest_hz(part.waveform) for part in parts)
-        case _:
-            return 0.0

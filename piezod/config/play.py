@@ -5,15 +5,12 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from piezod.config.envelopes import ConstantEnvelope
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.quantities import DurationS, FrequencyHz, OneLine, PauseS, PercentOfRange
-from piezod.config.waveforms import Csv, Points, Sine, Triangle
+from piezod.config.waveforms.paths import AnyLines
+from piezod.config.waveforms.shapes import AnyPeriodic
 
-PlayedCommand: TypeAlias = Annotated[
-    Sine | Triangle | Points | Csv,
-    Field(discriminator="kind"),
-]
+PlayedCommand: TypeAlias = Annotated[AnyPeriodic | AnyLines, Field(discriminator="kind")]
 IntervalUs: TypeAlias = Annotated[float, Quantity(0.1, 1e6, "µs")]
 Passes: TypeAlias = Annotated[int, Quantity(0, 50)]
 
@@ -36,29 +33,14 @@ class WaveConfig(ConfigModel):
     @property
     def period_s(self) -> float:
         """Duration of a period, in s."""
-        match self.command_um:
-            case Sine(frequency_hz=frequency_hz) | Triangle(frequency_hz=frequency_hz):
-                return 1.0 / frequency_hz
-            case Points(points=points) | Csv(points=points):
-                return points[-1][0] - points[0][0]
+        begin_s, end_s = self.command_um.begin_and_end_s()
+        return end_s - begin_s
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
+        broken = self.command_um.broken_period()
+        raise_rules((("command_um", *path), what) for path, what in broken)
         return self
-
-    def _broken_rules(self) -> Iterator[BrokenRule]:
-        match self.command_um:
-            case Sine(envelope=envelope) | Triangle(envelope=envelope):
-                if not isinstance(envelope, ConstantEnvelope):
-                    yield ("command_um", "envelope"), "must be constant: a table is periodic"
-            case Points(points=points) | Csv(points=points):
-                (begin_s, begin), (end_s, end) = points[0], points[-1]
-                if not end_s > begin_s:
-                    yield ("command_um",), "needs points at two times at least"
-                elif begin != end:
-                    what = f"ends at {end:g} µm and begins at {begin:g} µm: close the period"
-                    yield ("command_um",), what
 
 
 class PlayConfig(ConfigModel):

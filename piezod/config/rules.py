@@ -6,7 +6,6 @@ from typing import Final
 
 from piezod.config.axes import STOPS_DELAY_S, CompensatorConfig
 from piezod.config.channel_rules import broken_devices
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.commands import CommandPerAxis
 from piezod.config.document import KeyPath
 from piezod.config.experiment_fields import (
@@ -19,6 +18,7 @@ from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.frequencies import too_fast
 from piezod.config.messages import show, suggest
 from piezod.config.model_file import SURFACE_COEFFICIENTS
+from piezod.config.waveforms.combined import WaveformConfig
 
 MIN_JUDGED_SAMPLES: Final = 10
 """Smallest number of samples for the errors of a run."""
@@ -173,7 +173,7 @@ def _commands(
 
 
 def _too_fast(path: KeyPath, waveform: WaveformConfig, rate_hz: float) -> Iterator[BrokenRule]:
-    if why := too_fast(waveform, rate_hz):
+    if why := too_fast(waveform.highest_hz(), rate_hz):
         yield path, why
 
 

@@ -28,6 +28,7 @@ from piezod.control.watch.bus import BusWatch
 from piezod.control.watch.loop import LoopWatch
 from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Capabilities
+from piezod.devices.wiring import pairs_of
 from piezod.errors import ModelError
 from piezod.hysteresis import AffineRange
 from piezod.telemetry.record import StageEvent
@@ -114,6 +115,7 @@ def make_stage(
         reports_restart=capabilities.tells_restart,
         watchdog=capabilities.watchdog,
         lag_cycles=-(-capabilities.lag_ns // period_ns),
+        amplifiers=[pair.amplifier for pair in pairs_of(config.axes).values()],
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     stage = Stage(

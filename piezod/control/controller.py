@@ -61,8 +61,8 @@ class StageController:
     def __init__(self, stage: Stage, loop_watch: LoopWatch) -> None:
         self._stage = stage
         period_s = stage.period_ns / NS_PER_S
-        lag_s = [watch.amplifier.lag_ns / NS_PER_S for watch in stage.watches]
-        guard = Guard([axis.law.limits for axis in stage.axes], period_s, lag_s)
+        limits = [axis.law.limits for axis in stage.axes]
+        guard = Guard(limits, period_s, stage.boundary.amplifiers)
         parts = CycleParts(stage.boundary, stage.axes, guard, period_s, stage, loop_watch)
         self.cycle: Callable[[int, CycleTiming], CycleRecord] = partial(run_cycle, parts)
         """Runs one cycle, from its instant in ns and the timing of the loop."""
@@ -132,13 +132,16 @@ class StageController:
         """Stay in BOOT while cycles are only measured, which run faster than their period."""
         self._stage.self_test().waits = stays
 
-    def ramp_first(self, noted_v: Sequence[float]) -> None:
-        """Ramp down after the self-test: the last daemon did not end in order.
+    def ramp_first(self) -> None:
+        """Ramp down after the self-test: the last daemon did not end in order."""
+        self._stage.self_test().ramps_first = True
+
+    def know_last_writes(self, noted_v: Sequence[float]) -> None:
+        """Take over what another process has written last, in BOOT.
 
         Args:
-            noted_v: Voltage that it wrote last on each axis, in V; NaN if that is not known.
+            noted_v: Voltage of each axis, in V; NaN if it is not known.
         """
-        self._stage.self_test().ramps_first = True
         self._stage.boundary.written_v = noted_v
 
     def forbid_entry(self, why: str) -> None:

@@ -114,17 +114,12 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
 
     # Guard. After a late cycle less than a period may have passed since the last write.
     elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
-    live = (None, 0.0) if stage is None else stage.judge.live(read_back_v, t_ns)
+    live = (None, None) if stage is None else stage.judge.live(read_back_v, t_ns)
     admitted = parts.guard.admit(
         planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, *live
     )
-    drive_v = admitted.drive_v
-    # Write. The hysteresis memory advances with the voltage that was applied.
-    written = admitted.writable and devices.write(drive_v, t_ns)
-    if written:
-        parts.written_ns = t_ns
-        for axis, applied_v in zip(axes, drive_v, strict=True):
-            axis.applied(applied_v)
+    drive_v, held = admitted.drive_v, admitted.held
+    written = _write(parts, admitted, t_ns)
 
     outputs = [_as_admitted(i, output, admitted) for i, output in enumerate(outputs)]
     records = [
@@ -134,9 +129,22 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
     _watch_write(stage, admitted, outputs, written)
+    written &= not held
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
+
+
+def _write(parts: CycleParts, admitted: Admitted, t_ns: int) -> bool:
+    """Write the admitted voltages; return whether they were taken."""
+    drive_v, held = admitted.drive_v, admitted.held
+    if len(held) == len(parts.axes) or not parts.devices.write(drive_v, t_ns, held):
+        return False
+    parts.written_ns = t_ns
+    for i, axis in enumerate(parts.axes):
+        if i not in held:
+            axis.applied(drive_v[i])  # the hysteresis memory advances with the applied voltage
+    return True
 
 
 # ---------------------------------------------------------------------- screen, watch
@@ -246,8 +254,8 @@ def _watch_write(
     boundary = stage.boundary
     if stage.state not in DRIVEN or boundary.shadow or not boundary.writes:
         return
-    blocked = bool(admitted.waits) and not admitted.writable  # by one axis, for all
     for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
+        blocked = i in admitted.held and i not in admitted.refused
         if blocked or i in admitted.waits:
             axis.wait(lost=blocked)
         if blocked:

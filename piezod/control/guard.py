@@ -5,7 +5,7 @@ because a clamp alone would turn it into full scale. An output that does not fol
 waited for: no write is farther from a live read-back than the slew rate allows.
 """
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Hashable, Sequence
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -87,22 +87,28 @@ class Admitted(NamedTuple):
 
     Attributes:
         drive_v: Voltage of each axis, in V; not finite if the voltage in force is unknown.
-        writable: Whether all voltages are finite; otherwise nothing may be written.
+        held: Axes that may not be written: the voltage in force is unknown, or its output is out
+            of the reach of the last write. All axes of an amplifier are written together, so they
+            are held together.
         refused: Axes whose requested voltage, or voltage in force, is not finite: they hold.
         range_limited: Axes that requested a voltage outside their range.
         slew_limited: Axes that requested a faster change than their slew rate.
         stale: Whether the voltages were planned for another cycle: all axes hold.
-        waits: Axes whose output does not follow: they keep the last write. If that is out of the
-            reach of the output, too, nothing may be written.
+        waits: Axes whose output does not follow: they keep the last write.
     """
 
     drive_v: list[float]
-    writable: bool
+    held: tuple[int, ...]
     refused: tuple[int, ...]
     range_limited: tuple[int, ...]
     slew_limited: tuple[int, ...]
     stale: bool
     waits: tuple[int, ...] = ()
+
+    @property
+    def writable(self) -> bool:
+        """Whether every axis may be written."""
+        return not self.held
 
 
 class Guard:
@@ -112,17 +118,18 @@ class Guard:
         limits: Limits of the drive of each axis.
         longest_s: Longest time that counts for the slew rate, in s: after a pause the drive must
             not catch up in one step.
-        lag_s: Age of the read-back of each axis, in s: its delay behind the write, beyond a cycle.
+        amplifiers: Amplifier of each axis; one for all axes if it is empty.
     """
 
     def __init__(
-        self, limits: Sequence[Limits], longest_s: float, lag_s: Sequence[float] = ()
+        self, limits: Sequence[Limits], longest_s: float, amplifiers: Sequence[Hashable] = ()
     ) -> None:
         self._limits, self._longest_s = tuple(limits), longest_s
-        self._reach_v = [
-            each.slew_v_per_s * (longest_s + age_s) + each.read_back_tolerance_v
-            for each, age_s in zip(limits, lag_s or [0.0] * len(limits), strict=True)
+        self._fresh_v = [
+            each.slew_v_per_s * longest_s + each.read_back_tolerance_v for each in limits
         ]
+        owners = amplifiers or [None] * len(limits)
+        self._beside = [[i for i, other in enumerate(owners) if other == one] for one in owners]
 
     def admit(
         self,
@@ -134,7 +141,7 @@ class Guard:
         sent_v: Sequence[float] | None = None,
         slew_halved: Container[int] = (),
         read_back_v: Sequence[float] | None = None,
-        age_s: float = 0.0,
+        age_s: Sequence[float] | None = None,
     ) -> Admitted:
         """Return the voltages that may be written.
 
@@ -149,17 +156,25 @@ class Guard:
             slew_halved: Axes whose slew rate is halved.
             read_back_v: Last read-back of each axis, in V; not finite if there is none, or if it is
                 known to be false. None if no axis has one.
-            age_s: Age of the oldest of these read-backs, in s.
+            age_s: Age of each read-back, in s: how long ago the first voltage was made that it
+                cannot show. None if no read-back is older than this cycle.
         """
         if planned_t_ns != t_ns:
             # A plan for another instant belongs to another position of the reference.
             kept_v = list(in_force_v)
-            admitted = Admitted(kept_v, all(map(isfinite, kept_v)), (), (), (), True)
+            unknown = [axis for axis, each_v in enumerate(kept_v) if not isfinite(each_v)]
+            admitted = Admitted(kept_v, self._together(unknown), (), (), (), True)
         else:
             admitted = self._limited(asked_v, in_force_v, elapsed_s, sent_v, slew_halved)
         if read_back_v is None:
             return admitted
         return self._awaiting(admitted, in_force_v, read_back_v, age_s)
+
+    def _together(self, unknown: Sequence[int]) -> tuple[int, ...]:
+        """Return all axes of the amplifiers of these axes, in order."""
+        if not unknown:
+            return ()
+        return tuple(sorted({other for axis in unknown for other in self._beside[axis]}))
 
     def _limited(
         self,
@@ -173,7 +188,7 @@ class Guard:
         # A time that is not finite, or negative, allows no motion.
         elapsed_s = min(max(elapsed_s, 0.0), self._longest_s) if isfinite(elapsed_s) else 0.0
         drive_v: list[float] = []
-        writable = True
+        unknown: list[int] = []
         refused: tuple[int, ...] = ()
         range_limited: tuple[int, ...] = ()
         slew_limited: tuple[int, ...] = ()
@@ -181,7 +196,8 @@ class Guard:
             requested_v, previous_v = asked_v[axis], in_force_v[axis]
             if not (isfinite(requested_v) and isfinite(previous_v)):
                 refused += (axis,)
-                writable = writable and isfinite(previous_v)
+                if not isfinite(previous_v):
+                    unknown.append(axis)
                 drive_v.append(previous_v)
                 continue
             # Range first, then slew rate: a voltage that starts outside the range returns at the
@@ -197,23 +213,26 @@ class Guard:
             if admitted_v != target_v:
                 slew_limited += (axis,)
             drive_v.append(admitted_v)
-        return Admitted(drive_v, writable, refused, range_limited, slew_limited, False)
+        held = self._together(unknown)
+        return Admitted(drive_v, held, refused, range_limited, slew_limited, False)
 
     def _awaiting(
         self,
         admitted: Admitted,
         in_force_v: Sequence[float],
         read_back_v: Sequence[float],
-        age_s: float,
+        age_s: Sequence[float] | None,
     ) -> Admitted:
         """Return what may be written if each output is waited for that is out of reach."""
-        drive_v, writable = admitted.drive_v, admitted.writable
+        drive_v, unknown = admitted.drive_v, [*admitted.held]
         waits: tuple[int, ...] = ()
-        for axis, fresh_v in enumerate(self._reach_v):
-            reach_v = fresh_v + self._limits[axis].slew_v_per_s * age_s
+        for axis, fresh_v in enumerate(self._fresh_v):
+            aged_s = 0.0 if age_s is None else age_s[axis]
+            reach_v = fresh_v + self._limits[axis].slew_v_per_s * aged_s
             # NaN compares false: without a finite read-back there is nothing to wait for.
             if reach_v < abs(drive_v[axis] - read_back_v[axis]) < inf:
                 waits += (axis,)
                 drive_v[axis] = in_force_v[axis]
-                writable &= abs(in_force_v[axis] - read_back_v[axis]) <= reach_v
-        return admitted._replace(writable=writable, waits=waits) if waits else admitted
+                if not abs(in_force_v[axis] - read_back_v[axis]) <= reach_v:
+                    unknown.append(axis)
+        return admitted._replace(held=self._together(unknown), waits=waits) if waits else admitted

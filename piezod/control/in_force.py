@@ -79,6 +79,7 @@ class Evidence(NamedTuple):
 
 
 _NONE: Final = Claim(nan)
+_UNDECIDED: Final = "nothing tells which of them is right"
 
 
 class Source(Enum):
@@ -126,6 +127,9 @@ def voltage_in_force(known: Evidence, tolerance_v: float) -> InForce:
     only = read_back if isfinite(read_back.drive_v) else written
     source = Source.AGREED if isfinite(only.drive_v) else Source.UNKNOWN
     if only.excludes(known.position_um):
+        if not (isfinite(read_back.drive_v) and isfinite(written.drive_v)):
+            # One witness against another.
+            return InForce(nan, Source.UNKNOWN, _doubt(known, _UNDECIDED), proven=False)
         why = "there is no other voltage to start from"
         return InForce(only.drive_v, source, _doubt(known, why), proven=False)
     return InForce(only.drive_v, source)
@@ -145,9 +149,19 @@ def left_alone(
         tolerance_v: Allowed difference between read-back and output, in V.
         watchdog: Whether the device has one.
     """
-    off_rest_v = abs(read_back_v - rest_v)
-    unpowered = min(abs(read_back_v), off_rest_v) <= tolerance_v
-    return unpowered or (watchdog and off_rest_v < abs(written_v - rest_v))
+    unpowered = min(abs(read_back_v), abs(read_back_v - rest_v)) <= tolerance_v
+    return unpowered or fell(read_back_v, written_v, rest_v if watchdog else nan)
+
+
+def fell(read_back_v: float, written_v: float, rest_v: float) -> bool:
+    """Return whether a device's own watchdog explains a read-back: it is nearer to rest.
+
+    Args:
+        read_back_v: The read-back, in V.
+        written_v: The last write, in V.
+        rest_v: Voltage to which the watchdog brings the output, in V; NaN without a watchdog.
+    """
+    return abs(read_back_v - rest_v) < abs(written_v - rest_v)
 
 
 def _of_two(known: Evidence) -> tuple[Source, str, bool]:
@@ -166,7 +180,7 @@ def _of_two(known: Evidence) -> tuple[Source, str, bool]:
         # A step up from an output that has lost its power would be the worst that can happen.
         why = "the read-back counts, because the output may have come there by itself"
         return Source.READ_BACK, why, False
-    return Source.UNKNOWN, "nothing tells which of them is right", False
+    return Source.UNKNOWN, _UNDECIDED, False
 
 
 def _doubt(known: Evidence, why: str) -> str:

@@ -5,10 +5,10 @@ from math import nan
 
 import numpy as np
 
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.assembly import assemble
 from piezod.control.law.creep import AT_REST
 from piezod.control.law.kernels import new_kernel
@@ -69,6 +69,9 @@ class _IdealDevices:
 
     def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the same
         return self._drive_v
+
+    def read_back_age_ns(self, now_ns: int) -> Sequence[int]:  # noqa: ARG002 - the same
+        return [0] * len(self._axes)
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the same
         return [NO_FLAGS] * (2 * len(self._axes))

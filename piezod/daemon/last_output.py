@@ -71,24 +71,29 @@ class LastOutputWriter:
         """Last voltage of each axis that an earlier run has stored, in V; NaN if none has."""
 
     def note(self, drive_v: Sequence[float], t_ns: int) -> None:
-        """Store the voltages of all axes that are being written, in V. Real-time safe.
+        """Store the voltage of each axis that is being written, in V. Real-time safe.
 
         Call it before the write. After a crash between the two, the stored voltage differs from the
-        present one by one step of the slew rate at most.
+        present one by one step of the slew rate at most. An axis with NaN is not written: its
+        stored voltage stays.
         """
-        word = 1
-        for voltage in drive_v:
-            count = self._words[word] + 1
-            # A reader that finds two different counts knows that the voltage is not complete.
-            self._words[word] = count
-            self._values[word + 1] = voltage
-            self._words[word + 2] = t_ns
-            self._words[word + 3] = count
-            word += _WORDS_PER_AXIS
+        for axis, voltage in enumerate(drive_v):
+            if not isnan(voltage):
+                self._store(axis, voltage, t_ns)
 
-    def forget(self, t_ns: int) -> None:
-        """Store that the voltages are not known any more. Real-time safe."""
-        self.note([nan] * self._words[0], t_ns)
+    def forget(self, t_ns: int, axis: int | None = None) -> None:
+        """Store that the voltage of an axis, or of all, is not known any more. Real-time safe."""
+        for each in range(self._words[0]) if axis is None else (axis,):
+            self._store(each, nan, t_ns)
+
+    def _store(self, axis: int, voltage: float, t_ns: int) -> None:
+        word = 1 + axis * _WORDS_PER_AXIS
+        count = self._words[word] + 1
+        # A reader that finds two different counts knows that the voltage is not complete.
+        self._words[word] = count
+        self._values[word + 1] = voltage
+        self._words[word + 2] = t_ns
+        self._words[word + 3] = count
 
 
 class LastOutputReader:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from math import nan
+from math import isnan, nan
 
 from piezod.devices.interface import (
     Amplifier,
@@ -40,6 +40,7 @@ class Channels:
         self._zero_um = [0.0] * len(axes)
         self._true_zero_um = [0.0] * len(axes)
         self._no_flags = [NO_FLAGS] * (2 * len(axes))
+        self._lags_ns = [0] * len(devices)  # of the amplifiers; known as soon as they are open
         self.use(devices)
 
     @property
@@ -93,7 +94,7 @@ class Channels:
         try:
             for name, device in self._devices.items():
                 self.identities[name] = device.open()
-            self._ask_for_ranges()
+            self._ask_outputs()
         except BaseException:
             with suppress(Exception):  # report the cause of the failed opening, not this one
                 self.close()
@@ -212,11 +213,18 @@ class Channels:
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Set the voltage of every axis, in V. Real-time safe.
 
+        Args:
+            drive_v: Voltage of each axis, in V. A device that drives an axis with NaN is left
+                alone: it gets all its values in one transaction.
+            now_ns: Instant of the cycle, in ns.
+
         Returns:
-            Whether every device accepted its values.
+            Whether every device that was written accepted its values.
         """
-        accepted = True
+        accepted, whole = True, not isnan(sum(drive_v))
         for amplifier, axes, outputs in self._amplifiers:
+            if not whole and any(isnan(drive_v[axis]) for axis in axes):
+                continue
             # Most outputs take volts of any size; a call less for each counts in the loop.
             values = [
                 drive_v[axis] if one.takes_any_voltage else one.value(drive_v[axis])
@@ -234,6 +242,17 @@ class Channels:
             for axis, one, value in zip(axes, outputs, values, strict=True):
                 drive_v[axis] = value if one.takes_any_voltage else one.voltage(value)
         return drive_v
+
+    def read_back_age_ns(self, now_ns: int) -> list[int]:
+        """Return the age of the last read-back of each axis, in ns. Real-time safe."""
+        ages_ns = [0] * len(self._axes)
+        for (amplifier, axes, _), lag_ns in zip(self._amplifiers, self._lags_ns, strict=False):
+            age_ns = lag_ns
+            if isinstance(amplifier, DeviceWrapper):
+                age_ns = amplifier.read_back_age_ns(now_ns)
+            for axis in axes:
+                ages_ns[axis] = age_ns
+        return ages_ns
 
     def status(self, now_ns: int) -> list[Flags]:
         """Return the flags of the sensor of each axis, then of each amplifier. Real-time safe.
@@ -253,12 +272,13 @@ class Channels:
                 flags[axis] |= {DeviceFlag.LOW_LIGHT}
         return flags
 
-    def _ask_for_ranges(self) -> None:
-        # Some devices know their range only after opening, because it is set on the device.
+    def _ask_outputs(self) -> None:
+        # Some devices know range and delay only after opening, because they are set on the device.
         for amplifier, axes, outputs in self._amplifiers:
             ranges = amplifier.capabilities().ranges or [ANY_VALUE] * len(axes)
             for output, range_ in zip(outputs, ranges, strict=True):
                 output.set_range(*range_)
+        self._lags_ns = [one.amplifier.capabilities().lag_ns for one in self._amplifiers]
 
     def _for_each_device(self, do: Callable[[Device], None]) -> None:
         """Call a function for every device; raise the first failure after all calls."""

@@ -127,6 +127,10 @@ class PlayedAxis:
         step = self.capabilities.resolution[self._output]
         return abs(self._to_v.voltage(step) - self._to_v.voltage(0.0))
 
+    def read_back_v(self, now_ns: int) -> float:
+        """Return the voltage in force, in V; NaN if the device does not tell it."""
+        return self._to_v.voltage(self._device.read_back(now_ns)[self._output])
+
     def load(self, table: AxisTable, now_ns: int, check: Check = go_on) -> AxisTable:
         """Load a table; return it as the device will play it.
 

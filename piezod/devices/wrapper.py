@@ -30,6 +30,7 @@ class DeviceWrapper:
     def __init__(self, device: Device) -> None:
         self._device = cast("AnyDevice", device)
         self._able = able = device.capabilities()
+        self._told_lag_ns = able.lag_ns
         # Made once: calls in the loop return these lists.
         self._unknown = [nan] * len(able.outputs)
         self._no_flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
@@ -70,6 +71,16 @@ class DeviceWrapper:
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the read-back value of each output. Real-time safe."""
         return self._device.read_back(now_ns)
+
+    def read_back_age_ns(self, now_ns: int) -> int:
+        """Return the age of the last read-back, in ns: its delay, as the driver tells it.
+
+        It counts from the cycle that made the first value which the read-back cannot show.
+        Real-time safe.
+        """
+        if isinstance(self._device, DeviceWrapper):
+            return self._device.read_back_age_ns(now_ns)
+        return self._told_lag_ns
 
     def status(self, now_ns: int) -> Sequence[Flags]:
         """Return the flags of each channel. Real-time safe."""

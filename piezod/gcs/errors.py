@@ -52,6 +52,7 @@ _CODES: Final = {
     "invalid": Code.OUT_OF_RANGE,
     "unavailable": Code.NO_CONNECTION,
     "no_answer": Code.NO_CONNECTION,
+    "stopped": Code.STOPPED,
 }
 
 

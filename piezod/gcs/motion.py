@@ -1,32 +1,24 @@
 """The commands that change something: servo, movements, stop."""
 
-from contextlib import suppress
-from typing import Final
-
-from piezod.client.daemon_link import DaemonLink
+from piezod.client.mover import StageMover
 from piezod.config.states import State
-from piezod.errors import RefusedError
 from piezod.gcs.errors import Code, GcsRefusal
-from piezod.gcs.queries import number, target_um
-from piezod.gcs.readings import Readings
+from piezod.gcs.queries import number
+from piezod.gcs.readings import AxisNow, Readings
 from piezod.gcs.syntax import IS_READY, ids_in, pairs_in
-
-_MAYBE_RUNNING: Final = (State.RUN, "")
-_NOTHING_DRIVEN: Final = "refused"
-"""Code of the daemon's answer to `hold` if nothing is driven."""
 
 
 class Motion:
     """The commands of one connection.
 
     Args:
-        link: Its client of the daemon, with its lease.
+        mover: Moves and stops for it, with a lease of its own.
         readings: Status and limits of the stage.
         mode: The mode that `SVO 1` selects.
     """
 
-    def __init__(self, link: DaemonLink, readings: Readings, mode: str) -> None:
-        self._link, self._readings, self._mode = link, readings, mode
+    def __init__(self, mover: StageMover, readings: Readings, mode: str) -> None:
+        self._mover, self._readings, self._mode = mover, readings, mode
         self._speeds_um_per_s: dict[str, float] = {}
         self._following = False
 
@@ -40,12 +32,12 @@ class Motion:
         pairs = pairs_in(arguments, tuple(await self._readings.axes()))
         if any(value not in {0.0, 1.0} for value in pairs.values()):
             raise GcsRefusal(Code.OUT_OF_RANGE, "the servo is 0 or 1")
-        self._readings.expire()
+        self._readings.mirror.expire()
         try:
             for axis, value in pairs.items():
                 await (self._switch_on(axis) if value else self._switch_off())
         finally:
-            self._readings.expire()
+            self._readings.mirror.expire()
 
     async def move(self, arguments: str) -> None:
         """Carry out `MOV`: nothing moves if one of the positions is out of its limits.
@@ -54,14 +46,14 @@ class Motion:
             GcsRefusal: If a servo is off, or a position is out of its limits.
             ClientError: If the daemon refuses.
         """
-        await self._go(pairs_in(arguments, tuple(await self._readings.axes())))
+        axes = await self._readings.axes()
+        await self._go(axes, pairs_in(arguments, tuple(axes)))
 
     async def move_relative(self, arguments: str) -> None:
         """Carry out `MVR`, relative to the targets; as `move`."""
-        steps = pairs_in(arguments, tuple(await self._readings.axes()))
-        await self._go(
-            {axis: await target_um(self._readings, axis) + um for axis, um in steps.items()}
-        )
+        axes = await self._readings.axes()
+        steps = pairs_in(arguments, tuple(axes)).items()
+        await self._go(axes, {axis: axes[axis].target_um + um for axis, um in steps})
 
     async def set_speed(self, arguments: str) -> None:
         """Carry out `VEL`: the speed of the movements of this connection.
@@ -69,18 +61,16 @@ class Motion:
         Raises:
             GcsRefusal: If a speed is not allowed.
         """
-        speeds = pairs_in(arguments, tuple(await self._readings.axes()))
+        axes = await self._readings.axes()
+        speeds = pairs_in(arguments, tuple(axes))
         for axis, speed in speeds.items():
-            highest = (await self._readings.limits(axis)).speed_um_per_s
-            if not 0.0 < speed <= highest:
-                why = f"axis {axis}: speed {speed:g} µm/s, allowed: above 0, at most {highest:g}"
-                raise GcsRefusal(Code.VELOCITY_LIMITS, why)
-        self._speeds_um_per_s.update(speeds)
+            if why := axes[axis].limits.why_not_speed(speed):
+                raise GcsRefusal(Code.VELOCITY_LIMITS, f"axis {axis}: {why}")
+        self._speeds_um_per_s.update({axes[axis].name: speed for axis, speed in speeds.items()})
 
-    async def speed(self, readings: Readings, axis: str) -> str:
-        """Speed of movements, in µm/s, for `VEL?`."""
-        speed_um_per_s = self._speeds_um_per_s.get(axis)
-        return number(speed_um_per_s or (await readings.limits(axis)).speed_um_per_s)
+    def speed(self, now: AxisNow) -> str:
+        """Return the speed of movements, in µm/s, for `VEL?`."""
+        return number(self._speeds_um_per_s.get(now.name) or now.limits.speed_um_per_s)
 
     async def stop(self, arguments: str = "") -> None:
         """Carry out `STP`, `HLT` and `#24`: hold the voltage at once.
@@ -91,17 +81,9 @@ class Motion:
         Raises:
             GcsRefusal: Always, with the code "stopped"; or because an axis is unknown.
         """
-        resumes = self._following and self._readings.newest_state in _MAYBE_RUNNING
-        try:
-            await self._link.hold()
-        except RefusedError as error:
-            if error.code != _NOTHING_DRIVEN:
-                raise
-            resumes = False
-        if resumes:
-            with suppress(RefusedError):  # then the stage stays in HOLD, until `SVO 1`
-                await self._link.resume()
-        self._readings.expire()
+        mirror = self._readings.mirror
+        await self._mover.stop(mirror.state, resume=self._following)
+        mirror.expire()
         if arguments:
             ids_in(arguments, tuple(await self._readings.axes()))
         raise GcsRefusal(Code.STOPPED, "")
@@ -112,42 +94,36 @@ class Motion:
 
     async def _switch_on(self, axis: str) -> None:
         readings = self._readings
-        name, status = await readings.name_of(axis), await readings.status()
-        if status.state == State.HOLD:
-            await self._link.resume()
-        elif status.state not in {State.RUN, State.IDENT}:
-            await self._link.arm()
-        readings.expire()
-        status = await readings.status()
-        if status.state == State.IDENT:  # `conditioning.on_arm`
+        state = await readings.state()
+        if state == State.HOLD:
+            await self._mover.link.resume()
+        elif state not in {State.RUN, State.IDENT}:
+            await self._mover.link.arm()
+        readings.mirror.expire()
+        now = (await readings.axes())[axis]
+        if now.state == State.IDENT:  # `conditioning.on_arm`
             why = f"the stage is being conditioned: when {IS_READY} reports ready, SVO {axis} 1"
             raise GcsRefusal(Code.INITIALISING, why)
-        if not readings.servo_on(status.state, status.axes[name]):
-            await self._link.mode(self._mode, axis=name)
-            readings.expire()
+        if not now.servo_on:
+            await self._mover.link.mode(self._mode, axis=now.name)
+            readings.mirror.expire()
         self._following = True
 
     async def _switch_off(self) -> None:
         self._following = False
-        if (await self._readings.status()).state != State.SAFE:
-            await self._link.hold()
+        await self._mover.stop(self._readings.mirror.state, resume=False)
 
-    async def _go(self, targets_um: dict[str, float]) -> None:
-        readings = self._readings
-        axes, state = await readings.axes(), (await readings.status()).state
+    async def _go(self, axes: dict[str, AxisNow], targets_um: dict[str, float]) -> None:
         for axis, um in targets_um.items():
-            if not readings.servo_on(state, axes[axis]):
-                why = f"axis {axis} is in {state}, mode {axes[axis].mode}: SVO {axis} 1 first"
+            now = axes[axis]
+            if not now.servo_on:
+                why = f"axis {axis} is in {now.state}, mode {now.status.mode}: SVO {axis} 1 first"
                 raise GcsRefusal(Code.SERVO_OFF, why)
-            low_um, high_um, _ = await readings.limits(axis)
-            if not low_um <= um <= high_um:
-                why = f"axis {axis}: {um:g} µm, allowed range {low_um:g} to {high_um:g} µm"
-                raise GcsRefusal(Code.POSITION_LIMITS, why)
+            if why := now.limits.why_not(um):
+                raise GcsRefusal(Code.POSITION_LIMITS, f"axis {axis}: {why}")
+        targets = {axes[axis].name: um for axis, um in targets_um.items()}
         try:
-            for axis, um in targets_um.items():
-                speed_um_per_s = self._speeds_um_per_s.get(axis)
-                name = await readings.name_of(axis)
-                await self._link.goto(um, axis=name, speed_um_per_s=speed_um_per_s)
+            await self._mover.goto(targets, self._speeds_um_per_s)
         finally:
-            readings.expire()
+            self._readings.mirror.expire()
         self._following = True

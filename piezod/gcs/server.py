@@ -3,7 +3,7 @@
 import asyncio
 import errno
 import signal
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import ExitStack, suppress
 from ipaddress import IPv4Address
 from itertools import count
@@ -13,6 +13,8 @@ from typing import Any, Final, NamedTuple
 import piezod
 from piezod.client import request_bodies  # noqa: F401 - slow; no command shall wait for it later
 from piezod.client.daemon_link import DaemonLink
+from piezod.client.mirror import StageMirror
+from piezod.client.mover import StageMover
 from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.errors import PiezodError
 from piezod.gcs.readings import Readings
@@ -106,9 +108,9 @@ class GcsServer:
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, ended.set)
         link = DaemonLink(self._plan.socket, "gcs")
-        self._readings = Readings(link, self._plan.mode)
+        self._readings = Readings(StageMirror(link), self._plan.mode)
         try:
-            status = await self._readings.status()
+            status = await self._readings.mirror.status()
             self._identity = identity_of(status, self._plan.like)
             with ExitStack() as stack:
                 server = await self._listen()
@@ -160,37 +162,60 @@ class GcsServer:
         task.add_done_callback(self._clients.discard)
 
     async def _serve_tcp(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        session = self._session()
+        async def send(reply: bytes) -> None:
+            writer.write(reply)
+            await writer.drain()
+
         try:
-            while data := await reader.read(_MOST_BYTES):
-                writer.write(await session.feed(data))
-                await writer.drain()
+            await self._serve(lambda: reader.read(_MOST_BYTES), send)
         except OSError as error:
             self._report(f"closed a connection: {error}")
         finally:
             writer.close()
-            await session.close()
 
     async def _serve_pty(self, end: PtyEnd) -> None:
-        session = self._session()
-        try:
-            while True:
-                # In a thread: a pty without a client is no file that an event loop can watch.
-                if data := await asyncio.to_thread(end.receive, _WAIT_NS):
-                    end.send(await session.feed(data))
-        finally:
-            await session.close()
+        async def receive() -> bytes:
+            # In a thread: a pty without a client is no file that an event loop can watch.
+            while not (data := await asyncio.to_thread(end.receive, _WAIT_NS)):
+                pass
+            return data
 
-    def _session(self) -> Session:
+        async def send(reply: bytes) -> None:
+            end.send(reply)
+
+        await self._serve(receive, send)
+
+    async def _serve(
+        self,
+        receive: Callable[[], Awaitable[bytes]],
+        send: Callable[[bytes], Awaitable[None]],
+    ) -> None:
+        """Serve a client until it leaves; commands that wait then are dropped."""
         name = f"gcs:{self._port}:{next(self._numbers)}"
-        link = DaemonLink(self._plan.socket, name)
-        return Session(
-            link,
+        session = Session(
+            StageMover(DaemonLink(self._plan.socket, name)),
             self._readings,
             self._plan.mode,
             self._identity,
             lambda text: self._report(f"{name}: {text}"),
+            send,
         )
+
+        async def read() -> None:
+            while data := await receive():
+                session.take(data)
+
+        tasks = asyncio.create_task(read()), asyncio.create_task(session.work())
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            ended = await asyncio.gather(*tasks, return_exceptions=True)
+            await session.close()
+        for each in ended:
+            if isinstance(each, Exception):
+                raise each
 
     async def _end_clients(self) -> None:
         for task in tuple(self._clients):

@@ -2,19 +2,17 @@
 
 from collections.abc import Awaitable, Callable, Mapping
 from itertools import count
-from math import isfinite
 from typing import Any, Final
 
-from piezod.client.daemon_link import DaemonLink
+from piezod.client.mover import StageMover
+from piezod.config.waveforms.swings import SWINGS
 from piezod.errors import RefusedError
 from piezod.ioc.readings import FAULTY, OK, Reading
 from piezod.ioc.records import Names, Records
-from piezod.ioc.table import LONGEST_RECORD, MODES, WAVES
+from piezod.ioc.table import LONGEST_RECORD, MODES, TABLE, WAVES, wave_record
 from piezod.messages.documents import Document
 
-RENEW_EACH_S: Final = 10.0
-"""Time between two renewals of a lease that is kept, in s; it expires after 30 s."""
-KEEP: Final = 1
+_KEEP: Final = 1
 """Value of the record LEASE for a lease that is kept."""
 
 
@@ -22,13 +20,14 @@ class Actions:
     """The actions of one stage. Each raises a ClientError if the daemon refuses.
 
     Args:
-        link: Connection to the daemon.
+        mover: Connection to the daemon, with its lease.
         names: Names of the records.
         records: The records, with the settings.
     """
 
-    def __init__(self, link: DaemonLink, names: Names, records: Records) -> None:
-        self._link, self._names, self._records = link, names, records
+    def __init__(self, mover: StageMover, names: Names, records: Records) -> None:
+        self._mover, self._link = mover, mover.link
+        self._names, self._records = names, records
 
     async def do_stage(self, name: str, value: Any) -> None:
         """Carry out what a client has written to a record of the stage.
@@ -55,7 +54,8 @@ class Actions:
             label = str(self._records.get(f"{self._names.prefix}REC:LABEL"))
             await link.start_recording(label or None)
         elif name == "LEASE":
-            await (link.renew_lease() if value == KEEP else link.release_lease())
+            mover = self._mover
+            await (mover.take_lease(self) if value == _KEEP else mover.return_lease(self))
 
     async def do_axis(self, axis: str, name: str, value: Any) -> None:
         """Carry out what a client has written to a record of an axis.
@@ -83,20 +83,15 @@ class Actions:
     def _waveform(self, axis: str) -> tuple[Document, float]:
         """Return the waveform of the settings, and its duration in s."""
         kind = WAVES[int(self._number(axis, "WAVE:KIND"))]
-        if kind == "table":
+        if kind == TABLE:
             positions_um = self._array(axis, "WAVE:TABLE")
             interval_s = self._number(axis, "WAVE:INTERVAL")
             if not positions_um:
                 raise RefusedError("WAVE:TABLE is empty", "write positions in um to it", "value")
             points = tuple(zip((i * interval_s for i in count()), positions_um, strict=False))
             return {"kind": "points", "points": points}, len(positions_um) * interval_s
-        document = {
-            "kind": kind,
-            "low": self._number(axis, "WAVE:LOW"),
-            "high": self._number(axis, "WAVE:HIGH"),
-            "frequency_hz": self._number(axis, "WAVE:FREQ"),
-        }
-        return document, self._number(axis, "WAVE:DURATION")
+        numbers = {each.key: self._number(axis, wave_record(each.key)) for each in SWINGS[kind]}
+        return {"kind": kind, **numbers}, self._number(axis, "WAVE:DURATION")
 
     def _show_played(self, axis: str, played: Document) -> None:
         """Show the record of the last play."""
@@ -116,12 +111,7 @@ class Actions:
 
     def _array(self, axis: str, name: str) -> tuple[float, ...]:
         values: Any = self._records.get(self._names.of_axis(axis, name))
-        numbers = tuple(float(each) for each in values)
-        if not all(map(isfinite, numbers)):
-            raise RefusedError(
-                f"{name} has values that are no numbers", "write finite ones", "value"
-            )
-        return numbers
+        return tuple(float(each) for each in values)
 
 
 def _known(value: float | None) -> float:

@@ -1,7 +1,11 @@
 """The fields of the record of an axis: those of a motor record that screens and scans use."""
 
 from collections.abc import Iterable, Mapping
+from math import isfinite
 from typing import Final, NamedTuple
+
+from piezod.ioc.bounds import range_of
+from piezod.messages.requests import Goto
 
 TYPE_NAME: Final = "motor"
 """Name of the record type, which clients read in the field RTYP."""
@@ -43,6 +47,15 @@ class Field(NamedTuple):
     menu: tuple[str, ...] = ()
     fixed: bool = False
 
+    def why_not(self, value: float) -> str:
+        """Return why a value may not be written to this field, for any axis; empty if it may."""
+        low, high = _POSITIONS_UM if self.kind == DOUBLE else (0, 1)
+        if self.menu:
+            high = len(self.menu) - 1
+        if isfinite(value) and low <= value <= high:
+            return ""
+        return f"{value:g}, allowed range {low:g} to {high:g}"
+
 
 def _fixed(
     names: str,
@@ -57,6 +70,7 @@ def _fixed(
         yield Field(name, kind, what, start, unit, menu=menu, fixed=True)
 
 
+_POSITIONS_UM: Final = range_of(Goto, "position_um")
 _NO_YES: Final = ("No", "Yes")
 _SEVERITIES: Final = ("NO_ALARM", "MINOR", "MAJOR", "INVALID")
 _UM_PER_S: Final = "um/s"
@@ -84,6 +98,7 @@ FIELDS: Final = (
     Field("LVIO", SHORT, "1: the last write was beyond the limits"),
     Field("VELO", DOUBLE, "Speed of movements", unit=_UM_PER_S, put=True),
     Field("VMAX", DOUBLE, "Highest speed", unit=_UM_PER_S),
+    Field("ACCL", DOUBLE, "Time to reach VELO in the longest movement", unit="s"),
     Field("RDBD", DOUBLE, "Tolerance of `on_target`", unit="um"),
     Field("TDIR", SHORT, "1: the target is above the position"),
     Field("DVAL", DOUBLE, "As VAL", unit="um"),
@@ -114,7 +129,7 @@ FIELDS: Final = (
     *_fixed("FOFF", MENU, "the offset is fixed", 1, menu=("Variable", "Frozen")),
     *_fixed("SET", MENU, "a write to VAL moves", menu=("Use", "Set")),
     *_fixed("SSET SUSE", SHORT, "a write to VAL moves"),
-    *_fixed("ACCL BACC JAR DLY", DOUBLE, "no acceleration and no delay", 0, "s"),
+    *_fixed("BACC JAR DLY", DOUBLE, "no backlash and no delay", 0, "s"),
     *_fixed("BDST", DOUBLE, "no backlash", 0, "um"),
     *_fixed("BVEL SBAK VBAS SBAS JVEL HVEL", DOUBLE, "no such speed", 0, _UM_PER_S),
     *_fixed("RVEL", LONG, "no such speed"),

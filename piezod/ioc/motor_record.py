@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from math import isfinite
 from typing import Any, Final
 
 from epicscorelibs.ioc import dbCore
@@ -117,16 +116,13 @@ class MotorRecord:
         """Take what a client has written to a field; put the old value back if it is refused."""
         if not pending_write(self._address):  # its client may have given it up
             self._moving_write = self._target_write = 0
-        before, value = self._values[name], self._stored(name).value
+        value = float(self._stored(name).value)
         self._written = name
-        button = name not in _SETTINGS  # it is released at once
-        self._accepted, finite = False, isfinite(value)
-        if finite:
-            self._write(name, _FIELDS[name].start if button else value)
-        self._accepted = self._put(name, float(value)) and finite
-        if not self._accepted:
-            self._write(name, before)
-        self._show([name, *self._change({})])
+        # Nothing derives from a value before it is accepted; a button is released at once.
+        self._write(name, self._values[name])
+        self._accepted = self._put(name, value)
+        settled = {name: value} if self._accepted and name in _SETTINGS else {}
+        self._show([name, *self._change(settled)])
 
     def process(self) -> bool:
         """End a write if no movement goes on; else the end of the movement ends it.

@@ -43,7 +43,7 @@ _BUILDERS: Final[Mapping[Kind, Callable[..., Any]]] = {
 _WITH_DIGITS: Final = (Kind.NUMBER, Kind.SET_NUMBER, Kind.ARRAY, Kind.SET_ARRAY)
 _WITH_UNIT: Final = (*_WITH_DIGITS, Kind.COUNT, Kind.SET_COUNT)
 Act = Callable[[Any], Awaitable[bool]]
-Check = Callable[[Any, float], bool]
+Check = Callable[[Any, Any], bool]
 
 
 class SoftIoc:
@@ -132,14 +132,13 @@ def _putting(stage: IocStage, axis: str) -> Callable[[str, float], bool]:
 
 
 def _checking(full: str, stage: IocStage, record: Record) -> Check:
-    """Return the function that looks at what a client writes to a number."""
+    """Return the function that looks at what a client writes to a record."""
 
-    def check(_: Any, value: float) -> bool:
-        if record.low <= value <= record.high:
-            return True
-        fail_write(address_of(full))
-        stage.writes.refuse(full, f"{value:g}, allowed range {record.low:g} to {record.high:g}")
-        return False
+    def check(_: Any, value: Any) -> bool:
+        if why := record.why_not(value):
+            fail_write(address_of(full))
+            stage.writes.refuse(full, why)
+        return not why
 
     return check
 
@@ -158,13 +157,13 @@ def _make(name: str, record: Record, act: Act, check: Check) -> Any:
         fields |= dict(zip(("ZNAM", "ONAM"), record.choices, strict=True))
     if kind is Kind.COMMAND:
         fields |= {"ZNAM": "idle", "ONAM": "do"}
-    if record.length:
-        fields["length"] = record.length
+    if record.length:  # one more, so that what is too long is seen and refused, and not cut off
+        fields["length"] = record.length + (kind is Kind.SET_ARRAY)
     if kind in {Kind.ARRAY, Kind.SET_ARRAY}:
         fields["datatype"] = float
     elif kind.is_set:
         fields["initial_value"] = record.start
-    if kind in {Kind.SET_NUMBER, Kind.SET_COUNT}:
+    if kind.is_set:
         fields["validate"] = check
     if kind.is_set and not record.saved:
         fields |= {"on_update": act, "blocking": True, "always_update": True}

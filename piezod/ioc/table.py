@@ -4,21 +4,29 @@ The names of records of a stage have capitals, names of axes have none, so that 
 """
 
 from enum import Enum
-from typing import Final, NamedTuple
+from math import isfinite
+from typing import Any, Final, NamedTuple, Self
+
+from pydantic import BaseModel
 
 from piezod.config.modes import Mode
 from piezod.config.states import State
+from piezod.config.waveforms.paths import Points
+from piezod.config.waveforms.swings import SWINGS
+from piezod.ioc.bounds import longest, range_of
+from piezod.messages.requests import Play, Wave
 
 HISTORY: Final = 64
 """Longest history, in points: a second at 50 Hz, and some for intervals of unequal length."""
-LONGEST_TABLE: Final = 10_000
-LONGEST_PLAY: Final = 16_000
 LONGEST_RECORD: Final = 100_000
 LONGEST_WORD: Final = 39
 LONGEST_TEXT: Final = 400
 STATES: Final = tuple(str(state) for state in State)
 MODES: Final = tuple(str(mode) for mode in Mode)
-WAVES: Final = ("sine", "triangle", "table")
+TABLE: Final = "table"
+_FIRST_WAVES: Final = ("sine", "triangle", TABLE)
+WAVES: Final = (*_FIRST_WAVES, *(kind for kind in SWINGS if kind not in _FIRST_WAVES))
+"""Kinds of waveforms; clients know them by their numbers, so that new ones come last."""
 FAULT_GROUPS: Final = {
     "SENSOR": "S",
     "AMPLIFIER": "A",
@@ -66,7 +74,7 @@ class Record(NamedTuple):
         digits: Digits after the decimal point that a screen shows.
         choices: Texts of a choice or of a flag.
         length: Longest array or text.
-        low: Lowest value that may be written.
+        low: Lowest value that may be written; in an array, of each element.
         high: Highest value that may be written.
         start: Value when the IOC starts.
         archive: Whether an archiver should store it.
@@ -84,12 +92,49 @@ class Record(NamedTuple):
     start: float | str = 0
     archive: bool = False
 
+    @classmethod
+    def setting(cls, of: tuple[type[BaseModel], str], *record: Any, **more: Any) -> Self:
+        """Return a record that becomes a field of a request, with the range and length of it.
+
+        Args:
+            of: The request, and the name of its field.
+            record: Name, kind, description and so on.
+            more: Further attributes.
+        """
+        low, high = range_of(*of)
+        made = cls(*record, **more)._replace(low=low, high=high)
+        return made._replace(length=longest(*of)) if made.kind is Kind.SET_ARRAY else made
+
+    def why_not(self, value: Any) -> str:
+        """Return why a value may not be written to this record; empty if it may."""
+        if self.kind is Kind.SET_TEXT:
+            return ""
+        if self.kind is Kind.SET_ARRAY:
+            if len(value) > self.length:
+                return f"more than {self.length} elements, at most {self.length} are allowed"
+            return next(filter(None, map(self._why_no_number, map(float, value))), "")
+        return self._why_no_number(float(value))
+
+    def _why_no_number(self, value: float) -> str:
+        low, high = self.low, self.high
+        if choices := ("idle", "do") if self.kind is Kind.COMMAND else self.choices:
+            low, high = 0, len(choices) - 1
+        if isfinite(value) and low <= value <= high:
+            return ""
+        return f"{value:g}, allowed range {low:g} to {high:g}"
+
     @property
     def saved(self) -> bool:
         """Whether autosave should store it: a setting that only this IOC knows."""
         return self.kind.is_set and self.kind is not Kind.COMMAND and self.name not in _LIVE
 
 
+def wave_record(key: str) -> str:
+    """Return the name of the record of a number of a waveform."""
+    return "WAVE:FREQ" if key == "frequency_hz" else f"WAVE:{key.partition('_')[0].upper()}"
+
+
+_WAVE_NUMBERS: Final = dict.fromkeys(each for numbers in SWINGS.values() for each in numbers)
 _LIVE: Final = ("MODE", "LEASE")
 """Settings that act at once, which a restart must not repeat."""
 _NO_YES: Final = ("no", "yes")
@@ -144,11 +189,25 @@ AXIS: Final = (
     Record("HIST:CMD", Kind.ARRAY, "Command in the last second", "um", 4, length=HISTORY),
     Record("HIST:DRIVE", Kind.ARRAY, "Drive in the last second", "V", 3, length=HISTORY),
     Record("WAVE:KIND", Kind.SET_CHOICE, "Kind of the waveform", choices=WAVES),
-    Record("WAVE:LOW", Kind.SET_NUMBER, "Lowest position of the waveform", "um", 4),
-    Record("WAVE:HIGH", Kind.SET_NUMBER, "Highest position of the waveform", "um", 4, start=1),
-    Record("WAVE:FREQ", Kind.SET_NUMBER, "Frequency", "Hz", low=1e-4, high=1e4, start=1),
-    Record("WAVE:DURATION", Kind.SET_NUMBER, "Duration", "s", low=1e-3, high=86_400, start=1),
-    Record("WAVE:TABLE", Kind.SET_ARRAY, "Positions of a table", "um", 4, length=LONGEST_TABLE),
+    *(
+        Record(
+            wave_record(key),
+            Kind.SET_NUMBER,
+            what,
+            unit,
+            4 if unit == "um" else 3,
+            low=low,
+            high=high,
+            start=start,
+        )
+        for key, what, unit, low, high, start in _WAVE_NUMBERS
+    ),
+    Record.setting(
+        (Wave, "duration_s"), "WAVE:DURATION", Kind.SET_NUMBER, "Duration", "s", start=1
+    ),
+    Record.setting(
+        (Points, "points"), "WAVE:TABLE", Kind.SET_ARRAY, "Positions of a table", "um", 4
+    ),
     Record(
         "WAVE:INTERVAL",
         Kind.SET_NUMBER,
@@ -160,21 +219,20 @@ AXIS: Final = (
         start=0.01,
     ),
     Record("WAVE:START", Kind.COMMAND, "Follow the waveform"),
-    Record("PLAY:TABLE", Kind.SET_ARRAY, "Voltages of one period", "V", length=LONGEST_PLAY),
-    Record(
+    Record.setting((Play, "drive_v"), "PLAY:TABLE", Kind.SET_ARRAY, "Voltages of one period", "V"),
+    Record.setting(
+        (Play, "interval_s"),
         "PLAY:INTERVAL",
         Kind.SET_NUMBER,
         "Time between two voltages",
         "s",
         6,
-        low=1e-6,
-        high=1.0,
         start=1e-4,
     ),
-    Record("PLAY:CYCLES", Kind.SET_COUNT, "Number of periods", low=1, high=100_000, start=1),
+    Record.setting((Play, "cycles"), "PLAY:CYCLES", Kind.SET_COUNT, "Number of periods", start=1),
     Record("PLAY:START", Kind.COMMAND, "The device plays the table by its clock"),
     Record("PLAY:READ", Kind.COMMAND, "Read the record of the last play"),
-    Record("PLAY:DRIVE", Kind.ARRAY, "Voltages as played", "V", length=LONGEST_PLAY),
+    Record("PLAY:DRIVE", Kind.ARRAY, "Voltages as played", "V", length=longest(Play, "drive_v")),
     Record("PLAY:POS", Kind.ARRAY, "Recorded positions", "um", 4, length=LONGEST_RECORD),
     Record("PLAY:POS:INTERVAL", Kind.NUMBER, "Time between two of them", "s", 6),
 )

@@ -69,6 +69,7 @@ def of_status(status: Status) -> Readings:
     }
     holder = status.lease.holder if status.lease else Holder()
     return {
+        "LOOP:RATE": _number(status.rate_hz),
         "FAULTS": _ids(faults),
         "FAULT:COUNT": Reading(len(faults), _worst(faults)),
         "FAULT:TEXT": Reading(text(worst), _worst(faults)),

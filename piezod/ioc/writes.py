@@ -2,21 +2,20 @@
 
 import asyncio
 from collections.abc import Callable, Coroutine, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any, Final
 
-from piezod.client.daemon_link import DaemonLink
-from piezod.config.states import State
-from piezod.errors import ClientError, RefusedError
+from piezod.client.mirror import StageMirror
+from piezod.client.mover import StageMover
+from piezod.errors import ClientError, NotReachedError
 from piezod.ioc.actions import Actions
 from piezod.ioc.axis_motor import AxisMotor
+from piezod.ioc.motor_fields import FIELDS
 from piezod.ioc.readings import Reading
 from piezod.ioc.records import Names, Records
 from piezod.ioc.values import text
-from piezod.messages.answers import Answer
 
-_NOTHING_DRIVEN: Final = "refused"
-"""Code of the daemon's answer to `hold` if nothing is driven."""
+_FIELDS: Final = {field.name: field for field in FIELDS}
 _MOVE: Final = 2
 """Value of SPMG; those below are Stop and Pause."""
 _DIRECTIONS: Final = {"TWF": 1.0, "TWR": -1.0}
@@ -26,7 +25,8 @@ class Writes:
     """The writes to the records of one stage.
 
     Args:
-        link: Connection to the daemon.
+        mirror: The stage.
+        mover: Moves and stops it.
         names: Names of the records.
         records: The records.
         motors: The axes as motor records, by their names.
@@ -35,17 +35,17 @@ class Writes:
 
     def __init__(
         self,
-        link: DaemonLink,
+        mirror: StageMirror,
+        mover: StageMover,
         names: Names,
         records: Records,
         motors: Mapping[str, AxisMotor],
         report: Callable[[str], None],
     ) -> None:
-        self._link, self._names, self._records = link, names, records
+        self._mirror, self._mover, self._names, self._records = mirror, mover, names, records
         self._motors, self._report = motors, report
-        self._actions = Actions(link, names, records)
+        self._actions = Actions(mover, names, records)
         self._loop = asyncio.get_running_loop()
-        self._moving = asyncio.Lock()  # a movement that follows a stop waits for its end
 
     async def do(self, axis: str, name: str, value: Any) -> bool:
         """Carry out what a client has written; return whether the daemon has accepted it.
@@ -73,6 +73,8 @@ class Writes:
             value: What was written.
         """
         motor = self._motors[axis]
+        if why := _FIELDS[field].why_not(value):
+            return self._is_fine(axis, field, why)
         match field:
             case "SPMG" if value < _MOVE:
                 self._start(self._stop(axis))
@@ -83,7 +85,7 @@ class Writes:
             case "STOP" if value:
                 self._start(self._stop(axis))
             case "VELO":
-                return self._is_fine(axis, "VELO", motor.why_not_speed(value))
+                return self._is_fine(axis, "VELO", motor.take_speed(value))
         return True
 
     def _begin(self, axis: str, position_um: float) -> bool:
@@ -100,25 +102,22 @@ class Writes:
     async def _move(self, axis: str, position_um: float) -> None:
         motor = self._motors[axis]
         with self._reported(f"{axis}.VAL") as refused:
-            async with self._moving:
-                answer = await self._link.goto(
-                    position_um, axis=axis, speed_um_per_s=motor.speed_um_per_s
-                )
-            motor.accepted(position_um, answer)
+            speeds = {axis: motor.speed_um_per_s}
+            try:
+                answers = await self._mover.goto({axis: position_um}, speeds)
+            except NotReachedError:  # a stop came first, and ends it
+                motor.dropped()
+                return
+            motor.accepted(position_um, answers[axis])
         if refused:
             motor.rejected()
 
     async def _stop(self, axis: str) -> None:
-        """Hold the stage; then resume at the present position, so that it can move again."""
-        motor = self._motors[axis]
-        running = motor.state == State.RUN
-        with self._reported(f"{axis}.STOP"):
-            hold = asyncio.create_task(self._link.hold())  # at once, also beside a movement
-            async with self._moving:
-                running = await _is_driven(hold) and running
-                motor.stopped()
-                if running:
-                    await self._link.resume()
+        """Stop the stage, which resumes at the present position, so that it can move again."""
+        with self._reported(f"{axis}.STOP"), ExitStack() as stopping:
+            for name, motor in self._motors.items():
+                stopping.enter_context(motor.stopping(asked=name == axis))
+            await self._mover.stop(self._mirror.state, resume=True)
 
     def refuse(self, full: str, why: str) -> None:
         """Report that a write was refused; from any thread.
@@ -151,14 +150,3 @@ class Writes:
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
         asyncio.run_coroutine_threadsafe(work, self._loop)
-
-
-async def _is_driven(hold: asyncio.Task[Answer]) -> bool:
-    """Return whether a request to hold was accepted; it is refused if nothing is driven."""
-    try:
-        await hold
-    except RefusedError as error:
-        if error.code != _NOTHING_DRIVEN:
-            raise
-        return False
-    return True

@@ -24,11 +24,14 @@ class Answer(Message):
     Attributes:
         accepted: Always true.
         motion: Number of the movement that it started, 0 if it started none.
+        duration_s: Time until it can be on target, in s: until its command is at the target, and
+            the settling time; 0 without a movement, and from an older daemon.
         state: State of the stage then, one of `piezod.config.states.State`.
     """
 
     accepted: bool = True
     motion: int = 0
+    duration_s: float = 0.0
     state: str = ""
 
 

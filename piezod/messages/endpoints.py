@@ -184,7 +184,13 @@ _ROWS: Final = (
         "Return the real-time settings that the loop requested and obtained.",
     ),
     _get("played", "dict", "Return the record of the last play.", path="play"),
-    _get("config", "dict", "Return the configuration in force."),
+    _get(
+        "config",
+        "dict",
+        "Return the configuration in force.\n\nIt is followed by what the daemon makes of it: each "
+        "axis has the positions that may be commanded as `command_range_um`, and `longest_move_s` "
+        "has for each axis how long a movement over all of them takes, in s.",
+    ),
     _get("audit", "Audit", "Return who requested what, newest first.", access=KEEP),
     _get("openapi", "dict", "Return this description."),
     _post(

@@ -12,10 +12,10 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.quantities import DriveV, DurationS, ModeName, Name, PositionUm, StartS
+from piezod.config.waveforms.combined import WaveformConfig
 from piezod.messages.endpoints import (
     CHANGE,
     CHANGE_BY_POINTS,

@@ -104,13 +104,13 @@ class Recording(Comparable):
 
     @property
     def error_um(self) -> FloatArray:
-        """Measured minus commanded displacement in µm, shape (n_samples,)."""
-        return self.position_um - self.command_um
+        """Commanded minus measured displacement in µm, shape (n_samples,)."""
+        return self.command_um - self.position_um
 
     @property
     def true_error_um(self) -> FloatArray:
-        """True minus commanded displacement in µm, shape (n_samples,); NaN if not known."""
-        return self.true_um - self.command_um
+        """Commanded minus true displacement in µm, shape (n_samples,); NaN if not known."""
+        return self.command_um - self.true_um
 
     @property
     def knows_truth(self) -> bool:

@@ -204,7 +204,7 @@ class _Counts:
         position_um, modes = columns["position_um"], columns["mode"]
         invalid = int(np.count_nonzero(~np.isfinite(position_um)))
         self.invalid[axis] = self.invalid.get(axis, 0) + invalid
-        error_um = position_um - columns["command_um"]
+        error_um = columns["command_um"] - position_um
         states = list(names["state"])
         running = portion.cycles["state"] == (states.index(_RUN) if _RUN in states else -1)
         judged = running & np.isfinite(error_um)

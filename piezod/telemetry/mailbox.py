@@ -24,7 +24,7 @@ from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word
 
 _REQUEST: Final = Struct("<qqq")  # number, instant of expiry, length of the payload
-_ANSWER: Final = Struct("<qqq")  # accepted, motion, length of the text
+_ANSWER: Final = Struct("<qqdq")  # accepted, motion, duration, length of the text
 _ANSWER_AT: Final = 8  # after the number, which is stored by itself
 _ESTOP_ASKED: Final = int(Word.ESTOP_ASKED)
 _ESTOP_DONE: Final = int(Word.ESTOP_DONE)
@@ -41,6 +41,7 @@ class MailboxAnswer(NamedTuple):
     accepted: bool
     why: str
     motion: int
+    duration_s: float
 
 
 class _Lane:
@@ -141,10 +142,10 @@ class MailboxWriter:
         at = number % ANSWER_SLOTS * (SLOT_HEADER + ANSWER_BYTES)
         if self._numbers[at >> 3] != number:
             return None
-        accepted, motion, length = _ANSWER.unpack_from(self._answers, at + _ANSWER_AT)
+        accepted, motion, duration_s, length = _ANSWER.unpack_from(self._answers, at + _ANSWER_AT)
         start = at + SLOT_HEADER
         text = bytes(self._answers[start : start + length])
-        return MailboxAnswer(bool(accepted), text.decode(errors="ignore"), motion)
+        return MailboxAnswer(bool(accepted), text.decode(errors="ignore"), motion, duration_s)
 
     def _next(self) -> int:
         self._words[Word.NEWEST_REQUEST] += 1
@@ -174,7 +175,7 @@ class MailboxReader:
                 if now_ns <= expires_ns:
                     return number, payload
                 self._words[Word.REQUESTS_EXPIRED] += 1
-                self.answer(number, accepted=False, motion=0, why=EXPIRED)
+                self.answer(number, accepted=False, why=EXPIRED)
         return None
 
     def take_estop(self) -> int:
@@ -183,18 +184,22 @@ class MailboxReader:
         # A level, not a queue: one run answers all stops that were requested before it.
         return 0 if asked == self._words[_ESTOP_DONE] else asked
 
-    def answer_estop(self, number: int, *, accepted: bool, motion: int, why: str) -> None:
+    def answer_estop(
+        self, number: int, *, accepted: bool, why: str, motion: int = 0, duration_s: float = 0.0
+    ) -> None:
         """Answer an emergency stop, and close it; arguments as for `answer`."""
-        self.answer(number, accepted=accepted, motion=motion, why=why)
+        self.answer(number, accepted=accepted, why=why, motion=motion, duration_s=duration_s)
         self._words[_ESTOP_DONE] = number
 
-    def answer(self, number: int, *, accepted: bool, motion: int, why: str) -> None:
+    def answer(
+        self, number: int, *, accepted: bool, why: str, motion: int = 0, duration_s: float = 0.0
+    ) -> None:
         """Answer a request; a long text is cut off."""
         text = why.encode()[:ANSWER_BYTES]
         at = number % ANSWER_SLOTS * (SLOT_HEADER + ANSWER_BYTES)
         # The number is cleared first and written last, so that no reader takes half an answer.
         self._numbers[at >> 3] = 0
-        _ANSWER.pack_into(self._answers, at + _ANSWER_AT, accepted, motion, len(text))
+        _ANSWER.pack_into(self._answers, at + _ANSWER_AT, accepted, motion, duration_s, len(text))
         start = at + SLOT_HEADER
         self._answers[start : start + len(text)] = text
         self._numbers[at >> 3] = number

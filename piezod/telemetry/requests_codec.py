@@ -10,7 +10,7 @@ from typing import Final, get_args
 
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
-from piezod.config.packed_waveforms import pack_waveforms, unpack_waveforms
+from piezod.config.waveforms.combined import pack_waveforms, unpack_waveforms
 from piezod.messages.requests import Goto, Identify, Play, Request, Wave
 
 _CLASSES: Final = {

@@ -1,7 +1,7 @@
 """Who may use the server: the checks of every request and every WebSocket, before anything else."""
 
 import secrets
-from collections.abc import Container, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import parse_qs
@@ -15,6 +15,7 @@ from piezod.config.origins import host_name, is_own_host, is_same_origin
 from piezod.config.private_files import kept_token
 from piezod.messages.endpoints import Role
 from piezod.own_folder import make_folder
+from piezod.web.public_url import PublicUrl
 
 METRICS: Final = "/metrics"
 API: Final = ("/v1/", "/stages/")
@@ -78,28 +79,45 @@ class Access:
             each.
         hosts: Further names in `Host` that are allowed.
         tokens: The tokens; new ones if not given.
+        public: Address of the page at a reverse proxy; None without one.
     """
 
     def __init__(
-        self, cookie: str, hosts: Container[str] = (), tokens: Tokens | None = None
+        self,
+        cookie: str,
+        hosts: Iterable[str] = (),
+        tokens: Tokens | None = None,
+        public: PublicUrl | None = None,
     ) -> None:
+        self.public = public
         self.tokens = tokens or new_tokens()
-        self._cookie, self._hosts = cookie, hosts
+        self._cookie, self._hosts = cookie, {*hosts, *([public.name] if public else [])}
         self._cookies = {secrets.token_urlsafe(32): role for role in _ROLES}
         self._tokens = dict(zip(self.tokens, _ROLES, strict=True))
 
     def refusal(self, scope: Scope) -> str:
         """Return why a request may come from a foreign page; empty if it does not."""
-        headers, secure = Headers(scope=scope), scope["scheme"] in _SECURE
+        headers, encrypted = Headers(scope=scope), scope["scheme"] in _SECURE
         host, origin = headers.get("host", ""), headers.get("origin")
         # With TLS no foreign name leads here: the certificate does not have it.
-        if not secure and not is_own_host(host) and host_name(host) not in self._hosts:
-            return f"Host {host[:64]!r} is not this server: use localhost, or an address"
+        if not encrypted and not is_own_host(host) and host_name(host) not in self._hosts:
+            return (
+                f"Host {host[:64]!r} is not this server: use localhost, or an address; behind a "
+                "proxy start `piezod web` with its address as --public-url"
+            )
         if origin is None and scope["type"] == "websocket":
             return "a WebSocket needs an Origin"
-        if origin is not None and not _is_own(origin, host, secure=secure):
+        if self.public is not None and origin == self.public.origin:
+            return ""  # a proxy may send another `Host` than the browser
+        if origin is not None and not _is_own(origin, host, secure=self.is_secure(scope)):
             return f"Origin {origin[:64]!r} is not this server"
         return ""
+
+    def is_secure(self, scope: Scope) -> bool:
+        """Return whether the client uses TLS, up to this server or to the proxy."""
+        name = host_name(Headers(scope=scope).get("host", ""))
+        by_proxy = self.public is not None and self.public.encrypted and self.public.name == name
+        return by_proxy or scope["scheme"] in _SECURE
 
     def cookie_role(self, scope: Scope) -> Role | None:
         """Return the role of the token that the browser has exchanged; None if it has not."""
@@ -117,9 +135,11 @@ class Access:
 
     def with_cookie(self, role: Role, *, secure: bool) -> Response:
         """Return the answer that sets the cookie and takes the token out of the address bar."""
-        answer = RedirectResponse("/", 303, {"cache-control": "no-store"})
+        answer = RedirectResponse("./", 303, {"cache-control": "no-store"})
         value = next(each for each, its_role in self._cookies.items() if its_role == role)
-        answer.set_cookie(self._cookie, value, httponly=True, samesite="strict", secure=secure)
+        answer.set_cookie(
+            self._cookie, value, path=None, httponly=True, samesite="strict", secure=secure
+        )  # without a path it belongs to that of the page, which a proxy may have changed
         return answer
 
 
@@ -136,6 +156,8 @@ class Door:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass one request or WebSocket on, or refuse it."""
+        if self._access.public is not None:
+            scope = self._access.public.arrived(scope)
         answer = self._answer(scope)
 
         async def send_with_headers(message: Message) -> None:
@@ -163,7 +185,7 @@ class Door:
             return PlainTextResponse("allowed: GET\n", 405, {"allow": ", ".join(_SAFE)})
         by_query, by_cookie = access.query_role(scope), access.cookie_role(scope)
         if path == "/" and _query_token(scope) and (role := by_query or by_cookie):
-            return access.with_cookie(role, secure=scope["scheme"] in _SECURE)
+            return access.with_cookie(role, secure=access.is_secure(scope))
         scope[_ROLE] = by_cookie
         if by_cookie or (path == METRICS and (by_query or access.header_role(scope))):
             return None

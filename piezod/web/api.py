@@ -83,7 +83,8 @@ class Api:
         """Return the status with the role of the token: the daemon knows that of the user."""
         try:
             async with self._stages.visiting(stage) as connections:
-                status = await connections.status()
+                name = self._stages.client
+                status = await connections.call(http_request("GET", TABLE["status"].path, name))
         except PageError as error:
             return _refused(error)
         return JSONResponse({**status, "role": role.name.lower()})

@@ -1,6 +1,5 @@
-"""The connections to the daemon of one stage: for calls, for an emergency stop, for telemetry."""
+"""The connections to the daemon of one stage: for calls, for stops, for recordings."""
 
-import json
 from collections.abc import AsyncGenerator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
@@ -8,30 +7,27 @@ from typing import Final
 
 import httpcore
 
+from piezod.client.calls import Call
+from piezod.client.daemon_link import DaemonLink, ResultT
 from piezod.client.errors import translated
 from piezod.client.place import Place
 from piezod.client.places import check_socket
-from piezod.client.telemetry import LineSplitter
 from piezod.client.wire import (
-    TIMEOUT_S,
     HttpRequest,
     http_request,
     is_error,
+    read_answer,
     recording_path,
-    telemetry_path,
+    request_of,
 )
 from piezod.errors import ClientError
 from piezod.messages.documents import Document
 from piezod.messages.requests import TABLE
-from piezod.web.errors import NOT_RUNNING, PageError, document_of, of_answer, of_connection
-from piezod.web.rows import RATE_HZ
+from piezod.web.errors import document_of, of_answer, of_connection
 
 _CALLS: Final = 6
 """Connections for calls. A daemon serves 16 of one user, who may have other programs."""
 _URGENT: Final = 2
-_SILENT_S: Final = 3.0
-"""A daemon that sends no telemetry for this time does not answer, in s."""
-_DATA: Final = "data: "
 _UNHEALTHY: Final = 503
 """The status with which a daemon answers `health` if its loop does not run on schedule."""
 
@@ -59,13 +55,18 @@ class Connections:
         for pool in (self._calls, self._urgent, self._stream):
             await pool.aclose()
 
-    async def call(self, request: HttpRequest) -> Document:
+    async def call(self, request: HttpRequest, *, urgent: bool = False) -> Document:
         """Send a request; return the document of the answer.
+
+        Args:
+            request: The request.
+            urgent: Whether it is sent over a connection that no other request can occupy.
 
         Raises:
             PageError: If the daemon refuses it or does not answer.
         """
-        response = await self._sent(self._calls, request)
+        with self._explained():
+            response = await (self.urgently(request) if urgent else self._calls.request(**request))
         health = request["url"].endswith(f"/{TABLE['health'].path}")
         if is_error(response) and not (health and response.status == _UNHEALTHY):
             raise of_answer(response)
@@ -79,7 +80,8 @@ class Connections:
         """
         request = http_request("GET", TABLE["metrics"].path, self._client)
         request["headers"].append(("Accept", "text/plain"))
-        response = await self._sent(self._calls, request)
+        with self._explained():
+            response = await self._calls.request(**request)
         if is_error(response):
             raise of_answer(response)
         return response.content.decode(errors="replace")
@@ -108,79 +110,54 @@ class Connections:
             async with self._calls.stream(**request) as response:
                 yield response
 
-    async def status(self) -> Document:
-        """Return the status, over a connection for emergency stops, which stays open by that.
+    async def urgently(self, request: HttpRequest) -> httpcore.Response:
+        """Send a request that may be sent twice, over a connection that is already open.
 
         Raises:
-            PageError: If the daemon does not answer.
+            ClientError: If the daemon does not answer.
         """
-        return await self._urgently(http_request("GET", TABLE["status"].path, self._client))
+        with self._translated():
+            try:
+                return await self._urgent.request(**request)
+            except (httpcore.NetworkError, httpcore.ProtocolError):
+                # The daemon may have closed just this connection; a new one reaches it, or nothing.
+                return await self._urgent.request(**request)
 
-    async def estop(self, client: str) -> Document:
-        """Stop in an emergency, over a connection that is already open.
-
-        Args:
-            client: Name of the tab.
-
-        Raises:
-            PageError: If the daemon does not answer.
-        """
-        request = http_request("POST", TABLE["estop"].path, client, body={})
-        try:
-            return await self._urgently(request)
-        except PageError as error:
-            if error.document["code"] != NOT_RUNNING:
+    @contextmanager
+    def _translated(self) -> Iterator[None]:
+        """Raise errors of the connection with the reason: no daemon, no permission, no answer."""
+        with translated(Place(self.socket)):
+            try:
+                yield
+            except httpcore.ConnectError:
+                check_socket(self.socket)  # it knows why
                 raise
-        # The daemon may have closed just this connection; a new one reaches it, or nothing does.
-        return await self._urgently(request)
-
-    async def telemetry(self) -> AsyncGenerator[Document, None]:
-        """Yield the intervals of all axes until the daemon ends.
-
-        Raises:
-            PageError: If it refuses or ends, or does not answer.
-        """
-        lines = LineSplitter()
-        connect_s, _, write_s, pool_s = TIMEOUT_S
-        request = http_request(
-            "GET",
-            telemetry_path(RATE_HZ, ()),
-            self._client,
-            timeout_s=(connect_s, _SILENT_S, write_s, pool_s),
-        )
-        with self._explained():
-            async with self._stream.stream(**request) as response:
-                await _check(response)
-                async for block in response.aiter_stream():
-                    for line in lines.feed(block):
-                        if line.startswith(_DATA):
-                            yield json.loads(line.removeprefix(_DATA))
-        raise of_connection(Place(self.socket).ended())
-
-    async def _urgently(self, request: HttpRequest) -> Document:
-        response = await self._sent(self._urgent, request)
-        if is_error(response):
-            raise of_answer(response)
-        return document_of(response)
-
-    async def _sent(
-        self, pool: httpcore.AsyncConnectionPool, request: HttpRequest
-    ) -> httpcore.Response:
-        with self._explained():
-            return await pool.request(**request)
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
-        """Raise errors of the connection with the reason: no daemon, no permission, no answer."""
+        """Raise errors of the connection as errors of a page."""
         try:
-            with translated(Place(self.socket)):
-                try:
-                    yield
-                except httpcore.ConnectError:
-                    check_socket(self.socket)  # it knows why
-                    raise
+            with self._translated():
+                yield
         except ClientError as error:
             raise of_connection(error) from error
+
+
+class StatusLink(DaemonLink):
+    """Sends its calls over the connections for emergency stops, which stay open by that.
+
+    Args:
+        connections: The connections.
+        name: Name of this server.
+    """
+
+    def __init__(self, connections: Connections, name: str) -> None:
+        super().__init__(connections.socket, name)
+        self._connections = connections
+
+    async def _call(self, call: Call[ResultT]) -> ResultT:
+        response = await self._connections.urgently(request_of(call, self.name))
+        return read_answer(call, response)
 
 
 async def _check(response: httpcore.Response) -> None:

@@ -3,10 +3,10 @@
 from contextlib import AsyncExitStack
 from typing import Final
 
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from piezod.web.errors import NOT_FOUND, PageError
+from piezod.web.errors import PageError, refused_file
 from piezod.web.stages import Stages
 
 _FROM_DAEMON: Final = ("content-disposition", "content-length", "content-type")
@@ -38,6 +38,5 @@ class DownloadAnswer(Response):
                 }
                 answer = StreamingResponse(found.aiter_stream(), headers=headers)
             except PageError as error:
-                status = 404 if error.document["code"] == NOT_FOUND else 503
-                answer = JSONResponse({"error": error.document}, status)
+                answer = refused_file(error, scope)
             await answer(scope, receive, send)

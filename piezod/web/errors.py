@@ -4,6 +4,10 @@ import json
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
+from starlette.datastructures import Headers
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.types import Scope
+
 from piezod.client.errors import OTHER_VERSION
 from piezod.errors import ClientError, NotAllowedError, NotRunningError
 from piezod.messages.documents import Document
@@ -53,6 +57,15 @@ def require(role: Role, least: Role) -> None:
     if role < least:
         what = f"this token is for looking only, the request needs the role {least.name.lower()}"
         raise PageError(FORBIDDEN, what, "use the other token of `piezod web`")
+
+
+def refused_file(error: PageError, scope: Scope) -> Response:
+    """Return the answer in place of a file: words for a person, else the document of the error."""
+    status = 404 if error.document["code"] == NOT_FOUND else 503
+    if "text/html" in Headers(scope=scope).get("accept", ""):  # a tab of a browser shows it
+        words = filter(None, (error.document["what"], error.document["remedy"]))
+        return PlainTextResponse(f"{'; '.join(words)}\n", status)
+    return JSONResponse({"error": error.document}, status)
 
 
 def document_of(response: "httpcore.Response") -> Document:

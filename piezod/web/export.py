@@ -5,16 +5,17 @@ import re
 import sys
 from collections.abc import AsyncGenerator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from piezod.bounds import bound_other
 from piezod.web.connected import while_connected
-from piezod.web.errors import NOT_FOUND, PageError
+from piezod.web.errors import NOT_FOUND, PageError, refused_file
 from piezod.web.job_commands import RECORDING
 from piezod.web.stages import Stages
 
@@ -24,7 +25,14 @@ MOST_BYTES: Final = 4_000_000_000
 """Most address space of the command; Parquet reserves more of it than it uses."""
 MOST_CPU_S: Final = 3600
 _FOLDER: Final = "piezod-export-"
+_NO_PYARROW: Final = "Parquet needs `pip install 'piezod[parquet]'` where `piezod web` runs"
 _REMEDY: Final = "`piezod export` in a shell has more options"
+
+
+def barriers() -> dict[str, str]:
+    """Return why each format cannot be made here, for people; "" if it can."""
+    missing = "" if find_spec("pyarrow") else _NO_PYARROW
+    return {ending: missing if ending == "parquet" else "" for ending in MEDIA_TYPES}
 
 
 class Exports:
@@ -86,8 +94,7 @@ class ExportAnswer(Response):
                 path = await stack.enter_async_context(self._exports.table(stage, name, ending))
                 answer = FileResponse(path, media_type=MEDIA_TYPES[ending], filename=path.name)
             except PageError as error:
-                status = 404 if error.document["code"] == NOT_FOUND else 503
-                answer = JSONResponse({"error": error.document}, status)
+                answer = refused_file(error, scope)
             await answer(scope, receive, send)
 
 

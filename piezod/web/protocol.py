@@ -5,6 +5,7 @@ from typing import Final
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import CloseCode
 
 BLOCKED_S: Final = 5.0
 """Longest time that a text waits for its reader, in s."""
@@ -32,7 +33,7 @@ class PageProtocol(H11Protocol):
 
 
 class TabProtocol(WebSocketsSansIOProtocol):
-    """A WebSocket that is closed when its reader does not read."""
+    """A WebSocket that is closed when its reader does not read, or sends what is no text."""
 
     _blocked: asyncio.TimerHandle | None = None
 
@@ -46,6 +47,17 @@ class TabProtocol(WebSocketsSansIOProtocol):
         """Continue after the reader has read."""
         super().resume_writing()
         self._forget_limit()
+
+    def send_receive_event_to_app(self) -> None:
+        """Hand a message on; uvicorn would log a traceback for a text that is not UTF-8."""
+        if self.curr_msg_data_type == "text" and not self.close_sent:
+            try:
+                b"".join(self.frames).decode()
+            except UnicodeDecodeError:
+                self.conn.send_close(CloseCode.INVALID_DATA, "a text must be UTF-8")
+                self.handle_parser_exception()
+                return
+        super().send_receive_event_to_app()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End the connection."""

@@ -21,6 +21,7 @@ from piezod.web.app import create_app
 from piezod.web.encryption import Certificate, check_certificate, require_encryption
 from piezod.web.messages import LONGEST
 from piezod.web.protocol import PageProtocol, TabProtocol
+from piezod.web.public_url import PublicUrl
 from piezod.web.stages import Stages
 
 _MAX_HEADER: Final = 16 * 1024
@@ -43,12 +44,14 @@ class WebPlan(NamedTuple):
         port: TCP port; 0 for any free one.
         certificate: The certificate for TLS; None without, which is for this machine only.
         tokens: Folder of lasting tokens; None for a token of this start.
+        public: Address of the page at a reverse proxy; None without one.
     """
 
     host: str = "127.0.0.1"
     port: int = 8080
     certificate: Certificate | None = None
     tokens: Path | None = None
+    public: PublicUrl | None = None
 
 
 class WebServer(uvicorn.Server):
@@ -67,7 +70,7 @@ def serve(plan: WebPlan, announce: Callable[[str], None], warn: Callable[[str], 
         plan: What to serve.
         announce: Gets the address, when it can be opened: with the token if it is of this start
             and in no file, otherwise with the name of its file.
-        warn: Gets a warning about the certificate.
+        warn: Gets a warning about the certificate or the public address.
 
     Raises:
         PiezodError: If the port is in use, the host is not one of this machine, other computers
@@ -76,6 +79,8 @@ def serve(plan: WebPlan, announce: Callable[[str], None], warn: Callable[[str], 
     """
     if plan.certificate is not None and (warning := check_certificate(plan.certificate)):
         warn(warning)
+    if plan.public is not None and not plan.public.encrypted:
+        warn(f"{plan.public}: whoever reads the network can move the stage; use https there")
     tokens = kept_tokens(plan.tokens) if plan.tokens else None
     with bind(plan.host, plan.port, encrypted=plan.certificate is not None) as endpoint:
         asyncio.run(_serve(endpoint, plan, tokens, announce))
@@ -140,12 +145,13 @@ async def _serve(
     endpoint: socket.socket, plan: WebPlan, tokens: Tokens | None, announce: Callable[[str], None]
 ) -> None:
     port = endpoint.getsockname()[1]
-    access = Access(f"piezod-{port}", {host_name(plan.host)}, tokens)
+    access = Access(f"piezod-{port}", {host_name(plan.host)}, tokens, plan.public)
     stages = Stages(f"web:{port}")
     server = make_server(create_app(stages, access), plan.certificate)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, _end, server)
-    url = f"{'https' if plan.certificate else 'http'}://{_in_url(plan.host)}:{port}/"
+    here = f"{'https' if plan.certificate else 'http'}://{_in_url(plan.host)}:{port}/"
+    url = plan.public or here
     # The journal of a service has its output, and more people read it than may use the token.
     file = plan.tokens / "user" if plan.tokens else _write_token(access.tokens.user)
     announce(f"{url} with the token in {file}" if file else f"{url}?token={access.tokens.user}")

@@ -3,26 +3,21 @@
 import asyncio
 import time
 from collections.abc import Callable, Coroutine
-from contextlib import aclosing, suppress
+from contextlib import aclosing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from piezod.client.errors import OTHER_VERSION
+from piezod.client.mirror import STATUS_EACH_S, StageMirror
+from piezod.errors import ClientError
 from piezod.messages.documents import Document
-from piezod.web.connections import Connections
-from piezod.web.errors import GONE, PageError
-from piezod.web.rows import Pacer, Row, encoded, with_time
+from piezod.messages.telemetry import Telemetry
+from piezod.web.connections import Connections, StatusLink
+from piezod.web.errors import GONE, of_connection
+from piezod.web.rows import RATE_HZ, Pacer, Row, encoded, with_time
 
-STATUS_EACH_S: Final = 1.0
-"""Time between two requests of the status of a stage that is watched, in s."""
 UNWATCHED_EACH_S: Final = 3.0
-AT_MOST_EACH_S: Final = 0.2
-"""Shortest time between two of them: near its tolerance a stage changes in every interval."""
-_AGAIN_S: Final = 0.3
-"""Time until the next attempt to open the telemetry, in s."""
-_LAST_INTERVAL_S: Final = 0.2
-"""Time for a stream to end by itself, in s."""
+"""Time between two requests of the status of a stage that no tab watches, in s."""
 _MEASURED: Final = ("skipped_cycles", "gate")
 """Values of a status that change by themselves; numbers with a fraction are others."""
 
@@ -47,28 +42,39 @@ class WebStage:
         self, name: str, socket: Path, client: str, publish: Callable[[str], None]
     ) -> None:
         self.name, self._client, self._publish = name, client, publish
-        self.connections = Connections(socket, client)
         self.up, self.since_s = True, time.time()
         self.status: Document | None = None
         self._seen_s = self.since_s
         self._watchers: dict[object, Pacer] = {}
-        self._changed = asyncio.Event()
-        self._asking = _task(self._ask_status())
+        self._tasks: set[asyncio.Task[None]] = set()
         self._streaming: asyncio.Task[None] | None = None
+        self._open(socket)
 
     async def close(self) -> None:
         """End all tasks and connections."""
-        self._watchers.clear()
-        if self._streaming is not None:
-            await asyncio.wait((self._streaming,), timeout=_LAST_INTERVAL_S)
-        for task in (self._asking, self._streaming):
-            await _ended(task)
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._mirror.close()
         await self.connections.aclose()
 
     async def relocate(self, socket: Path) -> None:
         """Use another socket: the daemon has started again with another runtime folder."""
-        before, self.connections = self.connections, Connections(socket, self._client)
-        await before.aclose()
+        await self.close()
+        self._open(socket)
+        if self._watchers:
+            self._streaming = self._start(self._stream())
+
+    def _open(self, socket: Path) -> None:
+        self.connections = Connections(socket, self._client)
+        self._mirror = StageMirror(StatusLink(self.connections, self._client), RATE_HZ)
+        self._start(self._ask_status())
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
 
     def document(self) -> Document:
         """Return the entry of the stage in the list of all stages."""
@@ -79,71 +85,47 @@ class WebStage:
         """Send rows to a tab; the first watcher opens the stream."""
         self._watchers[tab] = pacer
         if self._streaming is None or self._streaming.done():
-            self._streaming = _task(self._stream())
-        self._changed.set()
+            self._streaming = self._start(self._stream())
+        self._mirror.look_again()
 
     def unwatch(self, tab: object) -> None:
         """Send no more rows to a tab; without watchers the stream ends with its next interval."""
         self._watchers.pop(tab, None)
 
-    async def refresh(self) -> None:
-        """Ask for the status; publish it if more than measured values has changed.
-
-        Raises:
-            PageError: If the daemon does not answer.
-        """
-        status = await self.connections.status()
-        before, self.status = self.status, status
-        if not self._watchers:  # else the stream reports it, with the time that is missing
-            self._seen_s = time.time()
-            self._set_up()
-        if before is None or _steady(before) != _steady(status):
-            self._publish(encoded({"event": "status", "stage": self.name, "status": status}))
-
     async def _ask_status(self) -> None:
+        """Ask for the status; publish it if more than measured values has changed."""
         while True:
             try:
-                await self.refresh()
-            except PageError as error:
-                if error.document["code"] in GONE and not self._watchers:
+                before, self.status = self.status, (await self._mirror.status()).document
+                if not self._watchers:  # else the stream reports it, with the time that is missing
+                    self._seen_s = time.time()
+                    self._set_up()
+                if before is None or _steady(before) != _steady(self.status):
+                    event = {"event": "status", "stage": self.name, "status": self.status}
+                    self._publish(encoded(event))
+            except ClientError as error:
+                if not self._watchers:
                     self._set_down(error)
-            await asyncio.sleep(AT_MOST_EACH_S)
-            each_s = STATUS_EACH_S if self._watchers else UNWATCHED_EACH_S
-            with suppress(TimeoutError):
-                async with asyncio.timeout(each_s):
-                    await self._changed.wait()
-            self._changed.clear()
+            await self._mirror.until_changed(STATUS_EACH_S if self._watchers else UNWATCHED_EACH_S)
 
     async def _stream(self) -> None:
-        state: object = None
-        while self._watchers:
-            try:
-                async with aclosing(self.connections.telemetry()) as intervals:
-                    async for interval in intervals:
-                        if not self._watchers:
-                            break
-                        state = self._take(interval, state)
-                continue  # somebody may watch again since then
-            except PageError as error:
-                # A daemon that refuses runs, but its loop has not started.
-                if error.document["code"] in GONE:
-                    self._set_down(error)
-            except (LookupError, TypeError, ValueError) as error:  # a daemon of another version
-                self._set_down(PageError("unexpected", f"telemetry: {error!r}", OTHER_VERSION))
-            await asyncio.sleep(_AGAIN_S)
+        while self._watchers:  # somebody may watch again while the stream ends
+            async with aclosing(self._mirror.following()) as intervals:
+                async for found in intervals:
+                    if not self._watchers:
+                        break
+                    if isinstance(found, ClientError):
+                        self._set_down(found)
+                    else:
+                        self._take(found)
 
-    def _take(self, interval: Document, before: object) -> object:
-        """Hand an interval to all tabs; return what a change of the status shows in."""
+    def _take(self, interval: Telemetry) -> None:
+        """Hand an interval to all tabs."""
         self._set_up()
-        row = Row(self.name, with_time(interval))
+        row = Row(self.name, with_time(interval.document))
         self._seen_s = row.document["unix_s"]
         for pacer in tuple(self._watchers.values()):
             pacer.feed(row)
-        axes = [(each["mode"], each["motion"], each["on_target"]) for each in _axes(interval)]
-        state = interval["state"], interval["shadow"], interval["faults"], axes
-        if state != before:
-            self._changed.set()
-        return state
 
     def _set_up(self) -> None:
         if self.up:
@@ -152,11 +134,12 @@ class WebStage:
         missing = {"from": iso(self._seen_s), "to": iso(self.since_s)}
         self._publish_up(missing=missing)
 
-    def _set_down(self, error: PageError) -> None:
-        if not self.up:
-            return
-        self.up, self.since_s = False, self._seen_s
-        self._publish_up(error=error.document)
+    def _set_down(self, error: ClientError) -> None:
+        document = of_connection(error).document
+        # A daemon that refuses runs, but its loop has not started.
+        if self.up and document["code"] in GONE:
+            self.up, self.since_s = False, self._seen_s
+            self._publish_up(error=document)
 
     def _publish_up(self, **more: Document) -> None:
         since = iso(self.since_s)
@@ -169,10 +152,6 @@ def iso(time_s: float) -> str:
     return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="milliseconds")
 
 
-def _axes(interval: Document) -> list[Document]:
-    return list(interval["axes"].values())
-
-
 def _steady(value: Any) -> Any:
     """Return a status without its measured values."""
     if isinstance(value, dict):
@@ -180,14 +159,3 @@ def _steady(value: Any) -> Any:
     if isinstance(value, list):
         return [_steady(each) for each in value]
     return None if isinstance(value, float) else value
-
-
-def _task(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-    return asyncio.get_running_loop().create_task(work)
-
-
-async def _ended(task: asyncio.Task[None] | None) -> None:
-    if task is not None:
-        task.cancel()
-        with suppress(asyncio.CancelledError):
-            await task

@@ -14,6 +14,7 @@ from piezod.messages.endpoints import Role
 from piezod.messages.requests import TABLE
 from piezod.web import messages
 from piezod.web.errors import NOT_FOUND, PageError, require
+from piezod.web.export import barriers
 from piezod.web.job_commands import Identify, JobMessage, Learn, LookAtJob, Replay
 from piezod.web.rows import Pacer, Row, encoded, telemetry_event
 from piezod.web.stage import WebStage
@@ -121,7 +122,9 @@ class Tab:
             match message:
                 case messages.EmergencyStop():
                     stage = self._stages.named(message.stage)
-                    self._start(self._stops, message.id, stage.connections.estop(self.name))
+                    request = http_request("POST", TABLE["estop"].path, self.name, body={})
+                    work = stage.connections.call(request, urgent=True)
+                    self._start(self._stops, message.id, work)
                 case messages.CallStage():
                     self._start(self._calls, message.id, self._call(message))
                 case messages.ReadRecording():
@@ -194,7 +197,8 @@ class Tab:
 
     def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]
-        return {"client": self.name, "role": self._role.name.lower(), "stages": stages}
+        mine = {"client": self.name, "role": self._role.name.lower(), "tables": barriers()}
+        return {**mine, "stages": stages}
 
     def _watch(self, message: messages.Watch) -> Document:
         stage = self._stages.named(message.stage)

@@ -14,6 +14,7 @@ from bluesky.run_engine import RunEngine
 from bluesky.utils import FailedStatus, MsgGenerator, RunEngineInterrupted
 
 from piezod.bluesky import PiezoStage
+from piezod.client import arrival
 from piezod.errors import ClientError, NotReachedError, NotRunningError, RefusedError
 from tests.bluesky.fixtures import make_run
 from tests.bluesky.rigs import Bench, Documents
@@ -177,6 +178,25 @@ def test_a_movement_that_takes_too_long_fails(
 
     assert "coarse-x: 22 µm not reached within 0.2 s" in text
     assert state(coarse) == "HOLD"
+
+
+@pytest.mark.parametrize(("settle_s", "arrives"), [(1.0, True), (-3.0, False)])
+def test_a_movement_gets_the_time_that_it_takes(
+    engine: RunEngine,
+    x: PiezoStage,
+    monkeypatch: pytest.MonkeyPatch,
+    settle_s: float,
+    arrives: bool,
+) -> None:
+    """Nearly twice its way at the configured speed, as the daemon says, and some time to settle."""
+    engine(bps.mv(x.x, 2.0))
+    monkeypatch.setattr(arrival, "SETTLE_S", settle_s)
+
+    if arrives:
+        engine(bps.mv(x.x, 22.0))
+    else:
+        text = fails_with(engine, bps.abs_set(x.x, 22.0, wait=True), NotReachedError)
+        assert "not on target within" in text
 
 
 def test_a_stage_of_another_client_is_left_alone(

@@ -46,18 +46,21 @@ def test_axe_finds_nothing(page: Page, scheme: str) -> None:
     assert not found
 
 
-def problems_of_tablet(page: Page, width_px: int) -> list[str]:
-    """Return what axe-core finds, and how much wider than the screen the page is, if it is."""
+def problems_on(page: Page, width_px: int) -> list[str]:
+    """Return what axe-core finds, how much wider than the screen the page is, and a hidden stop."""
     wide_px = page.evaluate("document.documentElement.scrollWidth")
     wider = [f"{page.url}: {wide_px} px on {width_px} px"] if wide_px > width_px else []
+    stop = page.get_by_role("button", name="Emergency stop").bounding_box()
+    if stop is None or stop["x"] < 0 or stop["x"] + stop["width"] > width_px:
+        wider.append(f"{page.url}: the emergency stop is at {stop}")
     return [*violations(page), *wider]
 
 
-@pytest.mark.parametrize(("width_px", "height_px"), [(768, 1024), (1024, 768)])
-def test_tablet_shows_the_whole_width(
+@pytest.mark.parametrize(("width_px", "height_px"), [(390, 844), (768, 1024), (1024, 768)])
+def test_phone_and_tablet_show_the_whole_width(
     browser: Browser, machine: Machine, width_px: int, height_px: int
 ) -> None:
-    """On a tablet nothing is beside the screen, and axe finds nothing: SAFE, RUN, FAULT, viewer."""
+    """Nothing is beside the screen, and axe finds nothing: SAFE, RUN, FAULT, viewer."""
     machine.start_stage()
     screen = {"width": width_px, "height": height_px}
     with browser.new_context(viewport=screen, has_touch=True, is_mobile=True) as context:
@@ -65,27 +68,28 @@ def test_tablet_shows_the_whole_width(
         page.goto(machine.start_web())
         state = page.locator("#state")
         expect(state).to_contain_text("SAFE")
-        found = problems_of_tablet(page, width_px)
+        found = problems_on(page, width_px)
 
         page.get_by_role("button", name="Arm", exact=True).tap()
         page.get_by_role("button", name="Start the wave").tap()
         page.get_by_role("button", name="Record", exact=True).tap()
         expect(state).to_contain_text("RUN")
-        found += problems_of_tablet(page, width_px)
+        found += problems_on(page, width_px)
         page.get_by_role("button", name="Emergency stop").tap()
         expect(state).to_contain_text("FAULT")
         page.get_by_role("button", name="Identify").tap()
         expect(page.get_by_role("dialog")).to_be_visible()
-        found += problems_of_tablet(page, width_px)
+        found += problems_on(page, width_px)
 
+        page.get_by_role("button", name="Close Identify").tap()
         machine.run("record", "stop")
         page.get_by_role("link", name="Recordings").tap()
         row = page.get_by_role("row").filter(has_text="Download")
         expect(row).to_be_visible()
-        found += problems_of_tablet(page, width_px)
+        found += problems_on(page, width_px)
         row.get_by_role("link").first.tap()
         expect(page.get_by_role("region", name="List of marks")).to_contain_text("FAULT")
-        found += problems_of_tablet(page, width_px)
+        found += problems_on(page, width_px)
 
     assert not found
 

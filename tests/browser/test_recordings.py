@@ -50,6 +50,27 @@ def test_a_recording_is_found_looked_at_and_downloaded(page: Page, machine: Mach
         assert file["recording/cycles/t_s"].shape[0] > 0
 
 
+def test_a_table_that_cannot_be_made_is_barred(page: Page) -> None:
+    """The reason stands beside it, and it leads nowhere."""
+    expect(page.locator("#state")).to_contain_text("SAFE")
+    page.evaluate(
+        """async () => {
+            const { exportLinks } = await import("./static/recording_list.js");
+            const why = { csv: "", parquet: "install `pyarrow`" };
+            const links = exportLinks("simulated", "scan", why);
+            document.getElementById("main").replaceChildren(...links.flat());
+        }"""
+    )
+    barred = page.get_by_role("link", name="Export as Parquet")
+
+    expect(page.get_by_role("link", name="Export as CSV")).to_have_attribute(
+        "href", "recordings/simulated/scan/csv"
+    )
+    expect(barred).to_be_disabled()
+    assert barred.get_attribute("href") is None
+    expect(page.get_by_text("install pyarrow")).to_be_visible()
+
+
 def test_a_recording_is_exported_and_replayed(page: Page, machine: Machine) -> None:
     """The viewer saves the table, and replays with the present model: errors, verdict, figure."""
     record(machine, "scan")

@@ -96,6 +96,17 @@ def test_figure_shows_missing_data(telemetry: RecordedTelemetry) -> None:
     assert marked_s.tolist() == telemetry.cycles["t_s"][skipped].tolist()
 
 
+def test_stage_below_its_command_has_a_positive_error(telemetry: RecordedTelemetry) -> None:
+    """The figure has the sign that the status has."""
+    columns = telemetry.axes["x"]
+    columns["position_um"][:] = columns["command_um"] - 1.0
+    figure = telemetry_figure(telemetry, "x")
+    (panel,) = [each for each in figure.axes if each.get_title(loc="left").startswith("(b)")]
+
+    drawn_um = np.asarray(panel.lines[0].get_ydata(), dtype=float)
+    assert np.nanmin(drawn_um) == pytest.approx(1.0) == np.nanmax(drawn_um)
+
+
 @pytest.mark.parametrize(
     ("ending", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")]
 )

@@ -8,20 +8,25 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from piezod.config.daemon import load_daemon
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.lock import Lock, device_lock
 from piezod.daemon.noted_identities import note_identities
+from piezod.daemon.output_notes import OutputNotes
 from piezod.daemon.paths import StagePaths, stage_paths
+from piezod.devices import registry
 from piezod.devices.interface import Identity
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import EmulatedOptions
 from tests.cli.conftest import Command
 from tests.daemon.locks import is_held
+from tests.daemon.supervisor.test_late_imports import SITE
 from tests.daemon.waiting import eventually
 from tests.forked import Forked, run
 from tests.hosted_rig import hosted, writes
@@ -251,10 +256,16 @@ from pathlib import Path
 from types import SimpleNamespace
 from piezod.cli.guardian import guardian
 from piezod.cli.owned_stage import owning
+from piezod.config.daemon import load_daemon
+from piezod.daemon.output_notes import OutputNotes
+from piezod.daemon.paths import stage_paths
+from piezod.devices import registry
 
-with owning(Path("stage.yaml")), guardian(Path("stage.yaml")) as guard:
+config = Path("stage.yaml")
+with owning(config), guardian(config) as guard:
     guard.watch("x", SimpleNamespace(session=SimpleNamespace(found_v=20.0), identities=IDENTITIES))
-    guard.note(60.0)
+    OutputNotes(load_daemon(config, registry), stage_paths(config)).note("x", 60.0)
+    Path("closed").touch()  # from now on the guardian imports nothing
     os.kill(os.getpid(), signal.SIGKILL) if KILLED else None
 """
 
@@ -267,12 +278,19 @@ def test_killed_command_leaves_its_axis_as_it_found_it(
     rig.close()
     before = len(writes(folder / "trace.csv"))
     script = KILLED.replace("KILLED", str(killed)).replace("IDENTITIES", "{}")
+    site = SITE.format(closed=str(folder / "closed"), imported=str(folder / "imported"))
+    (folder / "sitecustomize.py").write_text(site, encoding="ascii")
     command = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(folder)},
     )  # returns when the guardian, which has the same stderr, has ended too
 
     after = [each.drive_v for each in writes(folder / "trace.csv")[before:]]
     assert command.returncode == (-signal.SIGKILL if killed else 0), command.stderr
+    assert not (folder / "imported").exists()
     assert not is_held(paths.lock)
     if killed:
         assert "axis x: ramped from 60." in command.stderr
@@ -282,3 +300,46 @@ def test_killed_command_leaves_its_axis_as_it_found_it(
         assert all(a - b <= 2.0 + 1e-9 for a, b in pairwise(after))
     else:
         assert (after, command.stderr) == ([], "")
+
+
+def test_safe_knows_what_a_killed_command_wrote_last(
+    piezod: Command, paths: StagePaths, rig: EmulatedRig, folder: Path
+) -> None:
+    """It starts at that voltage, even if the daemon before it wrote another one."""
+    text = (folder / "stage.yaml").read_text(encoding="utf-8")
+    slow = text.replace("slew_v_per_s: 20000", "slew_v_per_s: 2000")
+    (folder / "stage.yaml").write_text(slow, encoding="utf-8")
+    rig.close()
+    LastOutputWriter(paths.output_map, 1).note([0.0], 1)
+    unknown = piezod("safe", "stage.yaml")
+    OutputNotes(load_daemon(Path("stage.yaml"), registry), paths).note("x", 60.0)
+    known = piezod("safe", "stage.yaml")
+
+    assert (unknown.code, known.code) == (74, 0), known.err
+    assert in_force_v(rig) == pytest.approx(10, abs=0.5)
+
+
+def test_commission_knows_what_was_written_last(
+    piezod: Command,
+    paths: StagePaths,
+    rig: EmulatedRig,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Against that it drives nothing, until a person confirms the read-back."""
+    rig.close()
+    LastOutputWriter(paths.output_map, 1).note([0.0], 1)
+    before = len(writes(folder / "trace.csv"))
+    refused = piezod("commission", "stage.yaml", "--yes")
+    untouched = len(writes(folder / "trace.csv")) == before
+    monkeypatch.setattr("sys.stdin", StringIO("n\n"))
+    confirmed = piezod("commission", "stage.yaml", "--confirm-output")
+    monkeypatch.setattr("sys.stdin", StringIO("n\n"))
+    again = piezod("commission", "stage.yaml")
+
+    assert refused.code == 1
+    assert "last write 0 V" in refused.err
+    assert "--confirm-output" in refused.err
+    assert untouched
+    assert (confirmed.code, again.code) == (0, 0), again.err
+    assert in_force_v(rig) > 59.0

@@ -12,7 +12,7 @@ from piezod.client import AsyncStageClient, StageClient, calls
 from piezod.client.calls import Call
 from piezod.client.waveforms import tupled
 from piezod.config.model_file import ModelFile, load_model
-from piezod.config.waveforms import Points
+from piezod.config.waveforms.paths import Points
 from piezod.errors import RefusedError
 from piezod.messages.answers import Answer, Status
 from piezod.messages.endpoints import ENDPOINTS

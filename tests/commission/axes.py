@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import nan
 from pathlib import Path
 from typing import Any
 
+from piezod.commission.output import Output
 from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.control.guard import Limits
@@ -34,6 +36,7 @@ def session(
     seed: int = 1,
     wrap: Callable[[Device], Device] = lambda device: device,
     limits: Limits = Limits(0.0, 150.0, 20_000.0),  # noqa: B008 - it never changes
+    last_v: float = nan,
 ) -> Iterator[Session]:
     """Open an axis for the duration of the block."""
     config = configured(options, seed)
@@ -44,7 +47,8 @@ def session(
     try:
         channels.activate(clock.now_ns())
         clock.spend_ns(2_000_000_000)
-        yield Session(channels, limits, rate_hz, 50.0, clock)
+        output = Output(channels, limits.read_back_tolerance_v, clock, last_v)
+        yield Session(channels, output, limits, rate_hz, 50.0, clock)
     finally:
         channels.close()
 

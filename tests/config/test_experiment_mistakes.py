@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from piezod.config.experiment import ExperimentConfig
+from piezod.config.waveforms.combined import KINDS
 
 ProblemsOf = Callable[..., list[str]]
 
@@ -198,14 +199,13 @@ ProblemsOf = Callable[..., list[str]]
         (
             "kind: triangle",
             "kind: [1]",
-            "23:24: cases[0].command_um.kind: unknown value (got a list), allowed: setpoint, sine, "
-            "triangle, multisine, staircase, reversals, points, csv, sum, sequence",
+            "23:24: cases[0].command_um.kind: unknown value (got a list), allowed: "
+            + ", ".join(KINDS),
         ),
         (
             "kind: triangle",
             "kind: 1",
-            "23:24: cases[0].command_um.kind: unknown value (got 1), allowed: setpoint, sine, "
-            "triangle, multisine, staircase, reversals, points, csv, sum, sequence",
+            "23:24: cases[0].command_um.kind: unknown value (got 1), allowed: " + ", ".join(KINDS),
         ),
         (
             "  x:\n",

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.frequencies import coarse, too_fast
+from piezod.config.waveforms.combined import WaveformConfig
 
 ADAPTER: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
 
@@ -35,8 +35,8 @@ def waveform(kind: str, frequency_hz: float) -> WaveformConfig:
 @pytest.mark.parametrize("kind", ["sine", "triangle", "multisine", "sum", "sequence"])
 def test_half_of_the_rate_is_refused(kind: str) -> None:
     """From half of the rate on a waveform is refused, wherever its sine stands."""
-    assert too_fast(waveform(kind, 49.9), 100.0) == ""
-    assert too_fast(waveform(kind, 50.0), 100.0) == (
+    assert too_fast(waveform(kind, 49.9).highest_hz(), 100.0) == ""
+    assert too_fast(waveform(kind, 50.0).highest_hz(), 100.0) == (
         "too fast for the loop (got 50 Hz), allowed: below 50 Hz, half of rate_hz; a tenth, 10 Hz, "
         "gives a smooth motion"
     )
@@ -46,7 +46,7 @@ def test_waveforms_without_a_frequency_are_never_too_fast() -> None:
     """A setpoint has no frequency."""
     constant = ADAPTER.validate_python({"kind": "setpoint", "level": 1})
 
-    assert too_fast(constant, 1.0) == ""
+    assert too_fast(constant.highest_hz(), 1.0) == ""
     assert list(coarse({"x": constant}, 1.0)) == []
 
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from piezod.config.fields import ConfigModel, Context
 from piezod.config.messages import show
 from piezod.config.validate import validate
-from piezod.config.waveforms import Csv
+from piezod.config.waveforms.paths import Csv
 from piezod.config.yaml_loader import parse_yaml
 from piezod.errors import ConfigError
 

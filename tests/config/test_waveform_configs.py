@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from piezod.config.combined_waveforms import Sequence, Sum
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.files import MAX_POINTS, read_points
-from piezod.config.waveforms import Csv, Multisine, Reversals, Setpoint, Sine, Staircase
+from piezod.config.waveforms.combined import KINDS, Sequence, Sum
+from piezod.config.waveforms.paths import Csv, Reversals, Staircase
+from piezod.config.waveforms.shapes import Multisine, Setpoint, Sine
 
 ProblemsOf = Callable[..., list[str]]
 
@@ -58,7 +59,7 @@ COMMAND = "{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}"
         (
             "{kind: sum, parts: [{kind: setpoint, level: 1}, {kind: sum, parts: []}]}",
             "23:72: cases[0].command_um.parts[1].kind: unknown value (got 'sum'), allowed: "
-            "setpoint, sine, triangle, multisine, staircase, reversals, points, csv",
+            + ", ".join(kind for kind in KINDS if kind not in {"sum", "sequence"}),
         ),
         (
             "{kind: points, points: [[0, 1], [0, 2]]}",
@@ -143,7 +144,7 @@ def test_points_come_from_a_file_beside_the_experiment(
 
     (waveform,) = experiment.cases[0].commands(["x"]).values()
     assert isinstance(waveform, Csv)
-    assert waveform.points == ((0.0, 1.5), (0.5, 3.0))
+    assert waveform.line() == ((0.0, 1.5), (0.5, 3.0))
     assert waveform.bounds() == (1.5, 3.0)
 
 

@@ -60,6 +60,10 @@ class FakeDevices:
         self.log.append(f"read back at {now_ns}")
         return self.drive_v
 
+    def read_back_age_ns(self, now_ns: int) -> Sequence[int]:  # noqa: ARG002 - asked for by StageDevices
+        """Return that every read-back is of this cycle."""
+        return [0] * len(self.samples)
+
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Take the voltages, unless `refuses` is set."""
         self.log.append(f"write {list(drive_v)} at {now_ns}")

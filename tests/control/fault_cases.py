@@ -9,7 +9,7 @@ import numpy as np
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.watch.sensor import STUCK_SWING
 from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord

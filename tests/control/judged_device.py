@@ -16,7 +16,7 @@ Other writes are listed apart.
 """
 
 from collections.abc import Sequence
-from math import inf, isnan, nan
+from math import inf, isfinite, isnan, nan
 from typing import Final
 
 from piezod.config.states import State
@@ -117,6 +117,12 @@ class JudgedDevice(FaultyDevice):
             self._lead_v, self._wrote_ns = abs(drive_v[0] - output_v), now_ns
         return accepted
 
+    def judge_start(self, first_v: float, now_ns: int) -> None:
+        """Judge the first point of a play, in V, as a write."""
+        output_v = self.output.output_v(now_ns)
+        self._observe(output_v, now_ns)
+        self._judge(first_v, output_v, now_ns)
+
     def excludes(self, drive_v: float) -> bool:
         """Return whether the sensor is right and its position is not possible at a voltage."""
         if self.stage is None:
@@ -127,6 +133,8 @@ class JudgedDevice(FaultyDevice):
 
     def _observe(self, output_v: float, now_ns: int) -> None:
         """Note how far the output has gone from the last write by itself."""
+        if not isnan(self.output.played_v):  # a table that piezod knows
+            self._own_v = self._last_v = self.output.played_v
         lead_v = abs(self._last_v - output_v)
         if self.output.follows_by_gain or lead_v > self._lead_v + MOVES_V:
             self._away_v, self._away_ns = lead_v, now_ns
@@ -174,7 +182,9 @@ class JudgedDevice(FaultyDevice):
         if own and (follows or (begins and sensor)):
             return 0
         excluded = sensor and self.excludes(self.shown_v) and not self.excludes(output_v)
-        return 0 if excluded else None
+        # Beside a false read-back, the sensor allows an output at the last write: it is stuck.
+        misled = not own and isfinite(self._own_v) and not self.excludes(self._own_v)
+        return 0 if excluded and not misled else None
 
     def _sensor_lies(self, now_ns: int) -> bool:
         return any(one.kind in SENSOR_LIES for one in self._now(now_ns))

@@ -5,9 +5,9 @@ output, so that a sensor shows what is on the stage.
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
-from math import exp, isfinite
+from math import exp, isfinite, nan
 from typing import Final, NamedTuple
 
 from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample
@@ -84,6 +84,9 @@ class OwnOutput:
         self._fault: OutputFault | None = None
         self._settled_ns, self._active = 0, False
         self._asked: deque[tuple[int, float]] = deque()  # since a late output has begun
+        self._points = deque[tuple[int, float]]()  # of a play, with their instants
+        self.played_v = nan
+        """The last point of a play since the last write, in V; NaN if there is none."""
         self._shown_fault: OutputFault | None = None
         self._shown: deque[tuple[int, float]] = deque()  # since a late read-back has begun
 
@@ -129,10 +132,27 @@ class OwnOutput:
             self._set_v = asked_v
         elif not (self._active and isfinite(asked_v)):
             return False
+        self._take(asked_v, now_ns)
+        self.played_v = nan
+        return True
+
+    def _take(self, asked_v: float, now_ns: int) -> None:
         self._asked_v = asked_v
         self._asked.append((now_ns, asked_v))
         self._command(self._target_v(now_ns), now_ns)
-        return True
+
+    def play(self, points: Iterable[tuple[int, float]]) -> None:
+        """Play voltages by its own clock; none stops the play, and the output keeps its voltage.
+
+        Args:
+            points: Instant, in ns, and voltage, in V, of each point.
+        """
+        self._points = deque(points)
+
+    def plays(self, now_ns: int) -> bool:
+        """Return whether a play goes on."""
+        self._settle(now_ns)
+        return bool(self._points)
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the read-back, in V; a fault may change it."""
@@ -180,7 +200,14 @@ class OwnOutput:
         return None
 
     def _settle(self, now_ns: int) -> None:
-        """Let the output do by itself what it does up to now."""
+        """Let the output do by itself what it does up to now, and play what is due."""
+        while self._points and self._points[0][0] <= now_ns:
+            due_ns, self.played_v = self._points.popleft()
+            self._settle_fault(max(due_ns, self._settled_ns))
+            self._take(self.played_v, self._settled_ns)
+        self._settle_fault(now_ns)
+
+    def _settle_fault(self, now_ns: int) -> None:
         fault, before = self._present(now_ns, of_read_back=False), self._fault
         if fault != before:
             if before is not None and before.kind is OutputKind.ELSEWHERE and self._active:

@@ -150,7 +150,8 @@ class RigStage:
         self._assemble()
         self.controller.restore_faults(latched, stopped=stopped)
         self.controller.report(Detection(Fault.P2))
-        self.controller.ramp_first(noted_v)
+        self.controller.know_last_writes(noted_v)
+        self.controller.ramp_first()
 
     @property
     def x(self) -> AxisRecord:

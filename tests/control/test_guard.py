@@ -86,7 +86,7 @@ def test_voltage_that_is_not_a_number_moves_nothing(asked_v: float) -> None:
     """The axis is reported as refused; the other axis continues."""
     admitted = guard().admit(T_NS, T_NS, [asked_v, 40.1], [75.0, 40.0], PERIOD_S)
 
-    assert admitted == ([75.0, 40.1], True, (0,), (), (), False, ())
+    assert admitted == ([75.0, 40.1], (), (0,), (), (), False, ())
 
 
 def test_unknown_voltage_in_force_forbids_a_write() -> None:
@@ -103,7 +103,7 @@ def test_plan_for_another_cycle_moves_nothing(planned_ns: int) -> None:
     """Every voltage stays, and the result is marked as stale."""
     admitted = guard().admit(planned_ns, T_NS, [20.0, 60.0], [30.0, 40.0], PERIOD_S)
 
-    assert admitted == ([30.0, 40.0], True, (), (), (), True, ())
+    assert admitted == ([30.0, 40.0], (), (), (), (), True, ())
 
 
 def test_range_and_slew_rate_are_reported_separately() -> None:
@@ -112,9 +112,9 @@ def test_range_and_slew_rate_are_reported_separately() -> None:
     too_fast = guard().admit(T_NS, T_NS, [0.0, 1.0], [0.0, 0.0], PERIOD_S)
     both = guard().admit(T_NS, T_NS, [0.0, 200.0], [0.0, 0.0], PERIOD_S)
 
-    assert too_far == ([150.0, 0.0], True, (), (0,), (), False, ())
-    assert too_fast == ([0.0, 0.5], True, (), (), (1,), False, ())
-    assert both == ([0.0, 0.5], True, (), (1,), (1,), False, ())
+    assert too_far == ([150.0, 0.0], (), (), (0,), (), False, ())
+    assert too_fast == ([0.0, 0.5], (), (), (), (1,), False, ())
+    assert both == ([0.0, 0.5], (), (), (1,), (1,), False, ())
 
 
 @pytest.mark.parametrize("elapsed_s", [LONGEST_S, 0.1, 10.0, 1e300])

@@ -15,9 +15,9 @@ VOLTS = st.floats(0.0, 150.0)
 ANY = st.one_of(VOLTS, st.sampled_from([nan, inf, -inf]))
 
 
-def guard(lag_s: float = 0.0) -> Guard:
-    """Return a guard of two such axes, of which the first may have a late read-back."""
-    return Guard([SLOW, SLOW], CYCLE_S, [lag_s, 0.0])
+def guard() -> Guard:
+    """Return a guard of two such axes, of one amplifier."""
+    return Guard([SLOW, SLOW], CYCLE_S)
 
 
 @given(asked_v=ANY, in_force_v=VOLTS, read_back_v=ANY, stale=st.booleans())
@@ -83,11 +83,32 @@ def test_every_axis_waits_for_its_own_output() -> None:
     assert (refused.writable, refused.waits, refused.refused) == (False, (), (0,))
 
 
-def test_late_read_back_has_a_longer_reach() -> None:
-    """In its delay the output may go as far as the slew rate allows."""
-    late = guard(lag_s=5e-3).admit(0, 0, [62.0, 62.0], [60.0] * 2, CYCLE_S, read_back_v=[57.3] * 2)
+def test_old_read_back_has_a_longer_reach() -> None:
+    """Since then the output may have gone as far as the slew rate allows; each axis by its own."""
+    old = guard().admit(
+        0, 0, [62.0] * 2, [60.0] * 2, CYCLE_S, read_back_v=[57.3] * 2, age_s=[5e-3, 0.0]
+    )
 
-    assert late.waits == (1,)
+    assert (old.waits, old.held) == ((1,), ())
+
+
+@pytest.mark.parametrize("doubted", [0, 1, 2])
+@pytest.mark.parametrize("known", [True, False])
+def test_only_the_axes_of_the_same_amplifier_wait_for_each_other(doubted: int, known: bool) -> None:
+    """An output that is out of reach, or unknown, holds back what is written together with it."""
+    amplifiers = ["a", "b", "a"]
+    in_force_v, read_back_v = [10.0] * 3, [10.0] * 3
+    read_back_v[doubted] = 50.0 if known else nan
+    in_force_v[doubted] = 10.0 if known else nan
+    admitted = Guard([SLOW] * 3, CYCLE_S, amplifiers).admit(
+        0, 0, [12.0] * 3, in_force_v, CYCLE_S, read_back_v=read_back_v
+    )
+
+    together = [i for i in range(3) if amplifiers[i] == amplifiers[doubted]]
+    assert list(admitted.held) == together
+    assert not admitted.writable
+    free = [i for i in range(3) if i != doubted]
+    assert [admitted.drive_v[i] for i in free] == [12.0] * 2
 
 
 def test_stale_plan_waits_too() -> None:
@@ -97,7 +118,7 @@ def test_stale_plan_waits_too() -> None:
     assert (kept.stale, kept.writable, kept.waits) == (True, False, (1,))
 
 
-def test_guard_without_delays_takes_any_number_of_axes() -> None:
+def test_guard_without_ages_takes_any_number_of_axes() -> None:
     """The read-back of each axis is then of the present cycle."""
     plain = Guard([SLOW] * 3, CYCLE_S)
     admitted = plain.admit(0, 0, [2.0] * 3, [0.0] * 3, CYCLE_S, read_back_v=[0.0, -0.75, -0.76])

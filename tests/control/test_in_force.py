@@ -86,7 +86,9 @@ AT_0, AT_60, AT_100 = Claim(0.0, -3.0, 3.0), Claim(60.0, 7.0, 17.0), Claim(100.0
         (Evidence(AT_60, AT_60, 2.0), 60.0, Source.AGREED, False),
         (Evidence(AT_60, AT_60, 7.0), 60.0, Source.AGREED, True),
         (Evidence(AT_60, AT_60, 17.0), 60.0, Source.AGREED, True),
-        (Evidence(Claim(nan), AT_60, 18.0), 60.0, Source.AGREED, False),
+        (Evidence(Claim(nan), AT_60, 18.0), nan, Source.UNKNOWN, False),
+        (Evidence(AT_60, Claim(nan), 18.0), nan, Source.UNKNOWN, False),
+        (Evidence(AT_60, Claim(nan), 16.0), 60.0, Source.AGREED, True),
         (Evidence(AT_60, AT_100), nan, Source.UNKNOWN, False),
         (Evidence(AT_60, AT_100, 16.5), nan, Source.UNKNOWN, False),
         (Evidence(AT_60, AT_100, 40.0), nan, Source.UNKNOWN, False),
@@ -123,6 +125,7 @@ def test_witnesses_decide_in_their_order(
         (120.0, 30.0, True, False),
         (99.0, 30.0, True, True),
         (10.0, 30.0, True, True),
+        (-40.0, 30.0, True, False),
         (-41.0, 30.0, True, False),
     ],
 )
@@ -183,12 +186,12 @@ def test_false_read_back_of_a_fall_makes_no_step(true_v: float, share: float, se
         (
             Evidence(Claim(nan), AT_60, 18.0),
             "read-back unknown, last write 60 V (allows 7 to 17 µm) and sensor 18 µm do not agree: "
-            "there is no other voltage to start from",
+            "nothing tells which of them is right",
         ),
         (
             Evidence(AT_60, Claim(nan), 18.0),
-            "read-back 60 V (allows 7 to 17 µm) and sensor 18 µm do not agree: there is no other "
-            "voltage to start from",
+            "read-back 60 V (allows 7 to 17 µm) and sensor 18 µm do not agree: nothing tells which "
+            "of them is right",
         ),
     ],
 )

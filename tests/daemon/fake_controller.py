@@ -40,7 +40,7 @@ class FakeController:
         """Record a request; a shutdown finishes."""
         self.requests.append(request)
         self.finished = isinstance(request, Shutdown)
-        return Answer(accepted=True, motion=len(self.requests))
+        return Answer(accepted=True, motion=len(self.requests), duration_s=0.5)
 
     def stream_um(self, axis: int, position_um: float, t_ns: int) -> None:
         """Record a setpoint."""

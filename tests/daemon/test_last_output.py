@@ -1,6 +1,6 @@
 import subprocess
 import sys
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 
 import pytest
@@ -23,6 +23,15 @@ def test_newest_voltages_are_read_back(path: Path) -> None:
     writer.note([1.5, 2.5], 20)
 
     assert read_last_output(path) == [(1.5, 20), (2.5, 20)]
+
+
+def test_voltage_of_an_axis_that_is_not_written_stays(path: Path) -> None:
+    """NaN stands for an axis that waits for its output while others are written."""
+    writer = LastOutputWriter(path, 2)
+    writer.note([1.0, 2.0], 10)
+    writer.note([nan, 2.5], 20)
+
+    assert read_last_output(path) == [(1.0, 10), (2.5, 20)]
 
 
 def test_nothing_is_known_before_the_first_write(path: Path) -> None:

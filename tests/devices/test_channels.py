@@ -1,7 +1,7 @@
 """The channels that combine all devices into one sensor and one amplifier."""
 
 from collections.abc import Sequence
-from math import isnan
+from math import isnan, nan
 
 import pytest
 
@@ -155,6 +155,20 @@ def test_voltages_go_to_the_amplifier_of_their_axis() -> None:
     assert channels.write([3.0, 4.0], 100)
     assert devices["left"].drive_v == [3.0]  # type: ignore[attr-defined] # a FakeAmplifier
     assert channels.read_back(100) == [3.0, 4.0]
+
+
+@pytest.mark.parametrize("drive_v", [(nan, 20.0, 30.0), (10.0, 20.0, nan), (nan, 20.0, nan)])
+def test_a_device_without_a_voltage_for_each_of_its_axes_is_left_alone(
+    drive_v: Sequence[float],
+) -> None:
+    """The other device is written; no device gets a part of its values."""
+    first, second = FakeBoth(("x", "z")), FakeBoth(("y",))
+    of = {"x": "first", "y": "second", "z": "first"}
+    axes = {axis: ChannelPair(name, name) for axis, name in of.items()}
+    channels = Channels({"first": first, "second": second}, axes)
+
+    assert channels.write(drive_v, 0)
+    assert (first.drive_v, second.drive_v) == ([0.0, 0.0], [20.0])
 
 
 def test_a_write_that_one_device_refuses_is_refused() -> None:

@@ -94,6 +94,35 @@ def test_what_is_no_number_is_refused(armed: Peer) -> None:
     assert armed.put("rig:x.VAL", 6.5) == ""
 
 
+@pytest.mark.parametrize(
+    ("record", "value"),
+    [
+        ("x.VAL", 1e306),
+        ("x.VAL", -1e308),
+        ("x.VELO", 1e306),
+        ("x.TWV", 1e306),
+        ("x.SPMG", 9),
+        ("x:MODE", 9),
+        ("x:MODE", -1),
+        ("LEASE", 2),
+        ("x:WAVE:KIND", 7),
+        ("x:WAVE:LOW", 1e306),
+        ("x:WAVE:TABLE", [1.0] * 20_000),
+        ("x:WAVE:TABLE", [1.0, 1e306]),
+        ("x:PLAY:TABLE", [1.0] * 16_001),
+        ("x:PLAY:TABLE", [1.0, nan]),
+        ("x:PLAY:CYCLES", 0),
+    ],
+)
+def test_what_a_record_cannot_be_is_refused(armed: Peer, record: str, value: object) -> None:
+    """Beyond the range, too long, or no choice: the value stays, and the IOC goes on."""
+    before = armed.value(f"rig:{record}")
+    assert armed.put(f"rig:{record}", value)
+
+    assert armed.value(f"rig:{record}") == before
+    assert armed.put("rig:x.VAL", 6.0) == ""
+
+
 def test_what_is_measured_cannot_be_written(client: Peer) -> None:
     """Records, fields that clients do not write, and what configures a record refuse each write."""
     for name in ("rig:x.RBV", "rig:x.HLM", "rig:x.DHLM", "rig:x.OFF", "rig:x:POS", "rig:STATE"):

@@ -82,6 +82,25 @@ def test_motor_of_pyepics(motor: Ioc) -> None:
     assert report["beyond"] == -12
     assert report["forced"] == -4
     assert report["after stop"] == 0
+    stopped = report["stop and tweak"]
+    assert stopped["target"] == pytest.approx(stopped["position"], abs=0.3)
+    assert stopped["after"] == pytest.approx(stopped["target"] + 1.0)
+    assert (stopped["tweaked"], stopped["done"]) == (0, [1, 0, 1, 0, 1])
+
+
+@pytest.mark.parametrize("speed_um_per_s", [200.0, 1.0])
+def test_timeout_of_ophyd_async_is_no_shorter_than_a_movement(
+    motor: Ioc, daemon: Daemon, speed_um_per_s: float
+) -> None:
+    """It is the way over VELO and twice ACCL; also clients that add ACCL once wait long enough."""
+    with peer("p4p", motor.environ) as client:
+        assert client.put("rig:x.VELO", speed_um_per_s) == ""
+        acceleration_s = client.value("rig:x.ACCL")
+        longest_s = daemon.ask("GET", "config").json()["longest_move_s"]["x"]
+        assert client.put("rig:x.VELO", 200.0) == ""
+    for part in (0.02, 0.3, 1.0):
+        takes_s = longest_s * part * 200.0 / speed_um_per_s
+        assert 26.0 * part / speed_um_per_s + acceleration_s >= takes_s
 
 
 def test_screens_find_each_field(motor: Ioc) -> None:

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from piezod.config.combined_waveforms import Sequence
 from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.waveforms.combined import Sequence
 from piezod.devices import registry
 from piezod.plant.variants import VARIANTS
 

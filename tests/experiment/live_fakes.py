@@ -19,6 +19,8 @@ ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simulated.yaml"
 MODEL = ROOT / "config" / "models" / "simulated-stack.yaml"
 INTERVAL_S = 0.05
+LEAD_IN_S = 0.1
+"""Time of the movement to the start of a waveform, in s."""
 
 ResultT = TypeVar("ResultT")
 Document = dict[str, Any]
@@ -108,7 +110,7 @@ class FakeStage(StageClient):
         if path in answers:
             return answers[path]
         self._do(path, body)
-        return {"motion": self.motion}
+        return {"motion": self.motion, "duration_s": body.get("duration_s", 0.0) + LEAD_IN_S}
 
     def _do(self, path: str, body: Mapping[str, Any]) -> None:
         after = {"stop": "SAFE", "arm": "READY", "wave": "RUN", "identify": "IDENT"}

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
-from piezod.control.reference.waveforms import build_waveform
 from piezod.experiment.response.judgement import judged
 from piezod.experiment.response.measurement import measured
 from piezod.experiment.response.plan import Wanted, plan_response
@@ -55,7 +54,7 @@ def measure(
     about = []
     with opened(config, lambda _cycles: None) as stage:
         for plan in plans:
-            drive_v = build_waveform(plan.drive_v, plan.duration_s).value
+            drive_v = plan.drive_v.built(plan.duration_s).value
             # A few cycles more: the voltage in force is that of the cycle before.
             (trace,) = stage.open_loop([drive_v], plan.duration_s + 3.0 / rate_hz)
             columns = {"drive_v": trace[:, IN_FORCE_V], "position_um": trace[:, POSITION_UM]}

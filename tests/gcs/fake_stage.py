@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 from piezod.client.calls import Call
 from piezod.client.daemon_link import DaemonLink
+from piezod.client.mirror import StageMirror
+from piezod.client.mover import StageMover
 from piezod.errors import ClientError, NotRunningError, RefusedError
 from piezod.gcs.readings import Readings
 from piezod.gcs.session import Session
@@ -24,6 +26,7 @@ class FakeStage:
         axes: Status of each axis.
         requests: What was requested: client, path and body.
         errors: Error of each path.
+        held: Events, by path, for which the next request of this path waits.
         holder: Name of the client with the lease.
     """
 
@@ -43,9 +46,17 @@ class FakeStage:
         }
         self.requests: list[tuple[str, str, dict[str, Any]]] = []
         self.errors: dict[str, ClientError] = {}
+        self.held: dict[str, asyncio.Event] = {}
         self.holder = ""
         self.config: dict[str, Any] = {
-            "axes": {name: {"command_range_um": [0.0, 20.0]} for name in names}
+            "axes": {
+                name: {
+                    "command_range_um": [0.0, 20.0],
+                    "limits": {"drive_min_v": 0.0, "drive_max_v": 150.0},
+                    "sensor": {},
+                }
+                for name in names
+            }
         }
 
     def answer(self, client: str, path: str, body: dict[str, Any]) -> dict[str, Any]:
@@ -81,6 +92,8 @@ class FakeStage:
         self.axes[body["axis"]]["mode"] = body["mode"]
 
     def _goto(self, body: dict[str, Any]) -> None:
+        if self.state == "HOLD":
+            raise RefusedError("cannot move in HOLD", "", "refused")
         axis = self.axes[body["axis"]]
         axis.update(target_um=body["position_um"], on_target=False, motion=axis["motion"] + 1)
 
@@ -103,6 +116,8 @@ class FakeLink(DaemonLink):
     async def _call(self, call: Call[ResultT]) -> ResultT:
         self._commanded = self._commanded or call.endpoint.access.lease
         path = call.endpoint.path
+        if path in self._stage.held:
+            await self._stage.held.pop(path).wait()
         return call.read(self._stage.answer(self._client_name, path, dict(call.body or {})))
 
 
@@ -116,13 +131,30 @@ class Dialogue:
 
     def __init__(self, controller: "Controller", name: str) -> None:
         link = FakeLink(controller.stage, name)
-        self._run = controller.runner.run
+        self._run, self._stage = controller.runner.run, controller.stage
         self.reports: list[str] = []
-        self._session = Session(link, controller.readings, "trimmed", IDENTITY, self.reports.append)
+        self._replies = b""
+        mover, readings = StageMover(link), controller.readings
+        self._session = Session(
+            mover, readings, "trimmed", IDENTITY, self.reports.append, self._receive
+        )
+        self._working = self._run(self._begun())
+
+    async def _begun(self) -> "asyncio.Task[None]":
+        return asyncio.create_task(self._session.work())
+
+    async def _receive(self, reply: bytes) -> None:
+        self._replies += reply
 
     def send(self, data: bytes) -> bytes:
         """Send bytes; return the replies."""
-        return self._run(self._session.feed(data))
+        return self._run(self._answered(data))
+
+    async def _answered(self, data: bytes) -> bytes:
+        self._session.take(data)
+        await self._session.waiting.join()
+        replies, self._replies = self._replies, b""
+        return replies
 
     def ask(self, line: str) -> str:
         """Send a line; return the reply, empty for none."""
@@ -133,8 +165,39 @@ class Dialogue:
         assert self.ask(line) == ""
         return int(self.ask("ERR?"))
 
+    def send_meanwhile(self, first: bytes, then: bytes, held: asyncio.Event) -> bytes:
+        """Send bytes, and others while a request of the first waits; return all replies."""
+
+        async def sent() -> bytes:
+            await self._asked(first)
+            self._session.take(then)
+            await asyncio.sleep(0.01)  # whatever waits for nothing else is done by then
+            held.set()
+            return await self._answered(b"")
+
+        return self._run(sent())
+
+    def leave(self, data: bytes, held: asyncio.Event) -> None:
+        """Send bytes, and close the connection while a request of them waits."""
+
+        async def left() -> None:
+            await self._asked(data)
+            self._working.cancel()
+            await asyncio.wait({self._working})
+            held.set()
+            await self._session.close()
+
+        self._run(left())
+
+    async def _asked(self, data: bytes) -> None:
+        """Send bytes; return when a request waits."""
+        self._session.take(data)
+        while self._stage.held:
+            await asyncio.sleep(0.001)
+
     def close(self) -> None:
         """Close the connection."""
+        self._working.cancel()
         self._run(self._session.close())
 
 
@@ -148,17 +211,22 @@ class Controller:
     def __init__(self, *names: str) -> None:
         self.stage = FakeStage(*names)
         self.runner = asyncio.Runner()
-        self.readings = Readings(FakeLink(self.stage, "gcs"), "trimmed")
+        self.readings = Readings(StageMirror(FakeLink(self.stage, "gcs")), "trimmed")
 
     def client(self, name: str = "gcs:1") -> Dialogue:
         """Return a new connection."""
         return Dialogue(self, name)
 
+    def held(self, path: str) -> asyncio.Event:
+        """Return an event for which the next request of a path waits before it is carried out."""
+        event = self.stage.held[path] = asyncio.Event()
+        return event
+
     @contextmanager
     def changing(self) -> Iterator[FakeStage]:
         """Give the stage to be changed from outside; the next query sees the change."""
         yield self.stage
-        self.readings.expire()
+        self.readings.mirror.expire()
 
 
 def gone() -> NotRunningError:

@@ -240,3 +240,57 @@ def test_too_many_requests_are_sent_again(
 
     assert armed.error_of("MOV 1 5") == 0
     assert controller.stage.do("goto") == [{"position_um": 5.0, "axis": "x"}]
+
+
+@pytest.mark.parametrize("stop", ALL_STOPS)
+def test_stop_overtakes_what_waits(controller: Controller, armed: Dialogue, stop: bytes) -> None:
+    """Movements before it that have not begun are dropped; queries keep their order."""
+    held = controller.held("goto")
+    moves = b"".join(b"MOV 1 %d 2 %d\n" % (um, um) for um in range(1, 9))
+    controller.stage.requests.clear()
+
+    rest = b"ERR?\n" + stop + b"ERR?\nMOV 1 12\nERR?\n"
+    replies = armed.send_meanwhile(moves, rest, held)
+
+    # The first one is on its way to the daemon: it is refused, or held.
+    assert controller.stage.paths() == ["hold", "goto", "resume", "goto"]
+    assert controller.stage.do("goto")[-1] == {"position_um": 12.0, "axis": "x"}
+    assert replies == b"10\n10\n0\n"
+
+
+def test_closed_connection_moves_nothing(controller: Controller, armed: Dialogue) -> None:
+    """Commands that wait when the client leaves are dropped."""
+    held = controller.held("goto")
+    controller.stage.requests.clear()
+
+    armed.leave(b"MOV 1 1 2 1\nMOV 1 2\nSVO 2 1\nMOV 2 3\n", held)
+
+    assert controller.stage.paths() == ["lease"]
+
+
+def test_stop_of_a_client_that_leaves_is_carried_out(
+    controller: Controller, armed: Dialogue
+) -> None:
+    """To its end: the stage is held, and follows the next movement."""
+    held = controller.held("hold")
+    controller.stage.requests.clear()
+
+    armed.leave(b"\x18MOV 1 1\n", held)
+
+    assert controller.stage.paths() == ["hold", "resume", "lease"]
+
+
+def test_servo_that_waits_is_not_switched_on_after_a_stop(
+    controller: Controller, armed: Dialogue
+) -> None:
+    """Arming could condition the stage, which moves it; switching off is carried out."""
+    held = controller.held("goto")
+    armed.send_meanwhile(b"MOV 1 1\n", b"SVO 1 0\nSVO 1 1\nMOV 1 2\n\x18", held)
+
+    assert controller.stage.state == "HOLD"
+
+
+def test_client_that_floods_the_controller_is_closed(client: Dialogue) -> None:
+    """Commands that wait are kept in memory: there is a limit."""
+    with pytest.raises(ConnectionAbortedError, match="wait for their turn"):
+        client.send(b"POS?\n" * 5000)

@@ -80,6 +80,31 @@ def test_clients_move_a_stage_whose_daemon_is_killed(
     daemon.do("stop")
 
 
+def test_stop_and_leaving_drop_what_waits(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of some hundred movements that wait, few have begun when the stage stands."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(daemon.folder))
+    moves = b"MOV 1 1\nMOV 1 2\n" * 150
+
+    def moved() -> int:
+        return int(daemon.status()["axes"]["x"]["motion"])
+
+    with forked("gcs", "--port", "0", "--mode", "feedforward") as process:
+        port = port_in(process.stdout.readline())
+        with GcsClient(port) as client:
+            assert client.do("SVO 1 1") == 0
+            client.send(moves)
+            assert client.do("\x18") == 10
+            assert moved() < 150
+            before = moved()
+            client.send(moves)
+            eventually(lambda: moved() > before)
+        eventually(lambda: daemon.status()["lease"] is None, 10.0)
+        assert moved() < before + 150
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0
+    daemon.do("stop")
+
+
 def test_no_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a daemon the command ends with 69."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))

@@ -102,7 +102,8 @@ def test_missing_values_are_not_invented(controller: Controller, client: Dialogu
 
 def test_axis_without_a_range_has_no_limits(controller: Controller, client: Dialogue) -> None:
     """Without `command_range_um` the limits are not known."""
-    controller.stage.config = {"axes": {"x": {}, "y": {}}}
+    for axis in controller.stage.config["axes"].values():
+        del axis["command_range_um"]
 
     assert client.error_of("TMX? 1") == 34
 

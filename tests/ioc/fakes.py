@@ -16,6 +16,7 @@ class FakeMotor:
         fields: The fields that are numbers.
         done: The values of DMOV, as a monitor sees them.
         failed: Whether each movement that has ended has failed.
+        targets_when_done: VAL each time that DMOV rose.
     """
 
     def __init__(self) -> None:
@@ -25,6 +26,7 @@ class FakeMotor:
         }
         self.done: list[float] = []
         self.failed: list[bool] = []
+        self.targets_when_done: list[float] = []
 
     def get(self, field: str) -> float:
         return self.fields[field]
@@ -35,6 +37,7 @@ class FakeMotor:
             self.done.append(float(values["DMOV"]))
             if values["DMOV"]:
                 self.failed.append(failed)
+                self.targets_when_done.append(values.get("VAL", self.fields["VAL"]))
         self.fields.update(values)
 
     @contextmanager

@@ -2,13 +2,14 @@
 
 import pytest
 
-from piezod.client.limits import AxisLimits
+from piezod.client.facts import AxisFacts
+from piezod.errors import RefusedError
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import DOWN, FAULTY, OK, REFUSED, UNKNOWN, WARNING
 from piezod.messages.answers import Answer
 from tests.ioc.fakes import FakeMotor, axis
 
-LIMITS = AxisLimits(0.0, 20.0, 100.0)
+LIMITS = AxisFacts((0.0, 20.0), 100.0, tolerance_um=0.1, longest_move_s=0.375)
 
 
 @pytest.fixture
@@ -21,7 +22,7 @@ def record() -> FakeMotor:
 def motor(record: FakeMotor) -> AxisMotor:
     """Return an axis with a sensor that stays at 1 µm."""
     motor = AxisMotor(record, has_sensor=True)
-    motor.limit(LIMITS, 0.1)
+    motor.limit(LIMITS)
     motor.feed("RUN", axis(on_target=True))
     record.done.clear()
     record.failed.clear()
@@ -89,15 +90,99 @@ def test_refused_write_on_the_way_does_not_fail_the_movement(
     assert record.failed == [False, True]
 
 
-def test_stop_of_its_own_has_no_alarm(motor: AxisMotor, record: FakeMotor) -> None:
-    """A client that stops the axis knows that it has not arrived."""
+def stop(motor: AxisMotor, *, asked: bool = True) -> None:
+    """Stop a stage that still moves in the next interval."""
+    with motor.stopping(asked=asked):
+        motor.feed("RUN", axis(3.0, 5.0, motion=1))
+    motor.feed("RUN", axis(3.1, 5.0, motion=1))
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["HOLD is seen", "HOLD is between intervals"])
+@pytest.mark.parametrize("on_target", [True, False])
+def test_stop_ends_the_movement_where_it_is(
+    motor: AxisMotor, record: FakeMotor, held: bool, on_target: bool
+) -> None:
+    """VAL is RBV before DMOV rises, once; there is no alarm, and a tweak goes on from there."""
     motor.begin(5.0)
     motor.accepted(5.0, answer(1))
-    motor.stopped()
-    motor.feed("RUN", axis(3.0, 3.0, motion=2, on_target=True))
+    stop(motor)
+    if held:
+        motor.feed("HOLD", axis(3.2, None, motion=1))
+    motor.feed("RUN", axis(3.2, 3.25, command_um=3.25, motion=2, on_target=on_target))
+    motor.feed("RUN", axis(3.3, 3.25, command_um=3.25, motion=2, on_target=True))
+    record.fields["TWV"] = 1.0
 
-    assert record.alarm == OK
-    assert record.fields["VAL"] == 3.0
+    assert record.done == [0.0, 1.0]
+    assert record.targets_when_done == [3.2]
+    assert (record.fields["VAL"], record.alarm, record.failed) == (3.2, OK, [False])
+    assert motor.tweaked_um(1.0) == 4.2
+
+
+def test_stop_for_another_axis_fails_the_movement(motor: AxisMotor, record: FakeMotor) -> None:
+    """A stop holds the whole stage: who moves this axis learns that it has not arrived."""
+    motor.begin(5.0)
+    motor.accepted(5.0, answer(1))
+    stop(motor, asked=False)
+    motor.feed("RUN", axis(3.2, 3.25, command_um=3.25, motion=2))
+
+    assert (record.done, record.failed, record.alarm) == ([0.0, 1.0], [True], FAULTY)
+    assert record.fields["VAL"] == 3.2
+
+
+def test_stop_that_failed_ends_nothing(motor: AxisMotor, record: FakeMotor) -> None:
+    """The movement goes on to its target."""
+    motor.begin(5.0)
+    motor.accepted(5.0, answer(1))
+    with pytest.raises(RefusedError), motor.stopping(asked=True):
+        raise RefusedError("not allowed")
+    motor.feed("RUN", axis(3.0, 5.0, motion=1))
+    motor.feed("RUN", axis(5.0, 5.0, motion=1, on_target=True))
+
+    assert record.done == [0.0, 1.0]
+    assert record.fields["VAL"] == 5.0
+
+
+@pytest.mark.parametrize("state", ["HOLD", "FAULT", "RAMP"])
+def test_whatever_ends_a_movement_leaves_no_old_target(
+    motor: AxisMotor, record: FakeMotor, state: str
+) -> None:
+    """Neither VAL nor a tweak goes back to a target that was given up; resuming moves nothing."""
+    motor.begin(5.0)
+    motor.accepted(5.0, answer(1))
+    motor.feed("RUN", axis(3.0, 5.0, motion=1))
+    motor.feed(state, axis(3.2, None, motion=1))
+    ended = dict(record.fields)
+    motor.feed("RUN", axis(3.1, 3.25, command_um=3.25, motion=2))
+
+    assert (ended["VAL"], ended["DMOV"]) == (3.2, 1)
+    assert record.done == [0.0, 1.0]
+    assert record.targets_when_done == [3.2]
+
+
+def test_target_after_a_stop_is_a_movement(motor: AxisMotor, record: FakeMotor) -> None:
+    """One that is written while the stop waits for its answer shows as one movement with it."""
+    motor.begin(5.0)
+    motor.accepted(5.0, answer(1))
+    with motor.stopping(asked=True):
+        motor.begin(6.0)
+    motor.accepted(6.0, answer(3))
+    motor.feed("RUN", axis(3.2, 3.2, motion=2))
+    motor.feed("RUN", axis(3.2, 6.0, command_um=3.3, motion=3))
+    motor.feed("RUN", axis(6.0, 6.0, command_um=6.0, motion=3, on_target=True))
+
+    assert record.done == [0.0, 1.0]
+    assert (record.fields["VAL"], record.alarm) == (6.0, OK)
+
+
+@pytest.mark.parametrize("speed_um_per_s", [100.0, 10.0])
+def test_clients_formulas_give_a_movement_its_time(
+    motor: AxisMotor, record: FakeMotor, speed_um_per_s: float
+) -> None:
+    """The way over VELO, and ACCL, is no less than any movement takes."""
+    assert motor.take_speed(speed_um_per_s) == ""
+    for way_um in (0.1, 1.0, 10.0, 20.0):
+        takes_s = 1.875 * way_um / speed_um_per_s
+        assert way_um / speed_um_per_s + record.fields["ACCL"] >= takes_s
 
 
 def test_refusal_of_the_daemon_restores_the_target(motor: AxisMotor, record: FakeMotor) -> None:
@@ -115,9 +200,9 @@ def test_limits(motor: AxisMotor, record: FakeMotor) -> None:
     assert motor.why_not(20.0) == ""
     assert "allowed range 0 to 20 um" in motor.why_not(20.5)
     assert motor.why_not(float("nan"))
-    assert motor.why_not_speed(100.0) == ""
-    assert "at most 100" in motor.why_not_speed(101.0)
-    assert motor.why_not_speed(0.0)
+    assert motor.take_speed(100.0) == ""
+    assert "at most 100" in motor.take_speed(101.0)
+    assert motor.take_speed(0.0)
 
     motor.refused()
     assert (record.fields["LVIO"], record.alarm) == (1, REFUSED)
@@ -127,9 +212,9 @@ def test_limits(motor: AxisMotor, record: FakeMotor) -> None:
 def test_speed_follows_a_lower_limit(motor: AxisMotor, record: FakeMotor) -> None:
     """A speed above the new limit becomes the limit; a lower one stays."""
     record.fields["VELO"] = 50.0
-    motor.limit(AxisLimits(0.0, 20.0, 80.0), 0.1)
+    motor.limit(AxisFacts((0.0, 20.0), 80.0))
     kept = record.fields["VELO"]
-    motor.limit(AxisLimits(0.0, 20.0, 40.0), 0.1)
+    motor.limit(AxisFacts((0.0, 20.0), 40.0))
 
     assert (kept, record.fields["VELO"]) == (50.0, 40.0)
 

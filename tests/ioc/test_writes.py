@@ -6,12 +6,15 @@ from typing import Any
 
 import pytest
 
-from piezod.client.limits import AxisLimits
+from piezod.client.facts import AxisFacts
+from piezod.client.mirror import StageMirror
+from piezod.client.mover import StageMover
+from piezod.config.waveforms.swings import SWINGS
 from piezod.errors import RefusedError
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import OK, REFUSED
 from piezod.ioc.records import Names
-from piezod.ioc.table import AXIS, STAGE
+from piezod.ioc.table import AXIS, STAGE, WAVES, Kind, Record
 from piezod.ioc.writes import Writes
 from tests.gcs.fake_stage import FakeLink, FakeStage
 from tests.ioc.fakes import FakeMotor, FakeRecords, axis
@@ -27,7 +30,7 @@ class Bench:
         self.motors = {name: AxisMotor(raw, has_sensor=True) for name, raw in self.raw.items()}
         self.reports: list[str] = []
         for motor in self.motors.values():
-            motor.limit(AxisLimits(0.0, 20.0, 100.0), 0.1)
+            motor.limit(AxisFacts((0.0, 20.0), 100.0))
             motor.feed("RUN", axis(on_target=True))
         for name, record in self.names.all():
             if record.kind.is_set:
@@ -36,8 +39,9 @@ class Bench:
         self.writes = self._runner.run(self._made())
 
     async def _made(self) -> Writes:
-        link = FakeLink(self.stage, "ioc")
-        return Writes(link, self.names, self.records, self.motors, self.reports.append)
+        self.mirror = StageMirror(FakeLink(self.stage, "ioc"))
+        mover, report = StageMover(self.mirror.link), self.reports.append
+        return Writes(self.mirror, mover, self.names, self.records, self.motors, report)
 
     def run(self, work: Coroutine[Any, Any, bool]) -> bool:
         """Carry out a write."""
@@ -110,19 +114,40 @@ def test_refusal_of_the_daemon_gives_the_target_back(bench: Bench) -> None:
 
 def test_stop_holds_and_resumes(bench: Bench) -> None:
     """The stage can move again after a stop; one that was not in RUN stays as it is."""
-    bench.stage.state = "RUN"
+    bench.stage.state = bench.mirror.state = "RUN"
     bench.put("x", "STOP", 1.0)
     running = bench.stage.paths()
-    bench.motors["x"].feed("HOLD", axis())
+    bench.mirror.state = "HOLD"
     bench.put("x", "STOP", 1.0)
 
     assert running == ["hold", "resume"]
     assert bench.stage.paths() == ["hold", "resume", "hold"]
 
 
+def test_stop_drops_targets_that_have_not_begun(bench: Bench) -> None:
+    """Neither a dropped target nor the one before it is left in VAL; DMOV rises once."""
+    bench.stage.state = bench.mirror.state = "RUN"
+    motor, raw = bench.motors["x"], bench.raw["x"]
+    assert bench.put("x", "VAL", 5.0)
+    held = bench.stage.held["goto"] = asyncio.Event()
+    assert bench.put("x", "VAL", 6.0)
+    assert bench.put("x", "VAL", 7.0)
+    assert bench.put("x", "STOP", 1.0)
+    held.set()
+    for _ in range(5):
+        bench.put("x", "TWF", 0.0)  # meanwhile the daemon answers
+    motor.feed("HOLD", axis(3.0, None, motion=2))
+
+    assert [each["position_um"] for each in bench.stage.do("goto")] == [5.0, 6.0]
+    assert bench.stage.paths()[-1] == "resume"
+    assert (raw.fields["VAL"], raw.alarm.severity) == (3.0, 1)
+    assert raw.done == [0.0, 1.0]
+    assert bench.reports == []
+
+
 def test_stop_of_a_disarmed_stage_is_no_error(bench: Bench) -> None:
     """Nothing is driven, and nothing is reported."""
-    bench.motors["x"].feed("SAFE", axis())
+    bench.mirror.state = "SAFE"
 
     assert bench.put("x", "STOP", 1.0)
     assert bench.reports == []
@@ -165,9 +190,57 @@ def test_waveform_of_the_settings(bench: Bench) -> None:
     assert "WAVE:TABLE is empty" in bench.reports[-1]
 
 
+@pytest.mark.parametrize("kind", SWINGS)
+def test_swing_of_the_settings(bench: Bench, kind: str) -> None:
+    """Each kind of swing has its numbers from the settings, which begin with values that fit."""
+    bench.records.settings["p:x:WAVE:KIND"] = WAVES.index(kind)
+    bench.run(bench.writes.do("x", "WAVE:START", 1))
+    (body,) = bench.stage.do("wave")
+
+    assert body["command_um"]["x"].items() >= {"kind": kind, "low": 0.0, "high": 1.0}.items()
+    numbers = {each.key: each.start for each in SWINGS[kind]}
+    assert body["command_um"]["x"].items() >= numbers.items()
+
+
 def test_refused_command_is_reported(bench: Bench) -> None:
     """The message names the record, and has the reason of the daemon."""
     bench.stage.errors["arm"] = RefusedError("there are faults", "reset", "refused")
 
     assert not bench.run(bench.writes.do("", "ARM", 1))
     assert bench.records.readings["p:MESSAGE"].value == "ARM: there are faults; reset"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("VAL", float("nan")),
+        ("VAL", 1e306),
+        ("TWV", float("inf")),
+        ("TWV", -1e6),
+        ("VELO", float("nan")),
+        ("SPMG", 4.0),
+        ("SPMG", -1.0),
+        ("STOP", 7.0),
+        ("TWF", -1.0),
+    ],
+)
+def test_what_no_axis_has_is_refused(bench: Bench, field: str, value: float) -> None:
+    """Each field of a motor record that clients write has a range, a menu, or is a button."""
+    assert not bench.put("x", field, value)
+    assert bench.stage.requests == []
+    assert "allowed range" in bench.reports[0]
+
+
+@pytest.mark.parametrize("record", [each for each in (*STAGE, *AXIS) if each.kind.is_set])
+def test_each_record_that_clients_write_refuses_what_it_cannot_be(record: Record) -> None:
+    """What is not finite, no choice, beyond the range or too long; texts are cut by EPICS."""
+    if record.kind is Kind.SET_TEXT:
+        return
+    table = record.kind is Kind.SET_ARRAY
+    good, *wrong = [record.start or 1, float("nan"), float("inf"), -1e7, 1e7, 1e306]
+    if record.kind in {Kind.SET_CHOICE, Kind.COMMAND}:
+        wrong += [-1, len(record.choices) or 2]
+    assert record.why_not([good] * record.length if table else good) == ""
+    for value in wrong:
+        assert record.why_not([good, value] if table else value), value
+    assert not table or record.why_not([good] * (record.length + 1))

@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.liars.cases import CASES
 from tests.liars.config import identified
 from tests.liars.lies import LIES
-from tests.liars.table import Result, run_lie, table
+from tests.liars.table import Result, run_lie, summary, table
 
 
 def main() -> int:
@@ -35,7 +35,7 @@ def main() -> int:
             for i, lie in enumerate(chosen.lie or LIES)
         ]
         results = [result for run in runs for result in run.result()]
-    text = table(results)
+    text = f"{table(results)}\n\n{summary(results)}"
     (chosen.out / "table.md").write_text(f"{text}\n", encoding="utf-8")
     (chosen.out / "broken.txt").write_text("".join(map(_broken, results)), encoding="utf-8")
     print(text)

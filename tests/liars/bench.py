@@ -18,7 +18,7 @@ from tests.daemon.daemons import Daemon, is_alive
 from tests.daemon.waiting import eventually
 from tests.forked import STARTS_RESCUER, Forked
 from tests.liars.config import SAFE_V, TOLERANCE_V, configured
-from tests.liars.process import AmplifierProcess
+from tests.liars.process import AmplifierProcess, Speaks
 
 POLL_S: Final = 0.06
 HOME_WITHIN_S: Final = 60.0
@@ -36,15 +36,16 @@ class Bench:
     Args:
         folder: A folder of its own.
         model: The model of the stage.
+        speaks: How the amplifier speaks.
 
     Attributes:
         told: What the daemon has told since the lie began: ids of faults, states, refusals.
     """
 
-    def __init__(self, folder: Path, model: Path) -> None:
+    def __init__(self, folder: Path, model: Path, speaks: Speaks) -> None:
         folder.mkdir(parents=True)
-        self.folder, self.amplifier = folder, AmplifierProcess(folder)
-        self.config = configured(folder, self.amplifier.port, model)
+        self.folder, self.amplifier = folder, AmplifierProcess(folder, speaks)
+        self.config = configured(folder, self.amplifier.port, model, speaks)
         self._daemon: Daemon | None = None
         self.told = set[str]()
         self.logs = ""
@@ -111,6 +112,12 @@ class Bench:
         """Wait until the output is above a voltage."""
         eventually(lambda: self.amplifier.output_v() > above_v, 12.0)
 
+    def traced(self, kind: str) -> bool:
+        """Return whether the trace has a line of a kind since the lie before this one ended."""
+        rows = self.amplifier.rows()
+        ends = (i for i in reversed(range(len(rows))) if rows[i].text == "honest")
+        return any(row.kind == kind for row in rows[next(ends, 0) :])
+
     # ------------------------------------------------------------------ before and after
 
     def at_rest(self) -> None:
@@ -165,8 +172,8 @@ class Bench:
     def reckons_with_ms(self) -> float:
         """Return the round trip that a thread of the loop reckons with, in ms; 0 without one."""
         (device,) = self.daemon.status()["devices"]
-        in_cycle = device["placement"] == DevicePlace.CYCLE
-        return 0.0 if in_cycle else float(device["round_trip_us"]["p99"]) / 1e3
+        in_thread = device["placement"] == DevicePlace.WORKER
+        return float(device["round_trip_us"]["p99"]) / 1e3 if in_thread else 0.0
 
     def state(self) -> str:
         """Return state and output, for people."""
@@ -202,6 +209,15 @@ class Bench:
                 os.kill(pid, signal.SIGKILL)
         daemon.process.wait(60)
         eventually(lambda: not (pid and is_alive(pid)))
+
+    def kill_beside(self) -> None:
+        """Kill what runs beside, and the process that would bring its axis back."""
+        assert self._beside is not None
+        children = Path(f"/proc/{self._beside.pid}/task/{self._beside.pid}/children").read_text()
+        for pid in (*map(int, children.split()), self._beside.pid):
+            os.kill(pid, signal.SIGKILL)
+        self._beside.wait(60)
+        self._beside = None
 
     def beside(self, *arguments: str) -> None:
         """Run `piezod` beside; `home` waits for its end."""

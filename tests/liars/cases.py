@@ -2,10 +2,12 @@
 
 import time
 from collections.abc import Callable
+from math import pi, sin
 from typing import Final, NamedTuple
 
 from tests.daemon.waiting import eventually
 from tests.liars.bench import Bench
+from tests.liars.process import Speaks
 
 LASTS_S: Final = 4.5
 """Longer than the HOLD before a ramp, and some of the ramp."""
@@ -14,6 +16,12 @@ LONG_S: Final = 38.0
 KNOB_V: Final = 40.0
 WAVE: Final = {"kind": "sine", "low": 1.0, "high": 16.0, "frequency_hz": 0.4}
 IDENT: Final = {"kind": "sine", "low": 0.0, "high": 80.0, "frequency_hz": 0.4}
+INTERVAL_S: Final = 0.005
+POINTS: Final = 400
+TABLE: Final = [50.0 + 30.0 * sin(2.0 * pi * i / POINTS) for i in range(POINTS)]
+"""One period of a table, in V: at most 94 V/s."""
+ENDS_S: Final = 0.4
+"""Time before the end of a play, in s."""
 
 
 class Case(NamedTuple):
@@ -23,11 +31,13 @@ class Case(NamedTuple):
         prepare: Brings an honest stage to where the lie begins.
         act: What a person does just after the lie has begun.
         lasts_s: How long the lie lasts, in s.
+        speaks: How the amplifier speaks: a play needs one that plays tables.
     """
 
     prepare: Callable[[Bench], None]
     act: Callable[[Bench], None]
     lasts_s: float = LASTS_S
+    speaks: Speaks = "lines"
 
 
 def _nothing(_bench: Bench) -> None:
@@ -122,10 +132,63 @@ def _kill_all_and_restart(bench: Bench) -> None:
     _arm_and_go(bench)
 
 
+def _kill_all_and_commission(bench: Bench) -> None:
+    bench.kill_all()
+    bench.beside("commission", "--yes", str(bench.config))
+
+
+def _kill_commission_and_safe(bench: Bench) -> None:
+    bench.kill_beside()
+    bench.beside("safe", str(bench.config))
+
+
+def _kill_commission_and_repeat(bench: Bench) -> None:
+    bench.kill_beside()
+    bench.beside("commission", "--yes", str(bench.config))
+
+
+def _kill_commission_and_arm(bench: Bench) -> None:
+    bench.kill_beside()
+    bench.start()
+    bench.until(lambda status: status.get("state") in {"SAFE", "FAULT"}, 60.0)
+    _arm_and_go(bench)
+
+
 def _commissioning(bench: Bench) -> None:
     bench.shut_down()
-    bench.beside("commission", "--yes", str(bench.config))
+    # A person has seen the honest output; the case before may have left it unlike its last write.
+    bench.beside("commission", "--yes", "--confirm-output", str(bench.config))
     bench.driven(10.0)
+
+
+def _play(bench: Bench, periods: int = 5) -> None:
+    """Let it play some periods, each of 2 s."""
+    bench.ask("play", drive_v=TABLE, interval_s=INTERVAL_S, cycles=periods)
+
+
+def _go_on_by_play(bench: Bench) -> None:
+    bench.rest(0.3)
+    _play(bench)
+
+
+def _loading(bench: Bench) -> None:
+    """Begin to load a table of 200 messages."""
+    bench.armed()
+    bench.ask("play", drive_v=TABLE * 10, interval_s=INTERVAL_S, cycles=1)
+    eventually(lambda: bench.traced("load"), 12.0)
+
+
+def _playing(bench: Bench) -> None:
+    bench.armed()
+    _play(bench)
+    bench.driven(60.0)
+
+
+def _ending(bench: Bench) -> None:
+    bench.armed()
+    _play(bench, 1)
+    eventually(lambda: bench.traced("start"), 12.0)
+    bench.rest(POINTS * INTERVAL_S - ENDS_S)
 
 
 def _interrupt(bench: Bench) -> None:
@@ -152,7 +215,21 @@ CASES: Final = {
     "kill -9 of the loop": Case(_there, _kill_loop),
     "kill -9 of all, safe": Case(_there, _kill_all_and_safe),
     "kill -9 of all, run, arm": Case(_there, _kill_all_and_restart),
+    "kill -9 of all, commission": Case(_there, _kill_all_and_commission),
+    "kill -9 of commission, safe": Case(_commissioning, _kill_commission_and_safe),
+    "kill -9 of commission, commission": Case(_commissioning, _kill_commission_and_repeat),
+    "kill -9 of commission, run, arm": Case(_commissioning, _kill_commission_and_arm),
     "commission": Case(_commissioning, _nothing),
     "commission, Ctrl-C": Case(_commissioning, _interrupt),
+    "READY, play": Case(_ready, _go_on_by_play, speaks="gcs"),
+    "play, as it is loaded": Case(_loading, _nothing, speaks="gcs"),
+    "play": Case(_playing, _nothing, speaks="gcs"),
+    "play, its end": Case(_ending, _nothing, speaks="gcs"),
+    "play, stop": Case(_playing, _asks("stop"), speaks="gcs"),
+    "play, hold": Case(_playing, _asks("hold"), speaks="gcs"),
+    "play, estop": Case(_playing, _asks("estop"), speaks="gcs"),
+    "play, kill -9 of the loop": Case(_playing, _kill_loop, speaks="gcs"),
+    "play, kill -9 of all, safe": Case(_playing, _kill_all_and_safe, speaks="gcs"),
+    "play, kill -9 of all, run, arm": Case(_playing, _kill_all_and_restart, speaks="gcs"),
 }
 """By name."""

@@ -5,11 +5,16 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 
 class Row(NamedTuple):
-    """A line of the amplifier's trace; voltages in V, `text` of a refused write is its voltage."""
+    """A line of the amplifier's trace; voltages in V, `text` of a refused write is its voltage.
+
+    Kinds: `opened` by a process, `sense` by the sensor, `read` back, `write`, `refused`, `load` of
+    a table, `start` of a play, which is its first point, `play` of each other point, `end` of a
+    play by itself, `late` for a write that takes effect, `own` for a step by itself, and `mark`.
+    """
 
     t_s: float
     kind: str
@@ -17,7 +22,12 @@ class Row(NamedTuple):
     before_v: float
     after_v: float
     shown_v: float
+    position_um: float
     text: str
+
+
+Speaks = Literal["lines", "gcs"]
+"""How the amplifier speaks: in lines, or in GCS 2, which can play tables."""
 
 
 class AmplifierProcess:
@@ -25,16 +35,17 @@ class AmplifierProcess:
 
     Args:
         folder: Its folder.
+        speaks: How it speaks.
 
     Attributes:
         port: The serial port that it serves.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, speaks: Speaks = "lines") -> None:
         self.port, self._trace = folder / "port", folder / "trace.csv"
-        command = (sys.executable, "-m", "tests.liars.amplifier", str(self.port), str(self._trace))
+        command = (sys.executable, "-m", "tests.liars.serve", str(self.port), str(self._trace))
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+            (*command, speaks), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
         self._answered()
 
@@ -71,6 +82,6 @@ class AmplifierProcess:
 
 def _row(line: list[str]) -> Row:
     """Read a line of the trace."""
-    t_s, kind, written_v, before_v, after_v, shown_v, text = line
-    volts = (float(written_v), float(before_v), float(after_v), float(shown_v))
-    return Row(float(t_s), kind, *volts, text)
+    t_s, kind, *numbers, text = line
+    written_v, before_v, after_v, shown_v, position_um = map(float, numbers)
+    return Row(float(t_s), kind, written_v, before_v, after_v, shown_v, position_um, text)

@@ -7,16 +7,32 @@ from typing import Final, NamedTuple
 
 from tests.liars.bench import Bench
 from tests.liars.cases import CASES
-from tests.liars.judge import PERIOD_S, Step, is_visible, largest_by_itself_v, steps_of
+from tests.liars.judge import (
+    PERIOD_S,
+    Step,
+    fast_points,
+    is_visible,
+    largest_by_itself_v,
+    steps_of,
+)
 
 HEADING: Final = (
     "lie",
     "state or verb",
     "largest step by piezod (V)",
     "allowed (V)",
+    "no witness (V)",
     "largest step of the amplifier by itself (V)",
     "told",
     "end",
+)
+SUMMARY: Final = (
+    "lie",
+    "largest step by piezod within its bound (V)",
+    "beyond it (cases)",
+    "beyond it without a witness (cases)",
+    "the largest of these (V)",
+    "largest step of the amplifier by itself (V)",
 )
 
 TRIES: Final = 4
@@ -28,8 +44,10 @@ class Result(NamedTuple):
     Attributes:
         lie: Its lie.
         case: Its state or verb.
-        worst: The write that was farthest from the voltage on the stage; None if nothing was
-            written.
+        worst: The write that was farthest from the voltage on the stage, of those within their
+            bound, or with a witness; None if nothing was written.
+        unseen_v: Largest distance of a write beyond its bound that no witness could tell, in V; 0
+            if there was none.
         itself_v: Largest step of the amplifier by itself, in V.
         told: What the daemon has told while the lie lasted.
         end: Where it ended.
@@ -40,6 +58,7 @@ class Result(NamedTuple):
     lie: str
     case: str
     worst: Step | None
+    unseen_v: float
     itself_v: float
     told: Sequence[str]
     end: str
@@ -50,9 +69,9 @@ class Result(NamedTuple):
         """Return its line of the table."""
         step_v = f"{self.worst.distance_v:.2f}" if self.worst else "none"
         allowed_v = f"{self.worst.allowed_v:.2f}" if self.worst else ""
-        itself_v = f"{self.itself_v:.2f}"
+        unseen_v, itself_v = f"{self.unseen_v:.2f}" if self.unseen_v else "", f"{self.itself_v:.2f}"
         told = " ".join(self.told) or "nothing"
-        return self.lie, self.case, step_v, allowed_v, itself_v, told, self.end
+        return self.lie, self.case, step_v, allowed_v, unseen_v, itself_v, told, self.end
 
 
 def run_case(bench: Bench, lie: str, case: str) -> Result:
@@ -72,23 +91,26 @@ def run_case(bench: Bench, lie: str, case: str) -> Result:
     bench.amplifier.tell("honest")
     end = bench.home()
     rows = bench.amplifier.rows()
-    # A read-back before the lie tells where the output was when it began.
-    before = [row for row in rows[:first] if row.kind in {"read", "write"}][-3:]
-    steps = [
-        step
-        for step in steps_of([*before, *rows[first:]], PERIOD_S / 2 if thread_ms else 0.0)
-        if step.t_s > rows[first].t_s
-    ]
+    judged = steps_of(rows, PERIOD_S / 2 if thread_ms else 0.0)
+    steps = [step for step in judged if step.t_s > rows[first].t_s]
+    unseen_v = max((each.distance_v for each in steps if _is_unseen(each)), default=0.0)
+    steps = [step for step in steps if not _is_unseen(step)]
     later = [row for row in rows[lied:] if row.kind == "write"]  # it was driven until then
     untold = ran and not told and is_visible([*rows[first:lied], *later])
-    worst = max(steps, key=lambda step: step.distance_v, default=None)
+    worst = max(steps, key=lambda step: (step.is_far, step.distance_v), default=None)
     broken = [
         *_far(steps, thread_ms),
+        *fast_points(rows[first:])[:5],
         *(["not told"] if untold else []),
         *([end] if "NOT HOME" in end else []),
     ]
     itself_v = largest_by_itself_v(rows[first:])
-    return Result(lie, case, worst, itself_v, told, end, broken, bench.take_log())
+    return Result(lie, case, worst, unseen_v, itself_v, told, end, broken, bench.take_log())
+
+
+def _is_unseen(step: Step) -> bool:
+    """Return whether a write was too far, and nothing could tell that."""
+    return step.is_far and not step.has_witness
 
 
 def _prepare(bench: Bench, prepare: Callable[[Bench], None]) -> None:
@@ -116,18 +138,19 @@ def _far(steps: Sequence[Step], thread_ms: float) -> list[str]:
 
 
 def run_lie(folder: Path, model: Path, lie: str, cases: Sequence[str]) -> list[Result]:
-    """Run cases of a lie with one amplifier; a case that fails has a new one after it."""
+    """Run cases of a lie with an amplifier; a case that fails, or needs another, has a new one."""
     results, left = list[Result](), list(cases)
     while left:
-        with Bench(folder / f"{len(left)}", model) as bench:
-            while left:
+        speaks = CASES[left[0]].speaks
+        with Bench(folder / f"{len(left)}", model, speaks) as bench:
+            while left and CASES[left[0]].speaks == speaks:
                 case = left.pop(0)
                 try:
                     results.append(run_case(bench, lie, case))
                 except Exception as error:  # noqa: BLE001 - the other cases are to run
                     what = f"the case failed: {type(error).__name__}: {error}"
                     log = bench.take_log()
-                    results.append(Result(lie, case, None, 0.0, (), "", (what,), log))
+                    results.append(Result(lie, case, None, 0.0, 0.0, (), "", (what,), log))
                 print(" | ".join(results[-1].cells()), *results[-1].broken, sep="\n   ", flush=True)
                 if not results[-1].end.startswith("SAFE"):
                     break
@@ -136,7 +159,29 @@ def run_lie(folder: Path, model: Path, lie: str, cases: Sequence[str]) -> list[R
 
 def table(results: Sequence[Result]) -> str:
     """Return the table, in Markdown."""
-    lines = [HEADING, ("---",) * len(HEADING), *(each.cells() for each in results)]
+    return _markdown(HEADING, [each.cells() for each in results])
+
+
+def summary(results: Sequence[Result]) -> str:
+    """Return a table with a line for each lie, in Markdown."""
+    return _markdown(SUMMARY, [_sum(lie, results) for lie in dict.fromkeys(r.lie for r in results)])
+
+
+def _sum(lie: str, results: Sequence[Result]) -> Sequence[str]:
+    """Return the line of a lie in the summary."""
+    those = [each for each in results if each.lie == lie]
+    steps = [each.worst for each in those if each.worst]
+    within_v = max((step.distance_v for step in steps if not step.is_far), default=0.0)
+    n_far, n_unseen = sum(step.is_far for step in steps), sum(each.unseen_v > 0 for each in those)
+    unseen_v, itself_v = (
+        f"{max(getattr(each, name) for each in those):.2f}" for name in ("unseen_v", "itself_v")
+    )
+    of = f"of {len(those)}"
+    return lie, f"{within_v:.2f}", f"{n_far} {of}", f"{n_unseen} {of}", unseen_v, itself_v
+
+
+def _markdown(heading: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    lines = [heading, ("---",) * len(heading), *lines]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 

@@ -95,7 +95,7 @@ def two_axes(result: ExperimentResult) -> ExperimentResult:
 
 def _simulated(recording: Recording) -> Recording:
     """Return a recording of a simulated stage: a quarter of its error is noise."""
-    true_um = recording.command_um + 0.75 * recording.error_um
+    true_um = recording.command_um - 0.75 * recording.error_um
     noise_um = 0.02 * np.sin(97.0 * np.arange(true_um.size))
     measured = recording.metrics
     metrics = {

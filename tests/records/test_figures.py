@@ -20,7 +20,8 @@ from piezod.records.figures import (
     remaining_figure,
     save_png,
 )
-from piezod.records.figures.style import house_style
+from piezod.records.figures.play import PlayedErrors, play_figure
+from piezod.records.figures.style import ERROR_LABEL, house_style
 from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.reference import Reference
 
@@ -58,7 +59,7 @@ def test_run_has_the_panels_of_the_paper_and_two_more(run: Figure) -> None:
         "(a) Voltage": ("", "voltage (V)"),
         "(b) Displacement": ("", "displacement (µm)"),
         "(c) Loop": ("uncompensated voltage (V)", "measured displacement (µm)"),
-        "(d) Error: measured minus command": ("time (s)", "error (µm)"),
+        "(d) Error": ("time (s)", ERROR_LABEL),
         "(e) Parameters": ("time (s)", "weight"),
     }
 
@@ -95,12 +96,21 @@ def test_true_error_is_drawn_on_top_of_the_measured_one(
     known = simulated.recordings[2]
     panel = _panel(true_run, "(d)")
     lines = _lines(panel)
-
-    assert panel.get_title(loc="left") == "(d) Error"
     assert _xy(lines["measured"]) == (known.t_s.tolist(), known.error_um.tolist())
     assert _xy(lines["true"]) == (known.t_s.tolist(), known.true_error_um.tolist())
     assert lines["true"].get_color() != lines["measured"].get_color()
     assert "true" not in _lines(_panel(run, "(d)"))
+
+
+def test_stage_below_its_command_has_a_positive_error(recording: Recording) -> None:
+    """An experiment and a played waveform have the sign that the status has."""
+    below = replace(recording, position_um=recording.command_um - 1.0)
+    played = PlayedErrors("pass 1", np.full(8, 1.0), (1.0, 1.0), (np.nan, np.nan))
+    motion = play_figure("", 0.1, np.zeros(8), [played], (0,), {})
+    for figure, panel in ((mode_figure(below), "(d)"), (case_figure([below]), "(b)")):
+        assert np.allclose(_xy(_panel(figure, panel).lines[0])[1], 1.0)
+    for panel, drawn_um in (("(a)", -1.0), ("(b)", 1.0)):
+        assert set(_xy(_panel(motion, panel).lines[0])[1]) == {drawn_um}
 
 
 def test_true_error_is_explained_where_every_sample_counts(simulated: ExperimentResult) -> None:
@@ -141,7 +151,7 @@ def test_what_a_published_figure_lacks_is_a_figure_of_its_own(
     figure = remaining_figure(recording)
 
     titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles == ["(d) Error: measured minus command", "(e) Parameters"]
+    assert titles == ["(d) Error", "(e) Parameters"]
     assert _xy(_panel(figure, "(d)").lines[0])[1] == recording.error_um.tolist()
     assert figure.get_suptitle() == run.get_suptitle()
 

@@ -108,7 +108,7 @@ def test_range_counts_the_samples_of_the_metrics_only(recording: Recording) -> N
 def test_truth_is_known_or_not(recording: Recording, simulated: ExperimentResult) -> None:
     """The true error is true minus commanded; one known sample suffices."""
     known = simulated.recordings[2]
-    assert np.array_equal(known.true_error_um, known.true_um - known.command_um)
+    assert np.array_equal(known.true_error_um, known.command_um - known.true_um)
 
     once = np.full(400, np.nan)
     once[7] = 1.0
@@ -118,8 +118,8 @@ def test_truth_is_known_or_not(recording: Recording, simulated: ExperimentResult
 
 
 def test_derived_columns(recording: Recording, identification: Identification) -> None:
-    """Error is measured minus commanded, residual is predicted minus applied."""
-    assert np.array_equal(recording.error_um, recording.position_um - recording.command_um)
+    """Error is commanded minus measured, residual is predicted minus applied."""
+    assert np.array_equal(recording.error_um, recording.command_um - recording.position_um)
     assert np.array_equal(
         identification.residual_v, identification.predicted_v - identification.drive_v
     )

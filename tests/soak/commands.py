@@ -4,6 +4,7 @@ import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from functools import partial
+from math import pi, sin
 from random import Random
 from typing import Final
 
@@ -26,6 +27,7 @@ RECOVERS_S: Final = 600.0
 """A stage can be armed again after this time without a disturbance, in s: a sensor with the wrong
 sign lets it creep so far that S9 lasts for minutes at rest."""
 LOOKS_S: Final = 60.0
+PLAY_INTERVAL_S: Final = 0.02
 MODE: Final = "adaptive"
 OTHER_MODES: Final = ("feedforward", "trimmed", "uncompensated")
 
@@ -71,6 +73,7 @@ class Commands:
             self._condition: 0.5,
             self._zero: 0.3,
             self._identify: 0.3,
+            self._play: 0.7,
             self._parameters: 0.5,
             self._stream: 0.7,
             self._nonsense: 0.5,
@@ -84,6 +87,7 @@ class Commands:
         }
         self._around = (
             *(self._goto, self._wave, self._stream, self._other_mode, self._hold, self._stop),
+            *(self._play, self._play_and_kill),
             *(self._estop, self._condition, self._identify, self._rest_safe, self._safe_to_ready),
             *(self._stall, self._restart, self._kill),
         )
@@ -272,6 +276,36 @@ class Commands:
         await self._stage.identify({"x": wave}, 20.0)
         await self._ready_again()
 
+    async def _play(self) -> None:
+        """Play a table to its end, or stop it."""
+        duration_s = await self._begin_play()
+        if self._draw.random() < 0.5:
+            await self._ready_again()
+            return
+        await asyncio.sleep(self._draw.uniform(0.0, duration_s))
+        if self._draw.random() < 0.5:
+            await self._draw.choice((self._stop, self._estop))()
+        else:
+            self._observer.asked(State.HOLD)
+            await self._stage.hold()
+
+    async def _play_and_kill(self) -> None:
+        """Kill the loop while the device plays on."""
+        await asyncio.sleep(self._draw.uniform(0.0, await self._begin_play()))
+        await self._kill_now()
+
+    async def _begin_play(self) -> float:
+        """Begin a play; return its duration, in s. What it has done to the memory is not known."""
+        await self._safe_to_ready()
+        middle_v, swing_v = self._draw.uniform(30.0, 110.0), self._draw.uniform(5.0, 30.0)
+        points, cycles = self._draw.randrange(100, 500), self._draw.randrange(1, 6)
+        table_v = [middle_v + swing_v * sin(2.0 * pi * i / points) for i in range(points)]
+        duration_s = points * cycles * PLAY_INTERVAL_S
+        self._observer.asked(Fault.D10, within_s=duration_s + 60.0)
+        await self._stage.play(table_v, interval_s=PLAY_INTERVAL_S, cycles=cycles)
+        self._unknown = True
+        return duration_s
+
     async def _safe_to_ready(self) -> None:
         await self._stop()
         await asyncio.sleep(5.0)
@@ -322,11 +356,12 @@ class Commands:
         rig = self._machine.rig
         await self._until_ns(rig.ends_ns(lies=True))
         kind, value = self._draw.choice(OUTPUT_FAULTS)
-        delay_s, duration_s = self._draw.uniform(0.0, 6.0), self._draw.choice(LASTS_S)
+        act, duration_s = self._draw.choice(self._around), self._draw.choice(LASTS_S)
+        plays = act in {self._play, self._play_and_kill}  # which begin in SAFE
+        delay_s = self._draw.uniform(0.0, 25.0 if plays else 6.0)
         start_ns = self._machine.clock.t_ns + s_to_ns(delay_s)
         rig.output.faults.append(OutputFault(kind, start_ns, start_ns + s_to_ns(duration_s), value))
         self._disturb(delay_s + duration_s)
-        act = self._draw.choice(self._around)
         self._observer.output_faults += 1
         self.done.update((f"fault: {kind}", f"{act.__name__} with a fault of the output"))
         try:
@@ -386,6 +421,9 @@ class Commands:
     async def _kill(self) -> None:
         await self._begin_wave()
         await asyncio.sleep(self._draw.uniform(0.0, 20.0))
+        await self._kill_now()
+
+    async def _kill_now(self) -> None:
         self._disturb(5.0)
         loop = self._machine.loop
         assert loop is not None

@@ -10,8 +10,10 @@ import gc
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from functools import partial
+from math import inf
 from os import getpid
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TextIO, TypeVar
 from unittest.mock import patch
 
@@ -27,10 +29,11 @@ from piezod.daemon.logging import EventRateLimit
 from piezod.daemon.loop.accept import load
 from piezod.daemon.loop.loop import Loop
 from piezod.daemon.loop.pacer import Pacer
+from piezod.daemon.loop.play_thread import play_threads
 from piezod.daemon.loop.process import take_over
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
-from piezod.daemon.paths import StagePaths, stage_paths
+from piezod.daemon.paths import PLAYED, StagePaths, stage_paths
 from piezod.daemon.safe.ramp_down import Noted, ramp_down
 from piezod.daemon.safe.rescue import note_outcomes
 from piezod.daemon.service.app import create_app
@@ -49,6 +52,7 @@ from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 from tests.daemon.fake_rescuer import FakeRescuer
+from tests.soak.lock_step import LockStep, SteppedPlay
 from tests.soak.rig import CheckedRig
 from tests.soak.virtual_time import AtOnce, VirtualClock, run_virtually
 
@@ -75,6 +79,9 @@ class Machine:
         self.paths: StagePaths = stage_paths(source, environ)
         self.config: DaemonConfig = load(source)
         self.clock, self.rig = VirtualClock(), CheckedRig(self.config, seed)
+        self.steps = LockStep(self.clock)
+        """The thread of the play."""
+        self.rig.pause = self.steps.sleep
         self.loop: VirtualRun | None = None
         """The loop of the running daemon; None without one."""
         self.stall_ns = 0
@@ -94,6 +101,8 @@ class Machine:
             f"{supervisor}.Heartbeat": _VirtualHeartbeat,
             f"{supervisor}.create_app": partial(create_app, now_s=now_s),
             f"{run}.LoopRun": partial(VirtualRun, self),
+            "piezod.daemon.loop.play_thread._PlayThread": partial(SteppedPlay, self.steps),
+            "piezod.daemon.loop.play_thread.time": SimpleNamespace(sleep=self.steps.sleep),
             "piezod.daemon.logging.EventRateLimit": VirtualRateLimit,
             "piezod.daemon.service.roles.ThreadPoolExecutor": AtOnce,
             "piezod.daemon.safe.ramp_down.construct": lambda *_: {"rig": self.rig},
@@ -139,9 +148,13 @@ class Machine:
         return False
 
     def pass_ns(self, most_ns: int | None) -> None:
-        """Let at most this time pass, until the next cycle of the loop."""
-        clock, loop = self.clock, self.loop
+        """Let at most this time pass, until the next cycle of the loop or step of a play."""
+        clock, loop, steps = self.clock, self.loop, self.steps
         end_ns = None if most_ns is None else clock.t_ns + most_ns
+        if loop is not None and steps.due_ns <= min(loop.due_ns, end_ns or inf):
+            clock.t_ns = max(clock.t_ns, int(steps.due_ns))
+            steps.run()
+            return
         if loop is not None and (end_ns is None or loop.due_ns <= end_ns):
             clock.t_ns += self.stall_ns
             self.stall_ns = 0
@@ -208,12 +221,13 @@ class VirtualRun(LoopRun):
         note_identities(paths.identities, channels.identities)
         self._output = output = LastOutputWriter(paths.output_map, len(self.config.axes))
         timed = TimedChannels(channels, clock, output)
+        plays = play_threads(self.config, channels, (), clock, paths.runtime / PLAYED)
         machine.rig.stage = stage = make_stage(
-            self.config, timed, channels.capabilities(), lambda: output.forget(clock.t_ns)
+            self.config, timed, channels.capabilities(), lambda: output.forget(clock.t_ns), plays
         )
         self._controller = StageController(stage, LoopWatch(stage.period_ns, strict=False))
         noted_v = output.kept_v
-        take_over(self._controller, shared, channels, known, noted_v)
+        take_over(self._controller, shared, self.config, channels, known, noted_v)
         self._watch()
         self._period_ns, self._began_ns = shared.layout.period_ns, clock.t_ns
         self._loop = Loop(self._controller, timed, shared, clock, Pacer(clock, self._period_ns, 0))
@@ -257,6 +271,7 @@ class VirtualRun(LoopRun):
     def _end(self, code: int) -> None:
         if self._code is None:
             self._code = code
+            self._machine.steps.kill()
             self._machine.loop = self._machine.rig.stage = None
             if self._lock is not None:
                 self._lock.release()

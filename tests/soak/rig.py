@@ -10,6 +10,7 @@ from piezod.devices.wiring import construct, pairs_of
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
 from tests.control.judged_device import MOST_VIOLATIONS, ROUNDING_V, SENSOR_LIES, JudgedDevice
+from tests.soak.player import TablePlayer
 
 
 class LastingRig:
@@ -64,7 +65,7 @@ class LastingRig:
         return self._inner.read_back(now_ns)
 
 
-class CheckedRig(JudgedDevice):
+class CheckedRig(TablePlayer, JudgedDevice):
     """Checks what is written, before faults change it, and what is on the stage.
 
     Args:
@@ -87,8 +88,15 @@ class CheckedRig(JudgedDevice):
         self.closest_v = inf
         """Smallest distance of a step from the largest allowed one, in V."""
 
+    def activate(self, now_ns: int) -> None:
+        """Activate the rig; a play that another process has left is stopped, as devices do."""
+        self.output.play(())
+        super().activate(now_ns)
+
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Check a voltage, and command it."""
+        if self.output.plays(now_ns):
+            return False
         self._check(drive_v[0], now_ns)
         accepted = super().write(drive_v, now_ns)
         if accepted:

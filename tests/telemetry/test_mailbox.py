@@ -88,11 +88,12 @@ def test_there_is_always_room_for_an_emergency_stop(shared: SharedMap) -> None:
     before = writer.estop_answer(numbers[0])
 
     taken = reader.take_estop()
-    reader.answer_estop(taken, accepted=True, motion=0, why="")
+    reader.answer_estop(taken, accepted=True, why="")
 
     assert before is None
     assert taken == numbers[-1]
-    assert [writer.estop_answer(number) for number in numbers] == [(True, "", 0)] * len(numbers)
+    done = (True, "", 0, 0.0)
+    assert [writer.estop_answer(number) for number in numbers] == [done] * len(numbers)
     assert reader.take_estop() == 0
 
 
@@ -103,7 +104,7 @@ def test_emergency_stop_that_comes_meanwhile_stays_open(shared: SharedMap) -> No
     taken = reader.take_estop()
     second = writer.post_estop()
 
-    reader.answer_estop(taken, accepted=True, motion=0, why="")
+    reader.answer_estop(taken, accepted=True, why="")
 
     assert writer.estop_answer(first) is not None
     assert writer.estop_answer(second) is None
@@ -116,16 +117,16 @@ def test_answer_is_found_by_number(shared: SharedMap) -> None:
     number = writer.post(b"move", LATER)
     before = writer.answer(number)
 
-    reader.answer(number, accepted=True, motion=3, why="")
+    reader.answer(number, accepted=True, motion=3, duration_s=1.5, why="")
 
     assert before is None
-    assert writer.answer(number) == (True, "", 3)
+    assert writer.answer(number) == (True, "", 3, 1.5)
 
 
 def test_long_answer_is_cut_off_between_letters(shared: SharedMap) -> None:
     """The text fits into its slot and is valid UTF-8."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
-    reader.answer(1, accepted=False, motion=0, why="x" + "µ" * ANSWER_BYTES)
+    reader.answer(1, accepted=False, why="x" + "µ" * ANSWER_BYTES)
 
     answer = writer.answer(1)
 
@@ -140,7 +141,7 @@ def test_old_answers_are_overwritten(shared: SharedMap) -> None:
         reader.answer(number, accepted=True, motion=number, why="")
 
     assert writer.answer(1) is None
-    assert writer.answer(2) == (True, "", 2)
+    assert writer.answer(2) == (True, "", 2, 0.0)
 
 
 def test_expired_request_is_answered_and_dropped(shared: SharedMap) -> None:
@@ -151,7 +152,7 @@ def test_expired_request_is_answered_and_dropped(shared: SharedMap) -> None:
     taken = reader.take(20)
 
     assert taken == (wanted, b"wanted")
-    assert writer.answer(late) == (False, EXPIRED, 0)
+    assert writer.answer(late) == (False, EXPIRED, 0, 0.0)
     assert shared.words[Word.REQUESTS_EXPIRED] == 1
 
 

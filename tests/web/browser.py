@@ -16,6 +16,7 @@ from websockets.sync.client import ClientConnection, connect
 from piezod.web.access import Access
 from piezod.web.app import create_app
 from piezod.web.encryption import Certificate
+from piezod.web.public_url import PublicUrl
 from piezod.web.server import bind, make_server
 from piezod.web.stages import Stages
 from tests.daemon.daemons import NO_TLS
@@ -79,10 +80,14 @@ class Web(Browser):
     Args:
         find: Returns the sockets of the running daemons.
         certificate: Its certificate; then it listens on all addresses. None for no TLS.
+        public: Its address at a reverse proxy; None without one.
     """
 
     def __init__(
-        self, find: Callable[[], dict[str, Path]], certificate: Certificate | None = None
+        self,
+        find: Callable[[], dict[str, Path]],
+        certificate: Certificate | None = None,
+        public: PublicUrl | None = None,
     ) -> None:
         self.certificate = certificate
         self.endpoint = bind(
@@ -91,7 +96,7 @@ class Web(Browser):
             encrypted=certificate is not None,
         )
         port = self.endpoint.getsockname()[1]
-        self.access = Access(f"piezod-{port}")
+        self.access = Access(f"piezod-{port}", public=public)
         super().__init__(port, self.access.tokens.user)
         self._find = find
         self.stages: Stages | None = None

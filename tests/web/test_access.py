@@ -4,6 +4,7 @@ import re
 
 import pytest
 from websockets.exceptions import InvalidStatus
+from websockets.frames import CloseCode
 
 from piezod.errors import PiezodError
 from piezod.messages.endpoints import Role
@@ -25,7 +26,7 @@ def test_the_token_becomes_a_cookie(web: Web) -> None:
     """The address with the token leads to one without; the cookie is out of reach of scripts."""
     answer = web.request("GET", f"/?token={web.access.tokens.user}")
 
-    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert (answer.status_code, answer.headers["location"]) == (303, "./")
     assert "httponly" in answer.headers["set-cookie"].lower()
     assert "samesite=strict" in answer.headers["set-cookie"].lower()
     assert web.access.tokens.user not in answer.headers["set-cookie"]
@@ -125,8 +126,8 @@ def test_page_has_no_inline_code(web: Web) -> None:
 
     assert not re.findall(r"<script(?![^>]*\bsrc=)|<style|\sstyle=|\son[a-z]+\s*=", page)
     assert not re.findall(r"""(?:src|href|action)=["']?(?:[a-z]+:)?//""", page)
-    files = re.findall(r"""(?:src|href)=["'](/[^"']+)""", page)
-    assert [web.request("GET", file, Cookie=web.cookie()).status_code for file in files] == [
+    files = re.findall(r"""(?:src|href)=["']([^#"'][^"']*)""", page)
+    assert [web.request("GET", f"/{file}", Cookie=web.cookie()).status_code for file in files] == [
         200
     ] * len(files)
 
@@ -138,6 +139,20 @@ def test_too_long_message_closes_the_socket(web: Web) -> None:
             tab.connection.send("x" * (LONGEST + 1))
             assert close_code(tab.connection) == 1009
         assert other.ask(do="stages")["ok"]
+
+
+@pytest.mark.parametrize("parts", [[b"\xff"], [b'{"id": 1, "do": "\xc3', b'stages"}']])
+def test_text_that_is_not_utf8_closes_the_socket(
+    web: Web, parts: list[bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    """The tab learns why, other tabs go on, and there is no traceback: anybody can send this."""
+    with web.tab() as other:
+        with web.tab() as tab:
+            tab.connection.send(parts, text=True)
+            assert close_code(tab.connection) == CloseCode.INVALID_DATA
+            assert "UTF-8" in str(tab.connection.close_reason)
+        assert other.ask(do="stages")["ok"]
+    assert not caplog.records
 
 
 @pytest.mark.parametrize(

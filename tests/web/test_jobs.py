@@ -9,7 +9,6 @@ from piezod.config.fields import Context
 from piezod.config.play import WaveConfig
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
-from piezod.control.reference.waveforms import build_waveform
 from piezod.experiment.live.drive import read_drive
 from piezod.web.job_commands import (
     ChosenDrive,
@@ -31,7 +30,7 @@ def test_a_chosen_drive_is_one_that_the_command_takes(tmp_path: Path) -> None:
     wanted = Identify(id=1, do="identify", stage="bench", axis="x", drive=ChosenDrive(**DRIVE))
     arguments = identify_command(wanted, tmp_path)
     drive = read_drive(Path(arguments[arguments.index("--drive") + 1]))
-    voltage = build_waveform(drive.drive_v, drive.duration_s)
+    voltage = drive.drive_v.built(drive.duration_s)
     values_v = [voltage.value(step / 1000) for step in range(int(1000 * drive.duration_s))]
 
     assert values_v[0] == pytest.approx(5.0)

@@ -152,6 +152,32 @@ def test_parquet_needs_its_library(web: Web) -> None:
         assert "pip install 'piezod[parquet]'" in file.json()["error"]["what"]
 
 
+@pytest.mark.parametrize("installed", [True, False])
+def test_page_knows_which_tables_can_be_made(
+    web: Web, installed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It bars the other ones with this reason."""
+    monkeypatch.setattr("piezod.web.export.find_spec", lambda _: "found" if installed else None)
+    with web.tab() as tab:
+        tables = tab.ask(do="stages")["result"]["tables"]
+
+    assert tables["csv"] == ""
+    assert ("pip install" in tables["parquet"]) != installed
+
+
+@pytest.mark.usefixtures("recording")
+@pytest.mark.parametrize("path", ["none/csv", "none"])
+def test_a_person_reads_why_there_is_no_file(web: Web, path: str) -> None:
+    """A tab of a browser shows words; a program gets the document of the error."""
+    url, cookie = f"/recordings/bench/20240501T120000Z-{path}", web.cookie()
+    shown = web.request("GET", url, Cookie=cookie, Accept="text/html,application/xhtml+xml")
+    document = web.request("GET", url, Cookie=cookie)
+
+    assert shown.status_code == document.status_code >= 400
+    assert shown.headers["content-type"].startswith("text/plain")
+    assert shown.text.startswith(document.json()["error"]["what"])
+
+
 @pytest.mark.parametrize(
     ("path", "status"),
     [("bench/20240501T120000Z-none/csv", 503), (f"bench/{NAME}/xlsx", 404),

@@ -1,59 +1,48 @@
-"""The stream of one stage, without a daemon."""
+"""The stream of one stage, without a server of the page."""
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
 
-from piezod.messages.documents import Document
-from piezod.web.connections import Connections
+import pytest
+
 from piezod.web.rows import Pacer, Row
 from piezod.web.stage import WebStage
-from tests.client.fake_daemon import STATUS, interval
+from tests.client.fake_daemon import FakeDaemon, interval
 
 
-class SlowConnections:
-    """Connections whose telemetry takes time to close."""
-
-    def __init__(self) -> None:
-        self.opened = 0
-        self.closing, self.may_close = asyncio.Event(), asyncio.Event()
-
-    async def aclose(self) -> None:
-        self.may_close.set()
-
-    async def status(self) -> Document:
-        return STATUS
-
-    async def telemetry(self) -> AsyncGenerator[Document, None]:
-        self.opened += 1
-        try:
-            while True:
-                yield interval(t_s=float(self.opened))
-                await asyncio.sleep(0)
-        finally:
-            self.closing.set()
-            await self.may_close.wait()
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
+    """Return a daemon whose telemetry is one interval for each stream."""
+    daemon = FakeDaemon(tmp_path / "api.sock")
+    daemon.telemetry = [interval()]
+    with daemon.running():
+        yield daemon
 
 
-def test_tab_that_watches_while_the_stream_closes_gets_rows() -> None:
-    """A stream that is closing when a new tab comes is opened again."""
+def streams(daemon: FakeDaemon) -> int:
+    """Return the number of streams that were opened."""
+    return sum(each.what.startswith("GET telemetry") for each in daemon.asked)
 
-    async def run() -> int:
-        stage = WebStage("bench", Path("unused"), "web", lambda _text: None)
-        slow = SlowConnections()
-        stage.connections = cast("Connections", slow)
+
+def test_tab_that_watches_while_the_stream_closes_gets_rows(daemon: FakeDaemon) -> None:
+    """A stream that ends when a new tab comes is opened again, also at another socket."""
+
+    async def run() -> tuple[int, int]:
+        stage = WebStage("bench", daemon.socket_path, "web", lambda _text: None)
         rows: asyncio.Queue[Row] = asyncio.Queue()
         stage.watch("tab", Pacer(30.0, rows.put_nowait))
         await rows.get()
+        before = streams(daemon)
         stage.unwatch("tab")
-        await slow.closing.wait()
-
         stage.watch("other", Pacer(30.0, rows.put_nowait))
-        slow.may_close.set()
-        while (await rows.get()).document["t_s"] != 2.0:
-            pass
+        await rows.get()
+        await stage.relocate(daemon.socket_path)
+        stage.watch("third", Pacer(30.0, rows.put_nowait))
+        await rows.get()
         await stage.close()
-        return slow.opened
+        return before, streams(daemon)
 
-    assert asyncio.run(run()) == 2
+    before, after = asyncio.run(run())
+    assert before == 1
+    assert after > 2

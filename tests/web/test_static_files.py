@@ -31,7 +31,7 @@ def test_page_has_nothing_inline() -> None:
     """The page has no inline script and no inline style, and all its files exist."""
     page = (STATIC / "index.html").read_text()
 
-    files = re.findall(r"(?:href|src)=\"/static/([^\"]+)\"", page)
+    files = re.findall(r"(?:href|src)=\"static/([^\"]+)\"", page)
     assert len(files) >= 5
     assert all((STATIC / file).is_file() for file in files)
     assert not re.search(r"<style|\sstyle=|\son\w+=|<script(?![^>]*\ssrc=)", page)

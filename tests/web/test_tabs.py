@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from piezod.client import StageClient
+from piezod.client.mirror import AT_MOST_EACH_S
 from piezod.control.stage.answer import Answer
 from piezod.errors import NotAllowedError, RefusedError
 from piezod.messages.endpoints import Role
@@ -24,7 +25,6 @@ from piezod.messages.requests import TABLE
 from piezod.telemetry.arrays import record_dtype
 from piezod.web import connections, messages, protocol
 from piezod.web import tab as tab_module
-from piezod.web.stage import AT_MOST_EACH_S
 from piezod.web.tab import MOST_CALLS
 from tests.daemon.daemons import NO_TLS
 from tests.daemon.service.fakes import Served

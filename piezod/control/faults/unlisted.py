@@ -35,18 +35,3 @@ GAPS: Final = MappingProxyType(
     }
 )
 """What is not detected of faults that the register has."""
-
-IN_SHORT: Final = MappingProxyType(
-    {
-        Fault.L9: "known before the first cycle: a line above names what is missing, if any",
-        Fault.D3: "cannot occur: a learning step ends with a model that can be inverted",
-        Fault.D4: "part of normal work: `piezod watch` shows the gate of the axis (quiet)",
-        Fault.D7: "part of normal work: `piezod watch` shows the gate with its reason",
-        Fault.D9: "cannot occur: the drive fades to the new mode within its slew rate",
-        Fault.S10: "not another calibration in the same device: no driver reads it",
-        Fault.A2: "not a part of a write to a message bus or library: A1, A3 or B9",
-        Fault.B14: "not, while it is open, a program of root: what it sends is B3, B4 or B5",
-        Fault.L8: "not the size of the process: only page faults are counted",
-    }
-)
-"""The reasons in one line of a terminal, for `piezod status`. After "not": what is not detected."""

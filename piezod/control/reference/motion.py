@@ -9,7 +9,8 @@ from collections.abc import Callable
 from math import cos, isfinite, nan, tau
 from typing import Final, NamedTuple
 
-from piezod.control.reference.waveforms import Waveform
+from piezod.config.daemon import StageAxisConfig
+from piezod.config.waveforms.waveform import Waveform
 
 MAX_SHARE: Final = 0.3
 """Largest weight of each neighbour: a larger one would smooth more than the corners."""
@@ -78,6 +79,10 @@ Reference = Callable[[float], float]
 
 _PEAK: Final = 1.875
 """Highest speed of a minimum-jerk motion from rest to rest, over its mean speed: 15/8."""
+SHORTEST_MOTION_PERIODS: Final = 3.0
+"""Shortest duration of a movement, in periods of the first mode."""
+SHORTEST_MOTION_CYCLES: Final = 10
+"""Shortest duration of a movement, in cycles."""
 _SAME_UM: Final = 1e-9
 """A waveform that starts closer than this to the reference needs no lead-in, in µm."""
 
@@ -126,9 +131,35 @@ class MotionLimits(NamedTuple):
         return f"position out of range (got {got} µm), {allowed}"
 
 
+def motion_limits(
+    config: StageAxisConfig, range_um: tuple[float, float], period_s: float
+) -> MotionLimits:
+    """Return the limits of the motion of an axis.
+
+    Args:
+        config: Configuration of the axis.
+        range_um: Lowest and highest position that may be commanded, in µm.
+        period_s: Period of the loop, in s.
+    """
+    shortest_s = SHORTEST_MOTION_CYCLES * period_s
+    if config.first_mode is not None:
+        shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / config.first_mode.frequency_hz)
+    return MotionLimits(config.speed_um_per_s, shortest_s, *range_um)
+
+
 def rest_at(position_um: float) -> Motion:
     """Return the movement that stays at a position."""
     return Motion(lambda _t_s: position_um, 0.0, position_um)
+
+
+def moving_s(way_um: float, limits: MotionLimits) -> float:
+    """Return how long a movement from rest to rest takes, in s.
+
+    Args:
+        way_um: Its way, in µm.
+        limits: Limits of the motion.
+    """
+    return max(_PEAK * abs(way_um) / limits.speed_um_per_s, limits.shortest_s)
 
 
 def smooth_motion(
@@ -147,7 +178,7 @@ def smooth_motion(
             one.
     """
     distance_um = target_um - start_um
-    duration_s = max(_PEAK * abs(distance_um) / limits.speed_um_per_s, limits.shortest_s)
+    duration_s = moving_s(distance_um, limits)
     initial_run_um = start_um_per_s * duration_s
     # Coefficients for position and speed at the start, position at the end, and 0 for the others.
     cubic = 10.0 * distance_um - 6.0 * initial_run_um
@@ -181,7 +212,7 @@ def rejoin(motion: Motion, elapsed_s: float, start_um: float, limits: MotionLimi
         limits: Limits of the motion.
     """
     offset_um = start_um - motion.reference_um(elapsed_s)
-    fade_s = max(_PEAK * abs(offset_um) / limits.speed_um_per_s, limits.shortest_s)
+    fade_s = moving_s(offset_um, limits)
 
     def reference_um(t_s: float) -> float:
         planned_um, part = motion.reference_um(elapsed_s + t_s), t_s / fade_s

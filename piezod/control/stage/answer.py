@@ -10,11 +10,14 @@ class Answer(NamedTuple):
         accepted: Whether the request is carried out.
         why: Reason of a refusal, and what would help; empty if it is accepted.
         motion: Number of the movement that the request started, 0 if none.
+        duration_s: Time until it can be on target, in s: until its command is at the target, and
+            the settling time.
     """
 
     accepted: bool
     why: str = ""
     motion: int = 0
+    duration_s: float = 0.0
 
     @property
     def out_of_range(self) -> bool:

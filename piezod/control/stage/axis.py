@@ -10,21 +10,21 @@ from typing import NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
+from piezod.config.waveforms.waveform import Waveform
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.output import AxisOutput
 from piezod.control.reference.motion import (
     Motion,
     StreamedReference,
     lead_in,
+    motion_limits,
     rejoin,
     rest_at,
     smooth_motion,
     waveform_motion,
 )
 from piezod.control.reference.programs import VoltageProgram
-from piezod.control.reference.waveforms import Waveform
 from piezod.control.signals import OnTarget
-from piezod.control.stage.motion_limits import motion_limits
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S, s_to_ns
@@ -198,20 +198,28 @@ class StageAxis:
         if paused is not None:
             self.motion = paused.number  # for clients it is the same movement
 
-    def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> int:
-        """Move to a position; return the number of the movement."""
+    def on_target_in_s(self, t_ns: int) -> float:
+        """Return the time until the axis can be on target, in s: the rest of its way, and settling.
+
+        Args:
+            t_ns: Instant of the cycle, in ns.
+        """
+        return self._way_s(t_ns) + self.config.on_target.settle_s
+
+    def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> None:
+        """Move to a position."""
         limits = self.motion_limits
         if speed_um_per_s is not None:
             limits = limits._replace(speed_um_per_s=speed_um_per_s)
         start_um, start_um_per_s = self._reference_at(t_ns)
-        return self._move(smooth_motion(start_um, start_um_per_s, position_um, limits), t_ns)
+        self._move(smooth_motion(start_um, start_um_per_s, position_um, limits), t_ns)
 
     def lead_in(self, waveform: Waveform, t_ns: int) -> Motion:
         """Return the movement to the start of a waveform."""
         return lead_in(waveform, *self._reference_at(t_ns), self.motion_limits)
 
-    def follow(self, waveform: Waveform, duration_s: float, t_ns: int, start_ns: int = 0) -> int:
-        """Follow a waveform; return the number of the movement.
+    def follow(self, waveform: Waveform, duration_s: float, t_ns: int, start_ns: int = 0) -> None:
+        """Follow a waveform.
 
         Args:
             waveform: Position over time, in µm.
@@ -222,24 +230,19 @@ class StageAxis:
         """
         begins_s = (start_ns - t_ns) / NS_PER_S
         before = self.lead_in(waveform, t_ns)
-        return self._move(waveform_motion(waveform, duration_s, before, begins_s), t_ns)
+        self._move(waveform_motion(waveform, duration_s, before, begins_s), t_ns)
 
-    def follow_stream(self, t_ns: int) -> int:
-        """Follow the setpoints of a stream; return the number of the movement."""
+    def follow_stream(self, t_ns: int) -> None:
+        """Follow the setpoints of a stream."""
         start_um, _ = self._reference_at(t_ns)
         stream = StreamedReference(start_um, self.motion_limits, self._period_s)
-        number = self._move(Motion(stream, 0.0, nan), t_ns)
+        self._move(Motion(stream, 0.0, nan), t_ns)
         self.stream, self.commanded_ns = stream, t_ns
-        return number
 
-    def follow_input(self, t_ns: int) -> int:
-        """Follow the command input; return the number of the movement.
-
-        `take_command` takes its values.
-        """
-        number = self.follow_stream(t_ns)
+    def follow_input(self, t_ns: int) -> None:
+        """Follow the command input; `take_command` takes its values."""
+        self.follow_stream(t_ns)
         self.follows_input = True
-        return number
 
     def take_command(self, sample: Sample) -> None:
         """Take a value of the command input; values that are not allowed are ignored."""
@@ -251,14 +254,13 @@ class StageAxis:
             self.stream.newest_um = sample.position_um
             self.commanded_ns = max(self.commanded_ns, sample.t_ns)
 
-    def _move(self, motion: Motion, t_ns: int) -> int:
+    def _move(self, motion: Motion, t_ns: int) -> None:
         self._motion, self._started_ns, self._forced = motion, t_ns, False
         self._arrives_ns = t_ns + s_to_ns(motion.duration_s)
         self.stream, self._is_on_target, self.follows_input = None, False, False
         self._on_target.restart()
         self.law.follow(motion.reference_um, t_ns)
         self.motion += 1
-        return self.motion
 
     def _reference_at(self, t_ns: int) -> tuple[float, float]:
         """Return position and speed of the reference, in µm and µm/s."""
@@ -309,10 +311,9 @@ class StageAxis:
             target_um=self._motion.target_um,
             on_target=self._is_on_target,
             motion=self.motion,
-            remaining_s=self._remaining_s(output.t_ns),
+            remaining_s=self._way_s(output.t_ns) if isfinite(self._motion.target_um) else nan,
         )
 
-    def _remaining_s(self, t_ns: int) -> float:
-        """Return the time until the command is at the target, in s; NaN without a target."""
-        left_s = max(self._arrives_ns - t_ns, 0) / NS_PER_S
-        return left_s if isfinite(self._motion.target_um) else nan
+    def _way_s(self, t_ns: int) -> float:
+        """Return the time until the movement is at its end, in s."""
+        return max(self._arrives_ns - t_ns, 0) / NS_PER_S

@@ -5,7 +5,7 @@ refused; in shadow they are accepted and go nowhere. `OutputKnowledge` keeps whe
 force are known, and when a lost amplifier is tried again.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from math import isfinite, nan
 from typing import Final, Protocol
 
@@ -30,8 +30,18 @@ class StageDevices(TellsStatus, Protocol):
         """Return the read-back voltage of each axis, in V. Real-time safe."""
         ...
 
+    def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
+        """Return the age of the last read-back of each axis, in ns. Real-time safe.
+
+        It counts from the cycle that made the first voltage which the read-back cannot show.
+        """
+        ...
+
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the voltage of every axis, in V; return whether that succeeded. Real-time safe."""
+        """Set the voltage of every axis, in V; return whether that succeeded. Real-time safe.
+
+        A device that drives an axis with NaN is left alone.
+        """
         ...
 
     def activate(self, now_ns: int) -> None:
@@ -66,6 +76,7 @@ class DeviceBoundary:
         reports_restart: Whether they report a restart before they take a write.
         watchdog: Whether each makes its outputs safe by itself if its host falls silent.
         lag_cycles: Cycles by which their read-back may be late.
+        amplifiers: Name of the amplifier of each axis; one drives all axes if it is empty.
     """
 
     def __init__(
@@ -78,12 +89,13 @@ class DeviceBoundary:
         reports_restart: bool = False,
         watchdog: bool = False,
         lag_cycles: int = 0,
+        amplifiers: Sequence[str] = (),
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
         self.reports_restart, self.watchdog = reports_restart, watchdog
-        self.lag_cycles = lag_cycles
+        self.lag_cycles, self.amplifiers = lag_cycles, amplifiers or [""] * n_axes
         self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
-        self._true_zero_um = [0.0] * n_axes
+        self._true_zero_um, self._no_age_ns = [0.0] * n_axes, [0] * n_axes
         self.open = False
         """Whether writes reach the amplifier."""
         self.written_v: Sequence[float] = self._unknown_v
@@ -130,22 +142,31 @@ class DeviceBoundary:
             self.crash = error
             return [Sample(now_ns, nan, False)] * len(self._unknown_v)
 
-    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Write the voltage of every axis if that is allowed; return whether it was taken."""
+    def write(self, drive_v: Sequence[float], now_ns: int, held: Collection[int] = ()) -> bool:
+        """Write the voltages if that is allowed; return whether they were taken.
+
+        Args:
+            drive_v: Voltage of each axis, in V.
+            now_ns: Instant of the cycle, in ns.
+            held: Axes that are not written: all axes of some of the amplifiers.
+        """
         if self.shadow:
             return True
         if not (self.open and self.active and self.writes):
             self.sent_v = None
             return False
+        before_v = self.sent_v or self._unknown_v
+        sent_v = _with_held(drive_v, self._unknown_v, held)
         try:
-            taken = self.devices.write(drive_v, now_ns)
+            taken = self.devices.write(sent_v, now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             taken = False
         if taken:
-            self.written_v, self.sent_v = drive_v, None
+            self.written_v = _with_held(drive_v, self.written_v, held)
+            self.sent_v = _with_held(self._unknown_v, before_v, held) if held else None
         else:
-            self.sent_v = drive_v
+            self.sent_v = _with_held(drive_v, before_v, held)
         return taken
 
     def forget_written(self) -> None:
@@ -173,6 +194,10 @@ class DeviceBoundary:
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             return self._unknown_v
+
+    def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
+        """Return the age of the last read-back of each axis, in ns; 0 while devices are lent."""
+        return self._no_age_ns if self.lent else self.devices.read_back_age_ns(now_ns)
 
     def status(self, now_ns: int) -> Sequence[Flags]:
         """Return the flags of the sensor of each axis, then those of the amplifier of each axis."""
@@ -212,6 +237,16 @@ class DeviceBoundary:
     def zero(self, zero_um: Sequence[float]) -> None:
         """Count displacements from these zeros from now on, in µm as the sensors show them."""
         self.devices.zero(zero_um, self._true_zero_um)
+
+
+def _with_held(
+    values_v: Sequence[float], held_v: Sequence[float], held: Collection[int]
+) -> Sequence[float]:
+    """Return the first voltages, with the second ones for the axes that are held."""
+    if not held:
+        return values_v
+    both = enumerate(zip(values_v, held_v, strict=True))
+    return [kept_v if i in held else value_v for i, (value_v, kept_v) in both]
 
 
 SILENT_CYCLES: Final = 5

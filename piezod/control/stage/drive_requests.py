@@ -6,7 +6,6 @@ import numpy as np
 
 from piezod.config.frequencies import too_fast
 from piezod.control.reference.programs import VoltageProgram, conditioning
-from piezod.control.reference.waveforms import build_waveform
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.control.stage.named import axes_named, axis_names, without_sensor
@@ -41,9 +40,9 @@ def identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
         if why:
             return Answer(False, why)
         limits = stage.axes[axes[0]].config.limits
-        if why := too_fast(config, NS_PER_S / stage.period_ns):
+        waveform = config.built(request.duration_s)
+        if why := too_fast(waveform.highest_hz, NS_PER_S / stage.period_ns):
             return Answer(False, f"axis {name}: drive_v {why}")
-        waveform = build_waveform(config, request.duration_s)
         if waveform.low < limits.drive_min_v or waveform.high > limits.drive_max_v:
             return Answer(
                 False,

@@ -1,19 +1,11 @@
-"""The limits of the motion of an axis, from its configuration and its model.
+"""The range of positions that may be commanded, from the configuration and the model of an axis.
 
 `allowed_range_um` decides which positions may be commanded; every adapter gets its range from here.
 """
 
-from typing import Final
-
 from piezod.config.daemon import StageAxisConfig
 from piezod.control.law.model import StageModel
-from piezod.control.reference.motion import MotionLimits
 from piezod.errors import ModelError
-
-SHORTEST_MOTION_PERIODS: Final = 3.0
-"""Shortest duration of a movement, in periods of the first mode."""
-SHORTEST_MOTION_CYCLES: Final = 10
-"""Shortest duration of a movement, in cycles."""
 
 
 def allowed_range_um(config: StageAxisConfig, model: StageModel | None) -> tuple[float, float]:
@@ -61,19 +53,3 @@ def _beyond(asked_um: tuple[float, float], reach_um: tuple[float, float]) -> str
         f"limits reach from {reach_um[0]:.4g} to {reach_um[1]:.4g} µm, and commands beyond are "
         "refused; correct command_range_um, or identify the axis over more of its voltages"
     )
-
-
-def motion_limits(
-    config: StageAxisConfig, range_um: tuple[float, float], period_s: float
-) -> MotionLimits:
-    """Return the limits of the motion of an axis.
-
-    Args:
-        config: Configuration of the axis.
-        range_um: Lowest and highest position that may be commanded, in µm.
-        period_s: Period of the loop, in s.
-    """
-    shortest_s = SHORTEST_MOTION_CYCLES * period_s
-    if config.first_mode is not None:
-        shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / config.first_mode.frequency_hz)
-    return MotionLimits(config.speed_um_per_s, shortest_s, *range_um)

@@ -14,6 +14,7 @@ from piezod.control.faults.table import mask
 from piezod.control.in_force import Claim, Evidence, InForce, Source, left_alone, voltage_in_force
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.doubts import AxisDoubt
 from piezod.control.watch.axis import AxisWatch
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S, s_to_ns
@@ -63,15 +64,17 @@ class _Rest(NamedTuple):
         read_back_v: Its read-back, in V.
         expected_um: Position that the model expected, in µm.
         mean: The measured position, less that one.
+        memory_known: Whether the hysteresis memory was known.
     """
 
     read_back_v: float
     expected_um: float
     mean: _Mean
+    memory_known: bool
 
 
 _NO_MEAN: Final = _Mean(0.0, 0)
-_UNSEEN: Final = _Rest(nan, nan, _NO_MEAN)
+_UNSEEN: Final = _Rest(nan, nan, _NO_MEAN, memory_known=False)
 
 
 class OutputJudge:
@@ -83,6 +86,7 @@ class OutputJudge:
         register: The faults of the stage.
         boundary: The devices, with the voltages that were written last.
         note: Takes the reports.
+        memory_known: Returns whether the hysteresis memory is known.
     """
 
     def __init__(
@@ -92,11 +96,12 @@ class OutputJudge:
         register: FaultRegister,
         boundary: DeviceBoundary,
         note: Callable[[StageEvent], None],
+        memory_known: Callable[[], bool],
     ) -> None:
         self._axes, self._watches, self._register = axes, watches, register
-        self._boundary, self._note = boundary, note
+        self._boundary, self._note, self._memory_known = boundary, note, memory_known
         self._expected_um, self._agreed_ns = [nan] * len(axes), [0] * len(axes)
-        self._last_ns = 0
+        self._since_ns = [0] * len(axes)
         self.forget()
 
     # ------------------------------------------------------------------ cycle by cycle
@@ -112,6 +117,7 @@ class OutputJudge:
         """
         if not isfinite(read_back_v):
             return
+        self._answered = False
         law, watch = self._axes[index].law, self._watches[index]
         expected_um = self._expected_um[index] = law.expected_um
         if not watch.amplifier.follows:
@@ -123,30 +129,41 @@ class OutputJudge:
             wrong = self._register.present & _WRONG and self._is_wrong(index)
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
-            self._rests[index] = _Rest(read_back_v, expected_um, mean)
-            self._zero_proven[index] = mean.cycles > 0
-            self._false.pop(
-                index, None
-            )  # not in motion, which may pass a false read-back by chance
+            self._rests[index] = _Rest(read_back_v, expected_um, mean, self._memory_known())
+            (self._zeros.add if mean.cycles else self._zeros.discard)(index)
+            # Not in motion, which may pass a false read-back by chance.
+            self._false.pop(index, None)
         self._rested[index], self._means[index] = rests, _NO_MEAN
-        self._agreed_ns[index] = t_ns
-        self._doubts[index], self._sources[index] = "", Source.AGREED
+        self._agreed_ns[index], self._answered = t_ns, False
+        if index in self._doubts and self._doubts[index].agrees(t_ns):
+            del self._doubts[index]
+            text = "read-back and last write agree again"
+            self._note(StageEvent(t_ns, "info", "output", text, axis=self._axes[index].name))
 
     def forget(self) -> None:
         """Forget all that was seen of the axes: they were not driven since."""
-        self._zero_proven = [False] * len(self._axes)
-        self.played()
+        self._zeros = set[int]()  # whose position is proven
+        self.lose_sight(answered=False)
 
-    def played(self) -> None:
-        """Forget where the axes have rested, and what was false: a player has moved them."""
+    def lose_sight(self, *, answered: bool) -> None:
+        """Forget where the axes have rested, and what was false: nobody has seen them move since.
+
+        That a zero was proven counts on.
+
+        Args:
+            answered: Whether the amplifiers have answered since: then no loss explains a read-back.
+        """
+        self._answered = answered
         n_axes = len(self._axes)
         self._rests, self._rested = [_UNSEEN] * n_axes, [False] * n_axes
         self._means = [_NO_MEAN] * n_axes  # since read-back and write do not agree any more
-        self._last_v: Sequence[float] = [nan] * n_axes
-        self._doubts, self._sources = [""] * n_axes, [Source.AGREED] * n_axes
+        self._last_v = [nan] * n_axes
+        self._doubts = dict[int, AxisDoubt]()
         self._false = dict[int, float]()  # axes with a false read-back, and what it showed last
 
-    def live(self, read_back_v: Sequence[float], t_ns: int) -> tuple[Sequence[float] | None, float]:
+    def live(
+        self, read_back_v: Sequence[float], t_ns: int
+    ) -> tuple[Sequence[float] | None, Sequence[float] | None]:
         """Return the read-backs to wait for. Call once per cycle.
 
         Args:
@@ -155,60 +172,62 @@ class OutputJudge:
 
         Returns:
             The last read-back of each axis, in V, NaN if there was none or if it is false, and the
-            age of the oldest, in s; None in shadow.
+            age of each, in s; None in shadow.
         """
         if self._boundary.shadow or not self._boundary.reads_back:
-            return None, 0.0
-        if self._false:
-            self._look_again(read_back_v, t_ns)
-        if not self._false and all(map(isfinite, read_back_v)):
-            self._last_v, self._last_ns = read_back_v, t_ns
-            return read_back_v, 0.0
-        trusted_v = [nan if i in self._false else each for i, each in enumerate(read_back_v)]
-        missing = [i for i, each in enumerate(read_back_v) if not isfinite(each)]
-        self._last_v = [
-            before_v if i in missing and i not in self._false else drive_v
-            for i, (before_v, drive_v) in enumerate(zip(self._last_v, trusted_v, strict=True))
-        ]
-        if self._false.keys() >= set(missing):
-            self._last_ns = t_ns
-        return self._last_v, (t_ns - self._last_ns) / NS_PER_S
+            return None, None
+        ages_ns = self._boundary.read_back_age_ns(t_ns)
+        for i, drive_v in enumerate(read_back_v):
+            if isfinite(drive_v):
+                taken_ns = t_ns - ages_ns[i]
+                is_false = i in self._false and not self._jumps(i, drive_v, taken_ns)
+                self._last_v[i], self._since_ns[i] = nan if is_false else drive_v, taken_ns
+            elif i in self._false:
+                self._last_v[i] = nan
+        return self._last_v, [(t_ns - since_ns) / NS_PER_S for since_ns in self._since_ns]
 
-    def _look_again(self, read_back_v: Sequence[float], t_ns: int) -> None:
-        """Wait for a false read-back again if it jumps: it may be right from now on."""
-        elapsed_s = (t_ns - self._last_ns) / NS_PER_S
-        for i in tuple(self._false):
-            limits, before_v = self._axes[i].law.limits, self._false[i]
-            reach_v = limits.slew_v_per_s * elapsed_s + limits.read_back_tolerance_v
-            if isfinite(read_back_v[i]):
-                self._false[i] = read_back_v[i]
-            if abs(read_back_v[i] - before_v) > reach_v:
-                del self._false[i]
+    def _jumps(self, index: int, read_back_v: float, t_ns: int) -> bool:
+        """Return whether a false read-back jumps, so that it may be right from now on."""
+        limits, before_v = self._axes[index].law.limits, self._false[index]
+        elapsed_s = (t_ns - self._since_ns[index]) / NS_PER_S
+        reach_v = limits.slew_v_per_s * elapsed_s + limits.read_back_tolerance_v
+        self._false[index] = read_back_v
+        jumps = abs(read_back_v - before_v) > reach_v
+        if jumps:
+            del self._false[index]
+        return jumps
 
     # ------------------------------------------------------------------ who starts from a voltage
 
-    def resync(self, read_back_v: Sequence[float], t_ns: int, *, played: bool = False) -> str:
+    def resync(
+        self, read_back_v: Sequence[float], t_ns: int, *, settles: bool = False
+    ) -> tuple[str, bool]:
         """Take over the outputs of amplifiers that answer again, or that a play has left.
+
+        An amplifier is taken over if the voltages of all its axes are known.
 
         Args:
             read_back_v: Read-back of each axis, finite, in V.
             t_ns: Instant of the cycle, in ns.
-            played: Whether a player has moved the outputs since the last write.
+            settles: Whether the outputs may still settle after a play.
 
         Returns:
-            Why a voltage is unknown, for people; empty if all axes were taken over.
+            Why a voltage is unknown, for people, empty if all axes were taken over; and whether
+            any axis was.
         """
         found = list[InForce]()
         self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
         for i, drive_v in enumerate(read_back_v):
-            explained = played or self._left_alone(i, drive_v)
+            explained = settles or self._left_alone(i, drive_v)
             known = self._evidence(i, drive_v, t_ns, explained=explained)
             found.append(self._judge(i, known, t_ns))
-        unknown = self._unknown(found)
-        if not unknown:
-            for i, (one, drive_v) in enumerate(zip(found, read_back_v, strict=True)):
+        amplifiers = self._boundary.amplifiers
+        are_known = [isfinite(one.drive_v) for one in found]
+        doubted = {one for one, is_known in zip(amplifiers, are_known, strict=True) if not is_known}
+        for i, (one, drive_v) in enumerate(zip(found, read_back_v, strict=True)):
+            if amplifiers[i] not in doubted:
                 self._take(i, one, drive_v)
-        return unknown
+        return self._unknown(found), not doubted.issuperset(amplifiers)
 
     def settle(self, index: int, read_back_v: float, t_ns: int, *, lost: bool) -> bool:
         """Find out why the output of an axis that ramps down does not follow its writes.
@@ -249,7 +268,7 @@ class OutputJudge:
 
     def told(self, index: int) -> str:
         """Return the doubt about the voltage of an axis, for people; empty if there is none."""
-        return self._doubts[index]
+        return self._doubts[index].text if index in self._doubts else ""
 
     # ------------------------------------------------------------------ the evidence
 
@@ -266,7 +285,7 @@ class OutputJudge:
         moved = self._moved(index, read_back_v, position_um, t_ns) if t_ns else nan
         # A zero is proven where read-back and write have agreed at rest, and S9 found nothing. To
         # arm, any contradiction counts.
-        if self._is_wrong(index) or (t_ns and not self._zero_proven[index]):
+        if self._is_wrong(index) or (t_ns and index not in self._zeros):
             position_um = nan
         return Evidence(
             self._claim(index, read_back_v),
@@ -279,6 +298,8 @@ class OutputJudge:
 
     def _moved(self, index: int, read_back_v: float, position_um: float, t_ns: int) -> float:
         """Return the share of the way to the read-back that the sensor has seen; NaN if unknown.
+
+        It is unknown if the hysteresis memory was: then the model expects a wrong way.
 
         The model expects the position at the last write. At the read-back the stage would be where
         it rested, and on by the mean slope as far as the read-back has moved since.
@@ -298,7 +319,9 @@ class OutputJudge:
             LEAST_WAY_ERRORS * sensor.model_error_um,
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
-        if not (settled and averaged and abs(way_um) > least_um):  # also without a model
+        if not (rest.memory_known and settled):
+            return nan
+        if not (averaged and abs(way_um) > least_um):  # also without a model
             return nan
         return (mean.off_um - rest.mean.off_um) / way_um
 
@@ -307,7 +330,8 @@ class OutputJudge:
         axis, written_v = self._axes[index], self._boundary.written_v[index]
         tolerance_v, rest_v = axis.law.limits.read_back_tolerance_v, axis.config.limits.rest_v
         watchdog = self._boundary.watchdog
-        return not self._watches[index].amplifier.unexplained_fall and left_alone(
+        answered = self._answered or self._watches[index].amplifier.unexplained_fall
+        return not answered and left_alone(
             read_back_v, written_v, rest_v, tolerance_v, watchdog=watchdog
         )
 
@@ -319,12 +343,13 @@ class OutputJudge:
         return any(self._register.axes_of(fault) >> index & 1 for fault in _WRONG_POSITION)
 
     def _judge(self, index: int, known: Evidence, t_ns: int) -> InForce:
-        """Return the voltage in force; report a doubt once."""
+        """Return the voltage in force; report a doubt."""
         axis = self._axes[index]
         found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
-        if found.doubt and (found.source is not self._sources[index]):
-            self._note(StageEvent(t_ns, "warning", "output", found.doubt, axis=axis.name))
-        self._doubts[index], self._sources[index] = found.doubt, found.source
+        if not found.doubt and index not in self._doubts:
+            return found
+        if text := self._doubts.setdefault(index, AxisDoubt()).found(found):
+            self._note(StageEvent(t_ns, "warning", "output", text, axis=axis.name))
         return found
 
     def _take(self, index: int, found: InForce, read_back_v: float) -> None:

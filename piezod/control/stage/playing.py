@@ -25,10 +25,14 @@ class PlayOutcome(NamedTuple):
     Attributes:
         drive_v: Voltage in force on the axis, in V; NaN if it is unknown.
         failed: Why it failed; empty if it ended, or was aborted.
+        commanded: Whether the voltage was commanded: the last one of the table, or before its start
+            the first one. Otherwise the amplifier has measured it: its read-back is no second
+            witness.
     """
 
     drive_v: float
     failed: str = ""
+    commanded: bool = False
 
 
 class PlayRunner(Protocol):
@@ -115,7 +119,7 @@ class StagePlay:
         """Take the devices back when the play has ended.
 
         If the amplifiers read back, only a read-back from after the end tells the voltages in
-        force; the one that the runner reports counts as the last write.
+        force; a voltage that was commanded counts as the last write.
         Call once per cycle while `DeviceBoundary.played`. Real-time safe.
 
         Args:
@@ -145,6 +149,8 @@ class StagePlay:
             return Detection(Fault.A1, self._axis, nan, nan)
         if not reads_back:
             axes[self._axis].track(outcome.drive_v)
+        elif not outcome.commanded:
+            left_v[self._axis] = nan
         self._boundary.written_v = left_v
         self._output.known, self._outcome, self._boundary.returned = True, None, False
         return outcome

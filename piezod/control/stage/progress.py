@@ -11,11 +11,12 @@ from piezod.control.faults.cases import DOUBTING
 from piezod.control.faults.detection import Detection, News
 from piezod.control.faults.table import Reaction, ids, mask
 from piezod.control.in_force import OUTPUT_WAIT_S
+from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import StageEvent
-from piezod.units import s_to_ns
+from piezod.units import NS_PER_S, s_to_ns
 
 HOLD_NS = s_to_ns(2.0)
 """Duration of a HOLD that a fault caused, in ns; then the stage ramps to the safe voltage."""
@@ -154,13 +155,27 @@ def _play_goes_on(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> bool
         return True
     if end.failed:
         stage.note(StageEvent(t_ns, "warning", "play", f"the play failed: {end.failed}"))
-    stage.judge.played()
-    reads_back = stage.boundary.reads_back
-    unknown = stage.judge.resync(read_back_v, t_ns, played=True) if reads_back else ""
+    settles = _is_near_writes(stage, read_back_v)
+    stage.judge.lose_sight(answered=end.commanded and not settles)
+    unknown = ""
+    if stage.boundary.reads_back:
+        unknown, _ = stage.judge.resync(read_back_v, t_ns, settles=settles)
     stage.resume_output(t_ns)
     if unknown:
         stage.go(Event.FAULT_BLIND, t_ns)
     return False
+
+
+def _is_near_writes(stage: Stage, read_back_v: Sequence[float]) -> bool:
+    """Return whether the outputs are where one cycle leads: an output may settle after a play."""
+    period_s = stage.period_ns / NS_PER_S
+    return not any(
+        abs(drive_v - written_v)
+        > axis.law.limits.slew_v_per_s * period_s + axis.law.limits.read_back_tolerance_v
+        for axis, drive_v, written_v in zip(
+            stage.axes, read_back_v, stage.boundary.written_v, strict=True
+        )
+    )
 
 
 def _boot(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
@@ -219,27 +234,29 @@ def _run(stage: Stage, t_ns: int) -> None:
 def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Take over a lost amplifier from its read-back, after a pause that grows with each loss.
 
-    If the read-back is unlike the last write, see `takeover`.
+    If the read-back is unlike the last write, see `OutputJudge.resync`. An amplifier whose voltage
+    stays unknown does not keep the others from their ramp.
     An amplifier without read-back is taken over from its last acknowledged write, if there was one,
     if it holds its output by itself, and if it reports restarts and has reported neither one nor
     local mode. Otherwise the start of a ramp is unknown.
     """
     if stage.register.unreachable or not stage.output.try_due(stage.time_in_state_ns(t_ns)):
         return
-    unknown = ""
+    unknown, others = "", False
     if stage.boundary.reads_back:
         if not all(map(isfinite, read_back_v)):
             return
-        unknown = stage.judge.resync(read_back_v, t_ns)
+        unknown, others = stage.judge.resync(read_back_v, t_ns)
     elif not _still_at_last_write(stage):
         unknown = "the amplifier does not report its voltage"
     if unknown:
-        stage.release_estop()
         text = (
             f"the amplifier answers again, but its voltage is unknown, and stays: {unknown}; bring "
             "it to the safe voltage by hand, then `piezod reset` and `piezod arm --confirm-output`"
         )
         stage.note(StageEvent(t_ns, "error", "output", text))
+    if unknown and not others:
+        stage.release_estop()
         stage.go(Event.OUTPUT_UNKNOWN, t_ns)
         return
     stage.output.known = True
@@ -270,24 +287,22 @@ def _settle_outputs(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> No
 
 
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
-    """End a ramp that has reached the safe voltage, or that takes too long."""
+    """End a ramp when each axis has reached the safe voltage, or takes too long."""
     # Both must be at the safe voltage: the drive that was written, and the read-back if there is
     # one.
-    at_safe = all(
-        axis.drive_ended(t_ns)
-        and not abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v
-        for axis, drive_v in zip(stage.axes, read_back_v, strict=True)  # NaN without a read-back
-    )
-    overdue_ns = -min(axis.ramp_cycles for axis in stage.axes) * stage.period_ns
-    waited_ns = max(axis.waited_cycles for axis in stage.axes) * stage.period_ns
-    if at_safe or not stage.boundary.active:  # outputs that were cut fall by themselves
+    away = [
+        i
+        for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True))
+        if not axis.drive_ended(t_ns)
+        or abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v  # or NaN
+    ]
+    if not away or not stage.boundary.active:  # outputs that were cut fall by themselves
         stage.go(Event.ESTOP_RELEASED if stage.release_estop() else Event.AT_SAFE, t_ns)
-    elif overdue_ns > RAMP_GRACE_NS or waited_ns > OUTPUT_WAIT_NS:
+    elif all(_has_failed(stage, stage.axes[i]) for i in away):
         stage.release_estop()
-        for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True)):
+        for i in away:
+            axis, drive_v = stage.axes[i], read_back_v[i]
             tolerance_v = axis.law.limits.read_back_tolerance_v
-            if axis.drive_ended(t_ns) and not abs(drive_v - axis.config.safe_v) > tolerance_v:
-                continue
             stage.report(Detection(Fault.A3, i, drive_v - axis.config.safe_v, tolerance_v))
             why = stage.judge.told(i) or "the output does not follow its writes"
             text = f"the voltage stays: {drive_v:.4g} V read back, "
@@ -296,6 +311,13 @@ def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
             text += "`piezod estop` ramps it down"
             stage.note(StageEvent(t_ns, "error", "output", text, Fault.A3, axis.name))
         stage.go(Event.RAMP_TIMEOUT, t_ns)
+
+
+def _has_failed(stage: Stage, axis: StageAxis) -> bool:
+    """Return whether the ramp of an axis takes too long, or has waited too long for its output."""
+    overdue_ns = -axis.ramp_cycles * stage.period_ns
+    waited_ns = axis.waited_cycles * stage.period_ns
+    return overdue_ns > RAMP_GRACE_NS or waited_ns > OUTPUT_WAIT_NS
 
 
 def _zero_at_known_rest(stage: Stage, t_ns: int) -> None:

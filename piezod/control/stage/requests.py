@@ -1,13 +1,14 @@
 """Carries out requests, or refuses them with a reason and a remedy."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
-from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.config.waveforms.waveform import Waveform
 from piezod.control.stage.answer import Answer
+from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.control.stage.drive_requests import condition, condition_axes, identify, play
 from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
@@ -145,7 +146,8 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
     why = why or _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
-    return Answer(True, motion=axis.go_to(position_um, request.speed_um_per_s, t_ns))
+    axis.go_to(position_um, request.speed_um_per_s, t_ns)
+    return _started([axis], t_ns)
 
 
 def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
@@ -154,20 +156,18 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         axes, why = axes_named(stage, name)
         if why:
             return Answer(False, why)
-        waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
+        waveform = waveforms[axes[0]] = config.built(request.duration_s)
         axis = stage.axes[axes[0]]
-        why = too_fast(config, NS_PER_S / stage.period_ns)
+        why = too_fast(waveform.highest_hz, NS_PER_S / stage.period_ns)
         why = why or axis.motion_limits.refusal(waveform.low, waveform.high)
         lead_in_s = axis.lead_in(waveform, t_ns).duration_s
         if why := why or start_refusal(request.start_s, t_ns, lead_in_s):
             return Answer(False, why)
     if why := _start_running(stage, t_ns):
         return Answer(False, why)
-    motions = [
+    for i, waveform in waveforms.items():
         stage.axes[i].follow(waveform, request.duration_s, t_ns, start_ns(request.start_s))
-        for i, waveform in waveforms.items()
-    ]
-    return Answer(True, motion=motions[0])
+    return _started([stage.axes[i] for i in waveforms], t_ns)
 
 
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
@@ -176,8 +176,9 @@ def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
     why = unknown_axis(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
-    motions = [axes[name].follow_stream(t_ns) for name in request.axes]
-    return Answer(True, motion=motions[0])
+    for name in request.axes:
+        axes[name].follow_stream(t_ns)
+    return _started([axes[name] for name in request.axes], t_ns)
 
 
 def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
@@ -189,8 +190,15 @@ def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
     why = why or _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
-    motions = [stage.axes[i].follow_input(t_ns) for i in commanded]
-    return Answer(True, motion=motions[0])
+    for i in commanded:
+        stage.axes[i].follow_input(t_ns)
+    return _started([stage.axes[i] for i in commanded], t_ns)
+
+
+def _started(axes: Sequence[StageAxis], t_ns: int) -> Answer:
+    """Return the answer to a request that has started a movement of these axes, at least one."""
+    longest_s = max(axis.on_target_in_s(t_ns) for axis in axes)
+    return Answer(True, motion=axes[0].motion, duration_s=longest_s)
 
 
 def _start_running(stage: Stage, t_ns: int) -> str:

@@ -74,7 +74,14 @@ class Stage:
         self._self_test, self._no_entry = SelfTest(), ""
         self._shutting_down = self._estop_pressed = False
         self._hold_cause, self._since_ns = HoldCause.FAULT, 0
-        self.judge = OutputJudge(self.axes, self.watches, register, self.boundary, self.note)
+        self.judge = OutputJudge(
+            self.axes,
+            self.watches,
+            register,
+            self.boundary,
+            self.note,
+            lambda: self._memory_known,
+        )
         self._output_confirmed = False
 
     def go(self, event: Event, t_ns: int) -> str:

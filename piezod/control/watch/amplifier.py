@@ -58,8 +58,6 @@ class AmplifierWatch:
         self._axis = axis
         self._low_v, self._high_v = limits.drive_min_v, limits.drive_max_v
         self._tolerance_v = limits.read_back_tolerance_v
-        self.lag_ns = lag_ns
-        """Delay of the read-back behind the write, in ns, beyond that of a cycle."""
         self._written_v = RecentRange(LAG_CYCLES + (LAG_DELAYS * delay_ns + lag_ns) // period_ns)
         self._taken_v, self._read_back_v = nan, nan
         self._refusals = LeakyBucket()

@@ -157,8 +157,8 @@ class Loop:
     def _send_answers(self) -> None:
         """Answer the requests of the cycle before: the record of this one shows what they did."""
         if self._to_answer:
-            for send, number, (accepted, why, motion) in self._to_answer:
-                send(number, accepted=accepted, motion=motion, why=why)
+            for send, number, (accepted, why, motion, duration_s) in self._to_answer:
+                send(number, accepted=accepted, why=why, motion=motion, duration_s=duration_s)
             self._to_answer.clear()
 
     def _execute(self, payload: bytes, t_ns: int) -> Answer:

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.config.daemon import DaemonConfig
+from piezod.control.guard import Limits
+from piezod.control.law.compensated import limits_of
 from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.placement import Placement
@@ -36,11 +38,33 @@ IDLE_WITHIN_S: Final = 2.0
 does not answer."""
 
 
+class AxisPlayer(NamedTuple):
+    """The player of an axis.
+
+    Attributes:
+        axis: The axis of the device that plays.
+        identity: Identity of that device.
+        limits: Limits of the drive.
+        period_ns: Period of the loop, in ns.
+    """
+
+    axis: PlayedAxis
+    identity: Identity
+    limits: Limits
+    period_ns: int
+
+    @property
+    def near_v(self) -> float:
+        """How far the first point may be from the output, in V: as far as a write of the loop."""
+        slew_v = self.limits.slew_v_per_s * self.period_ns / NS_PER_S
+        return slew_v + self.limits.read_back_tolerance_v
+
+
 class PlayThreads:
     """Implements `control.stage.playing.PlayRunner`: one thread for each play.
 
     Args:
-        players: The player of each axis that has one, with the identity of its device, by index.
+        players: The player of each axis that has one, by index.
         refusals: Why each other axis has none, by index.
         idle: Returns whether the devices are there, and no other thread uses them.
         zero_um: Returns the displacement that counts as zero on an axis, in µm.
@@ -50,7 +74,7 @@ class PlayThreads:
 
     def __init__(
         self,
-        players: Mapping[int, tuple[PlayedAxis, Identity]],
+        players: Mapping[int, AxisPlayer],
         refusals: Mapping[int, str],
         idle: Callable[[], bool],
         zero_um: Callable[[int], float],
@@ -69,12 +93,12 @@ class PlayThreads:
 
     def capabilities(self, axis: int) -> PlayerCapabilities:
         """Return the capabilities of the player of an axis that can play. Real-time safe."""
-        return self._players[axis][0].capabilities
+        return self._players[axis].axis.capabilities
 
     def begin(self, axis: int, table: AxisTable) -> None:
         """Begin a play, of a table in V. Starts a thread."""
         self._number += 1
-        job = _PlayJob(*self._players[axis], table, self._number, self._zero_um(axis))
+        job = _PlayJob(self._players[axis], table, self._number, self._zero_um(axis))
         self._thread = _PlayThread(job, self._idle, self._clock, self._file)
         self._thread.start()
 
@@ -92,10 +116,9 @@ class PlayThreads:
 
 
 class _PlayJob(NamedTuple):
-    """One play: axis, identity of its device, table, number, zero of its sensor in µm."""
+    """One play: its player, table, number, zero of the sensor in µm."""
 
-    axis: PlayedAxis
-    identity: Identity
+    player: AxisPlayer
     table: AxisTable
     number: int
     zero_um: float
@@ -106,9 +129,9 @@ class _PlayThread(threading.Thread):
 
     def __init__(self, job: _PlayJob, idle: Callable[[], bool], clock: Clock, file: Path) -> None:
         super().__init__(name="play", daemon=True)
-        self._job, self._axis = job, job.axis
+        self._job, self._axis = job, job.player.axis
         self._idle, self._now_ns, self._file = idle, clock.now_ns, file
-        self.aborted = threading.Event()
+        self.aborted, self._may_play = threading.Event(), False
         self.outcome = PlayOutcome(nan, "the play did not end in order")
 
     def run(self) -> None:
@@ -120,12 +143,19 @@ class _PlayThread(threading.Thread):
         try:
             self.outcome = self._play()
         except PlayCancelledError as cancelled:
-            self.outcome = PlayOutcome(self._axis.abort(self._now_ns()))
+            self.outcome = self._stopped()
             self._store(self._job.table, None, str(cancelled))
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             why = str(error) if isinstance(error, PiezodError) else repr(error)
-            self.outcome = PlayOutcome(self._axis.abort(self._now_ns()), why)
+            self.outcome = self._stopped()._replace(failed=why)
             self._store(self._job.table, None, why)
+
+    def _stopped(self) -> PlayOutcome:
+        """Stop the device; return the voltage in force: before the start, that of the loop."""
+        drive_v = self._axis.abort(self._now_ns())
+        if self._may_play or not isfinite(drive_v):  # nor is it known if the device does not answer
+            return PlayOutcome(drive_v)
+        return PlayOutcome(self._job.table.first_v, commanded=True)
 
     def _check(self) -> None:
         """End the play here if it is to be aborted.
@@ -152,11 +182,13 @@ class _PlayThread(threading.Thread):
         self._axis.player.arm()
         self._wait_for_start(taken)
         self._check()
+        self._check_output(taken)
+        self._may_play = True  # nobody knows whether a request that fails has started it
         self._axis.player.start(self._now_ns())
         self._wait(taken)
         self._check()
         self._store(taken, self._axis.recording(self._check), "")
-        return PlayOutcome(self._end_v(taken))
+        return PlayOutcome(self._end_v(taken), commanded=True)
 
     def _wait_for_start(self, taken: AxisTable) -> None:
         """Wait for the instant at which the play is to begin, or until it is aborted.
@@ -171,6 +203,19 @@ class _PlayThread(threading.Thread):
         while (left_ns := taken.start_ns - self._now_ns()) > 0:
             if self.aborted.wait(min(left_ns / NS_PER_S, POLL_S)):
                 return
+
+    def _check_output(self, taken: AxisTable) -> None:
+        """Refuse to start where the output is not: it may have moved while the table was loaded.
+
+        Raises:
+            PlayError: If the output is not at the first point, or is not read back.
+        """
+        output_v, near_v = self._axis.read_back_v(self._now_ns()), self._job.player.near_v
+        if not abs(output_v - taken.first_v) <= near_v:
+            raise PlayError(
+                f"the output is at {output_v:.4g} V before the start, allowed: within {near_v:.3g} "
+                f"V of the first point, {taken.first_v:.4g} V: check the amplifier"
+            )
 
     def _wait(self, taken: AxisTable) -> None:
         """Wait until the play has ended, or is to be aborted.
@@ -196,7 +241,7 @@ class _PlayThread(threading.Thread):
 
     def _store(self, taken: AxisTable, record: AxisRecord | None, failed: str) -> None:
         position_um = [] if record is None else (record.position_um - self._job.zero_um).tolist()
-        maker, model, serial, _ = self._job.identity
+        maker, model, serial, _ = self._job.player.identity
         document = {
             "device": {"maker": maker, "model": model, "serial": serial},
             "number": self._job.number,
@@ -231,11 +276,12 @@ def play_threads(
         file: Where the record of the last play goes.
     """
     pairs, refusals = pairs_of(config.axes), dict[int, str]()
-    players = dict[int, tuple[PlayedAxis, Identity]]()
+    players, period_ns = dict[int, AxisPlayer](), round(NS_PER_S / config.rate_hz)
     for i, axis in enumerate(pairs):
         try:
             played = PlayedAxis(axis, channels.devices, pairs)
-            players[i] = played, channels.identities[pairs[axis].amplifier]
+            identity = channels.identities[pairs[axis].amplifier]
+            players[i] = AxisPlayer(played, identity, limits_of(config.axes[axis]), period_ns)
         except DeviceError as error:
             refusals[i] = str(error)
             continue

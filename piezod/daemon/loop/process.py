@@ -15,6 +15,7 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from functools import partial
+from math import nan
 from os import getpid
 from pathlib import Path
 from typing import Any, Final
@@ -53,6 +54,7 @@ from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities, noted_identities
+from piezod.daemon.output_notes import unconcerned
 from piezod.daemon.paths import IDENTITIES, PLAYED
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
@@ -121,7 +123,7 @@ def main(
     raise_thread_priorities(placements)
     shared.set_report(_report(steps, placements, realtime.processor))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
-    take_over(controller, shared, channels, known, last_output.kept_v)
+    take_over(controller, shared, config, channels, known, last_output.kept_v)
     period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), *reports)
@@ -207,21 +209,28 @@ def _check_arming(
 def take_over(
     controller: StageController,
     shared: SharedMap,
+    config: DaemonConfig,
     channels: Channels,
     known: Mapping[str, Identity],
     noted_v: Sequence[float],
 ) -> None:
-    """Take over what the loop before, or the last daemon, has left.
+    """Take over what the loop before, the last daemon, or another command has left.
 
     Args:
         controller: The controller, in BOOT, which it may leave from now on.
         shared: The memory shared with the supervisor.
+        config: The configuration of the stage.
         channels: The devices, open.
-        known: The identities of the devices that the loop before had opened.
+        known: The identities of the devices that it had opened.
         noted_v: Voltage of each axis that it wrote last, in V; NaN if that is not known.
     """
     if succession := succession_of(shared):
         controller.restore_faults(succession.latched, stopped=succession.stopped)
+    gone, able = unconcerned(config, channels, known), channels.capabilities()
+    noted_v = [nan if name in gone else v for name, v in zip(config.axes, noted_v, strict=True)]
+    # After an end in order, a device that does not hold its output has brought it to rest since.
+    if shared.words[Word.UNCLEAN] or (able.holds and not able.watchdog):
+        controller.know_last_writes(noted_v)
     # The last run did not end in order: an operator must look at the stage first.
     if shared.words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
@@ -232,7 +241,7 @@ def take_over(
         if channels.identities.keys() == known.keys() and all(
             is_same(found, known[name]) for name, found in channels.identities.items()
         ):
-            controller.ramp_first(noted_v)
+            controller.ramp_first()
     controller.stay_in_boot(False)
 
 

@@ -127,13 +127,13 @@ class _StartupMailbox:
         why = absent or "the loop is starting; try again in some seconds"
         # Nothing is driven yet, so that there is nothing to stop.
         if number := self._mailbox.take_estop():
-            self._mailbox.answer_estop(number, accepted=False, motion=0, why=why)
+            self._mailbox.answer_estop(number, accepted=False, why=why)
         while (taken := self._mailbox.take(now_ns)) is not None:
             number, payload = taken
             if _is_shutdown(payload):  # the only request that needs no device
-                self._mailbox.answer(number, accepted=True, motion=0, why="")
+                self._mailbox.answer(number, accepted=True, why="")
                 return False
-            self._mailbox.answer(number, accepted=False, motion=0, why=why)
+            self._mailbox.answer(number, accepted=False, why=why)
         return not self._supervisor.lost(now_ns, 0)
 
     def report_open(self, now_ns: int) -> None:

@@ -51,6 +51,10 @@ class TimedChannels:
         finally:
             self.read_ns += self._now_ns() - begin_ns
 
+    def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
+        """Return the age of the last read-back of each axis, in ns. Real-time safe."""
+        return self._devices.read_back_age_ns(now_ns)
+
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Set the voltage of every axis, in V; return whether that succeeded. Real-time safe."""
         self.write_begin_ns = begin_ns = self._now_ns()

@@ -7,6 +7,7 @@ device that needs nearly a period is never idle.
 """
 
 import threading
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from enum import Enum, auto
@@ -27,6 +28,8 @@ LATE_FACTOR: Final = 2
 read-back are then unknown. A setpoint of this age is not sent any more."""
 STUCK_NS: Final = NS_PER_S // 4
 """A round that takes longer is stuck: no driver waits longer for a reply in the loop."""
+AGES: Final = 9
+"""The usual age of a read-back is the median of those of so many rounds."""
 ROUNDS_TO_READ_BACK: Final = 3
 """A setpoint waits for the present round, is sent in the next one, and read back in a third."""
 _STUCK: Final = frozenset({DeviceFlag.STUCK})
@@ -66,6 +69,8 @@ class _RoundResult(NamedTuple):
         read_back: Read-back value of each output.
         flags: Flags of each channel.
         taken: Whether the device accepted the last setpoint.
+        setpoint: The newest setpoint when it began, which the read-back can show.
+        began_ns: Instant at which it began.
     """
 
     number: int
@@ -74,6 +79,8 @@ class _RoundResult(NamedTuple):
     read_back: Sequence[float]
     flags: Sequence[Flags]
     taken: bool
+    setpoint: _Setpoint
+    began_ns: int
 
 
 class DeviceWorker(DeviceWrapper):
@@ -104,16 +111,19 @@ class DeviceWorker(DeviceWrapper):
         pause_s: float = PAUSE_S,
     ) -> None:
         super().__init__(device)
-        self._able = self._able._replace(lag_ns=ROUNDS_TO_READ_BACK * max(round_ns, pace_ns))
+        lag_ns = self._told_lag_ns + ROUNDS_TO_READ_BACK * max(round_ns, pace_ns)
+        self._able = self._able._replace(lag_ns=lag_ns)
         # An amplifier gets the newest setpoint as soon as it can take one: any loop may be faster.
         if not self._able.inputs:
             self._able = self._able._replace(max_rate_hz=inf)
         self._clock_ns, self._pause_s = clock.now_ns, pause_s
-        self._exchanges, self._pace_ns = exchanges, pace_ns
+        self._exchanges, self._period_ns, self._pace_ns = exchanges, period_ns, pace_ns
         self._deadline_ns = LATE_FACTOR * max(period_ns, round_ns, pace_ns)
         self._stuck_ns = max(STUCK_NS, self._deadline_ns)
         self._setpoint = _Setpoint(0, (), 0)
-        self._newest = _RoundResult(0, 0, (), self._first_read_back(), self._no_flags, True)
+        self._newest = _RoundResult(
+            0, 0, (), self._first_read_back(), self._no_flags, True, self._setpoint, clock.now_ns()
+        )
         self._jobs: SimpleQueue[_Job] = SimpleQueue()
         self._closing = threading.Event()
         self._began_ns = 0
@@ -126,6 +136,8 @@ class DeviceWorker(DeviceWrapper):
         # Used by the loop only.
         self._seen, self._delivered = self._newest, 0
         self._cycle_ns, self._late, self._stuck = -1, False, False
+        self._age_ns = self._longest_ns = 0
+        self._ages_ns = deque[int](maxlen=AGES)
         # Used by the thread only.
         self._active, self._sent, self._taken = True, 0, True
         self.thread = threading.Thread(target=self._work, name="device", daemon=True)
@@ -157,6 +169,18 @@ class DeviceWorker(DeviceWrapper):
         """Return the read-back values of the last round, NaN if it is late. Real-time safe."""
         self._begin(now_ns)
         return self._unknown if self._late else self._seen.read_back
+
+    def read_back_age_ns(self, now_ns: int) -> int:
+        """Return the age of the read-back of the last round, in ns. Real-time safe.
+
+        It counts from the cycle that made the first setpoint which that round did not send; it is 0
+        if there is none. A round that takes much longer than usual adds nothing: whoever reckons
+        with the age then waits for it.
+        """
+        self._begin(now_ns)
+        shown = self._seen.setpoint.number == self._setpoint.number
+        own_ns = 0 if shown else min(self._age_ns, self._longest_ns)
+        return own_ns + super().read_back_age_ns(now_ns)
 
     def status(self, now_ns: int) -> Sequence[Flags]:
         """Return the flags of the last round, and of a thread that is late. Real-time safe."""
@@ -203,9 +227,17 @@ class DeviceWorker(DeviceWrapper):
         self._late = self._stuck or running_ns > self._deadline_ns
         if newest.number != self._seen.number and newest.era == self._era:
             self._seen = newest
+            self._ages_ns.append(self._age_ns)  # the largest of the round before
+            usual_ns = sorted(self._ages_ns)[len(self._ages_ns) // 2]
+            self._longest_ns = LATE_FACTOR * usual_ns + self._period_ns
         elif any(self._seen.flags):  # the passing flags of this round were reported already
             seen = self._seen
             self._seen = seen._replace(flags=[flags - PASSING for flags in seen.flags])
+        # The next setpoint came a period later; or, if nothing was written for a while, in the
+        # cycle in which the round began, or later.
+        seen, period_ns = self._seen, self._period_ns
+        since_ns = max(seen.setpoint.t_ns + period_ns, seen.began_ns - period_ns)
+        self._age_ns = max(now_ns - since_ns, 0)
         self._request_round()
 
     def _request_round(self) -> None:
@@ -252,7 +284,7 @@ class DeviceWorker(DeviceWrapper):
 
     def _round(self) -> None:
         samples: Sequence[Sample] = ()
-        era = self._era  # before the first exchange
+        era, began_ns = self._era, self._began_ns  # before the first exchange
         setpoint = self._setpoint  # once: the loop may replace it meanwhile
         if setpoint.number != self._sent:
             samples = self._send(setpoint)
@@ -267,7 +299,9 @@ class DeviceWorker(DeviceWrapper):
             missed = [flags & PASSING for flags in self._newest.flags]
             flags = [new | old for new, old in zip(flags, missed, strict=True)]
         number = self._newest.number + 1
-        self._newest = _RoundResult(number, era, samples, read_back, flags, self._taken)
+        self._newest = _RoundResult(
+            number, era, samples, read_back, flags, self._taken, setpoint, began_ns
+        )
 
     def _send(self, setpoint: _Setpoint) -> Sequence[Sample]:
         """Set the outputs if the setpoint is not too old and the device is active.

@@ -12,7 +12,15 @@ from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.control.guard import read_back_tolerance_v
-from piezod.control.in_force import OUTPUT_WAIT_S, Claim, Evidence, voltage_in_force
+from piezod.control.in_force import (
+    OUTPUT_WAIT_S,
+    Claim,
+    Evidence,
+    InForce,
+    Source,
+    fell,
+    voltage_in_force,
+)
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.devices.status import MOVED
@@ -25,9 +33,6 @@ MAX_FAILING_S: Final = 2.0
 """How long an amplifier may refuse, report nothing, or not reach its voltage, in s."""
 LAG_STEPS: Final = 10
 """An output may be this many steps behind before the ramp waits for it."""
-UNACKNOWLEDGED_CYCLES: Final = 3
-"""The stored voltage may be this many cycles of the loop, or rounds of a slow amplifier, ahead of
-the output: it is stored before it is written."""
 NEAR_V: Final = 1.0
 """An output that is outside the limits by no more than this, and refuses the next step, is set to
 the limit."""
@@ -165,40 +170,48 @@ class AmplifierRamp:
         # Use the last write after half of the time; after all of it `step` gives up.
         if unknown and self._reads_back and self._failing_s(now_ns) < MAX_FAILING_S / 2:
             return False
-        if not unknown and (doubt := self._doubt(read_back_v, now_ns)):
-            self._read_back_v = read_back_v
-            self._give_up(doubt)
-            return False
-        self._from_v = list(self._last_v) if unknown else read_back_v
-        self._from_noted = unknown
-        if not all(map(isfinite, self._from_v)):
+        start_v = list(self._last_v)
+        if not unknown:
+            found = self._in_force(read_back_v, now_ns)
+            start_v = [each.drive_v for each in found]
+            if doubt := "; ".join(each.doubt for each in found if not isfinite(each.drive_v)):
+                self._read_back_v = read_back_v
+                self._give_up(f"{doubt}; if the read-back is right, `piezod safe --confirm-output`")
+                return False
+        self._from_v, self._from_noted = start_v if unknown else read_back_v, unknown
+        if not all(map(isfinite, start_v)):
             self._give_up("the amplifier reports no voltage, and no last write is stored")
             return False
-        self._drive_v = self._from_v
+        self._drive_v = start_v
         self._phase = self._descend
         return True
 
-    def _doubt(self, read_back_v: list[float], now_ns: int) -> str:
-        """Return why the voltages in force are not those that are read back; empty if they are."""
+    def _in_force(self, read_back_v: Sequence[float], now_ns: int) -> list[InForce]:
+        """Return the voltage in force on each axis.
+
+        The stored voltage may be ahead of the output, because it is stored before it is written.
+        Where the first step from half-way between them is within a step of the loop of both, the
+        start is half-way.
+        """
         flags = self._channels.status(now_ns)[len(read_back_v) :]
         able = self._channels.capabilities()
-        ahead_s = UNACKNOWLEDGED_CYCLES / min(self._rate_hz, able.max_rate_hz)
-        for i, (drive_v, last_v, safe_v) in enumerate(
-            zip(read_back_v, self._last_v, self._safe_v, strict=True)
-        ):
-            # A device with a watchdog brings its output towards rest when nobody writes any more.
-            fell = able.watchdog and abs(drive_v - safe_v) < abs(last_v - safe_v)
+        cycle_s = 1.0 / min(self._rate_hz, able.max_rate_hz)
+        found = list[InForce]()
+        for i, (drive_v, safe_v) in enumerate(zip(read_back_v, self._safe_v, strict=True)):
+            last_v = nan if self._confirmed else self._last_v[i]
             known = Evidence(
                 Claim(drive_v),
-                Claim(nan if self._confirmed else last_v),
+                Claim(last_v),
                 reports_move=not MOVED.isdisjoint(flags[i]),
-                explained=fell,
+                # A watchdog brings the output towards rest when nobody writes any more.
+                explained=fell(drive_v, last_v, safe_v if able.watchdog else nan),
             )
-            tolerance_v = self._tolerances_v[i] + self._slews_v_per_s[i] * ahead_s
-            found = voltage_in_force(known, tolerance_v)
-            if not isfinite(found.drive_v):
-                return f"{found.doubt}; if the read-back is right, `piezod safe --confirm-output`"
-        return ""
+            reach_v = self._tolerances_v[i] + self._slews_v_per_s[i] * cycle_s - self._steps_v[i]
+            one = voltage_in_force(known, max(2.0 * reach_v, self._tolerances_v[i]))
+            if one.source is Source.AGREED and isfinite(last_v):
+                one = one._replace(drive_v=(drive_v + last_v) / 2.0)
+            found.append(one)
+        return found
 
     def _descend(self, now_ns: int) -> bool:
         if self._reads_back:

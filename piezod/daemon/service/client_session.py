@@ -7,6 +7,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from piezod.daemon.logging import logger
+from piezod.daemon.service.peer_process import closed_with_its_process
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.request_context import RequestContext
 from piezod.daemon.stage.errors import StageError
@@ -23,8 +24,9 @@ _LOG: Final = logger("service")
 class SessionAnswer(Response):
     """An answer that lasts until the client disconnects, for any reason.
 
-    The kernel closes the connection of a process that is killed. Then the stage is stopped, a
-    recording that this client has started is ended, and the lease is released, in this order.
+    The connection of a process that is killed is closed, also if a child has inherited it. Then the
+    stage is stopped, a recording that this client has started is ended, and the lease is released,
+    in this order.
 
     Args:
         context: The request; its client has the lease until the end.
@@ -51,7 +53,8 @@ class SessionAnswer(Response):
             )
             body = dump(self._lease) + b"\n"
             await send({"type": "http.response.body", "body": body, "more_body": True})
-            await self._connection.closing.wait()
+            with closed_with_its_process(self._connection):
+                await self._connection.closing.wait()
         finally:
             if self._connection.lost:
                 await self._end()

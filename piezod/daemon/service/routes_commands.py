@@ -32,7 +32,8 @@ class Nothing(ConfigModel):
 def _add_command(row: Endpoint) -> None:
     async def command_endpoint(command: Any, context: ContextOf) -> JsonAnswer:
         answer = await context.ask(_allowed(command, context))
-        return JsonAnswer(Accepted(motion=answer.motion, state=context.stage.state))
+        motion, duration_s = answer.motion, answer.duration_s
+        return JsonAnswer(Accepted(motion=motion, duration_s=duration_s, state=context.stage.state))
 
     command_endpoint.__annotations__["command"] = row.request
     endpoint(router, row.name, name=row.path)(command_endpoint)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from piezod.config.packed_waveforms import WaveformCostError
+from piezod.config.waveforms.waveform import WaveformCostError
 from piezod.control.stage.answer import Answer
 from piezod.daemon.stage.errors import BadValueError, NoAnswerError, UnavailableError
 from piezod.messages.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
@@ -56,7 +56,7 @@ class LoopRequests:
             if found is not None and found.why == EXPIRED:
                 break
             if found is not None:
-                return Answer(found.accepted, found.why, found.motion)
+                return Answer(*found)
             await asyncio.sleep(_POLL_S)  # the loop only writes to memory, and wakes no process
         # A loop that still compiles its kernels takes no request.
         if not self._words[Word.LOOP_BEAT_NS]:

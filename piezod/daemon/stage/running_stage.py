@@ -14,6 +14,7 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.config.states import State
+from piezod.control.reference.motion import motion_limits, moving_s
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import drops_lines, logger
@@ -205,14 +206,19 @@ class RunningStage:
         return metrics_text(facts, openmetrics=openmetrics)
 
     def config(self) -> Document:
-        """Return the configuration in force, with the positions that may be commanded."""
+        """Return the configuration in force, with the positions that may be commanded.
+
+        `longest_move_s` has for each axis how long a movement over all of them takes, in s.
+        """
         loop = self.loop
-        document = accepted_config.document(loop.config)
+        document, longest_s = accepted_config.document(loop.config), {}
         for name, axis in document["axes"].items():
             range_um = loop.range_um(name)
             if all(map(isfinite, range_um)):
                 axis["command_range_um"] = list(range_um)
-        return document
+                limits = motion_limits(loop.config.axes[name], range_um, 1.0 / loop.config.rate_hz)
+                longest_s[name] = moving_s(range_um[1] - range_um[0], limits)
+        return {**document, "longest_move_s": longest_s}
 
     async def reload(self, peer: Peer) -> Reloaded:
         """Read the configuration again; exchange all of it, or keep the present one.

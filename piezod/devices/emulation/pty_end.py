@@ -22,7 +22,7 @@ class PtyEnd:
     """Implements `FarEnd` over a pty; a driver opens a link to it.
 
     The link may be opened and closed any number of times. Bytes that are sent while no client has
-    it open are lost, as on a cable.
+    it open are lost, as on a cable. One thread may receive while another one sends.
 
     Args:
         path: Path of the link.
@@ -30,7 +30,7 @@ class PtyEnd:
 
     def __init__(self, path: Path) -> None:
         self._path, self._fd = path, -1
-        self._unsent = b""
+        self._unsent, self._sending = b"", threading.Lock()
         self._held: int | None = None
         self._poll = select.poll()
 
@@ -96,17 +96,20 @@ class PtyEnd:
 
         A kernel takes only some kilobytes at once: the rest follows when it has room again.
         """
-        data, self._unsent = self._unsent + data, b""
-        # Without this test the kernel would keep the bytes for the next client.
-        if any(events & select.POLLHUP for _, events in self._poll.poll(0)):
-            return
-        try:
-            sent = os.write(self._fd, data)
-        except BlockingIOError:  # no room at all
-            sent = 0
-        except OSError:  # the client has closed it meanwhile
-            return
-        self._unsent = data[sent:][-_MOST_BYTES:]
+        client = select.poll()
+        client.register(self._fd, 0)
+        with self._sending:
+            data, self._unsent = self._unsent + data, b""
+            # Without this test the kernel would keep the bytes for the next client.
+            if any(events & select.POLLHUP for _, events in client.poll(0)):
+                return
+            try:
+                sent = os.write(self._fd, data)
+            except BlockingIOError:  # no room at all
+                sent = 0
+            except OSError:  # the client has closed it meanwhile
+                return
+            self._unsent = data[sent:][-_MOST_BYTES:]
 
     def take_connected(self) -> bool:
         """Return False: a device on a serial line cannot detect a client."""

@@ -3,14 +3,13 @@
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from piezod.config.combined_waveforms import Sequence, SequencePart, WaveformConfig
 from piezod.config.document import Document
 from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.fields import ConfigModel, Context
 from piezod.config.validate import validate
-from piezod.config.waveforms import Points
+from piezod.config.waveforms.combined import Sequence, SequencePart, WaveformConfig
+from piezod.config.waveforms.paths import Points
 from piezod.config.yaml_loader import load_yaml, parse_yaml
-from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ConfigError, Problem
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.live.setup import LiveAxis
@@ -74,7 +73,7 @@ def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> LiveDrive:
     """
     rest_v, rate_v_per_s = axis.config.limits.rest_v, axis.config.safety.ramp_v_per_s
     drive_v, duration_s = settings.drive_v, settings.duration_s
-    first_v = build_waveform(drive_v, duration_s).value(0.0)
+    first_v = drive_v.built(duration_s).value(0.0)
     if abs(first_v - rest_v) <= _SAME_V:
         return LiveDrive(settings.settle_s, settings.run_in_s, duration_s, drive_v)
     ramp_s = max(abs(first_v - rest_v) / rate_v_per_s, axis.period_s)

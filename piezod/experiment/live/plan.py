@@ -9,10 +9,10 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
-from piezod.config.packed_waveforms import WaveformCostError, pack_waveforms
 from piezod.config.play import PlayConfig
 from piezod.config.rules import MIN_JUDGED_SAMPLES
-from piezod.control.reference.waveforms import build_waveform
+from piezod.config.waveforms.combined import pack_waveforms
+from piezod.config.waveforms.waveform import WaveformCostError
 from piezod.errors import DataError, RefusedError
 from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.experiment.live.setup import LiveAxis, LiveSetup, no_model
@@ -83,9 +83,9 @@ def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -
     yield from _too_large(case, config)
     for name, command in case.commands(config.axes).items():
         if name in setup.axes:
-            if why := too_fast(command, setup.rate_hz):
+            if why := too_fast(command.highest_hz(), setup.rate_hz):
                 yield f"{case.name}, axis {name}: {why}"
-            waveform = build_waveform(command, case.duration_s)
+            waveform = command.built(case.duration_s)
             yield from out_of_range(case.name, name, setup.axes[name], waveform.low, waveform.high)
 
 

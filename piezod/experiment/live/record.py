@@ -7,8 +7,8 @@ import numpy as np
 
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
+from piezod.config.waveforms.waveform import Waveform
 from piezod.control.reference.motion import Motion
-from piezod.control.reference.waveforms import Waveform
 from piezod.errors import DataError
 from piezod.experiment.live.late import judged_errors_pct, late_indices
 from piezod.experiment.live.setup import LiveAxis

@@ -12,7 +12,6 @@ from piezod.client import StageClient
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
-from piezod.control.reference.waveforms import build_waveform
 from piezod.experiment.fit.account import parameters_of
 from piezod.experiment.live.late import late_note
 from piezod.experiment.live.plan import check_live, not_used
@@ -99,9 +98,7 @@ class _Runs:
     def run(self, case: CaseConfig, mode: Mode) -> list[tuple[Recording, list[str]]]:
         """Rest, run a case, and return the recording and the warnings of each axis."""
         stage, commands = self._stage, case.commands(self._config.axes)
-        waveforms = {
-            name: build_waveform(command, case.duration_s) for name, command in commands.items()
-        }
+        waveforms = {name: command.built(case.duration_s) for name, command in commands.items()}
         stage.disarm()
         stage.select(mode, commands)
         stage.rest(self._config.settle_s)
@@ -110,14 +107,7 @@ class _Runs:
         # The recording starts before the movement, because its start is found in the recording.
         stage.recorder.start(f"{case.name}-{mode.value}")
         stage.select(mode, commands)
-        holding_command_um = stage.holding_command_um()
-        longest_s = max(
-            self._setup.axes[name]
-            .motion(each, case.duration_s, holding_command_um[name])
-            .duration_s
-            for name, each in waveforms.items()
-        )
-        stage.follow(commands, case.duration_s, mode, longest_s)
+        stage.follow(commands, case.duration_s, mode)
         telemetry = stage.recorder.end(self._file)
         run = LiveRun(case, mode, self._config.metrics)
         recordings = [

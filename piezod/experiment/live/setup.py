@@ -10,11 +10,10 @@ from piezod.client.errors import unexpected
 from piezod.client.waveforms import tupled
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
+from piezod.config.waveforms.waveform import Waveform
 from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import from_model_file
-from piezod.control.reference.motion import Motion, lead_in, waveform_motion
-from piezod.control.reference.waveforms import Waveform
-from piezod.control.stage.motion_limits import motion_limits
+from piezod.control.reference.motion import Motion, lead_in, motion_limits, waveform_motion
 from piezod.errors import DataError
 from piezod.messages.documents import Document
 

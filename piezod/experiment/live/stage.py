@@ -1,6 +1,6 @@
 """A running stage, step by step: at rest, armed, along a waveform, recorded; and left safe."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack, closing, suppress
 from math import inf
 from types import TracebackType
@@ -12,7 +12,7 @@ from piezod.client.calls import Waveforms
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.config.waveforms import Setpoint
+from piezod.config.waveforms.shapes import Setpoint
 from piezod.errors import (
     ClientError,
     DataError,
@@ -211,23 +211,16 @@ class LiveStage:
         for axis in axes:
             self._client.mode(mode, axis=axis)
 
-    def holding_command_um(self) -> Mapping[str, float]:
-        """Return the constant command of each axis in RUN before a movement, in µm."""
-        interval = self._wait(lambda _told: True, {State.RUN})
-        return {name: axis.command_um.last or 0.0 for name, axis in interval.axes.items()}
-
-    def follow(
-        self, command_um: Waveforms, duration_s: float, mode: Mode, longest_s: float
-    ) -> None:
+    def follow(self, command_um: Waveforms, duration_s: float, mode: Mode) -> None:
         """Follow waveforms to their end.
 
         Args:
             command_um: Position over time for each axis, in µm.
             duration_s: Duration of the waveforms, in s.
             mode: Mode of all of these axes.
-            longest_s: Duration with the motion to their start, in s.
         """
-        motion = self._client.wave(command_um, duration_s).motion
+        answer = self._client.wave(command_um, duration_s)
+        motion, takes_s = answer.motion, answer.duration_s
         first, start_s = next(iter(command_um)), inf
 
         def ended(interval: Interval) -> bool:
@@ -241,7 +234,7 @@ class LiveStage:
                     raise NotReachedError(what + because_of(interval), code="mode")
             if interval.axes[first].motion == motion:
                 start_s = min(start_s, interval.t_s)
-            return interval.state == State.RUN and interval.t_s - start_s >= longest_s
+            return interval.state == State.RUN and interval.t_s - start_s >= takes_s
 
         self._wait(ended, {State.RUN})
 

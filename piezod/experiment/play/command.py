@@ -5,8 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from piezod.config.play import WaveConfig
-from piezod.config.waveforms import Csv, Points
-from piezod.control.reference.waveforms import build_waveform
 from piezod.devices.player import PlayerCapabilities
 from piezod.dynamics.harmonics import Lines
 from piezod.errors import DataError, DeviceError
@@ -86,11 +84,10 @@ def command_of(wave: WaveConfig, interval_ns: int) -> PeriodicCommand:
         DataError: If a period is not a whole number of intervals.
     """
     points = points_of(wave.name, wave.period_s, interval_ns)
-    config = wave.command_um
-    begin_s = config.points[0][0] if isinstance(config, Points | Csv) else 0.0
-    waveform = build_waveform(config, begin_s + wave.period_s)
+    begin_s, end_s = wave.command_um.begin_and_end_s()
+    waveform = wave.command_um.built(end_s)
     t_s = begin_s + np.arange(points) * interval_ns / NS_PER_S
-    return PeriodicCommand(wave.name, waveform.sample(t_s), interval_ns)
+    return PeriodicCommand(wave.name, np.array(waveform.sample(t_s)), interval_ns)
 
 
 def legal_interval_ns(able: PlayerCapabilities, interval_us: float) -> int:

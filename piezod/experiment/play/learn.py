@@ -52,8 +52,8 @@ class PassReport:
         noise_pct: Rms noise of the average, in % of the swing.
         significant: Number of learned harmonics whose error exceeds the noise, with the mean.
         table: Table of the play.
-        error_um: (n,) measured displacement minus command, average of the periods, in µm.
-        true_error_um: (n,) true displacement minus command, average of the periods, in µm.
+        error_um: (n,) command minus measured displacement, average of the periods, in µm.
+        true_error_um: (n,) command minus true displacement, average of the periods, in µm.
     """
 
     label: str
@@ -179,7 +179,7 @@ class _Run:
         found: Assessment,
     ) -> PassReport:
         command = self._task.command
-        true_error_um = periods.true_um - command.values_um
+        true_error_um = command.values_um - periods.true_um
         # All lines of the average but its mean, which is not part of a noise over a period.
         noise_um = np.sqrt(2.0 * np.sum(average.noise[1:] ** 2)) / command.values_um.size
         return PassReport(
@@ -190,6 +190,6 @@ class _Run:
             100.0 * float(noise_um) / command.swing_um,
             found.significant,
             table,
-            -found.error,
+            found.error,
             np.mean(true_error_um, axis=0),
         )

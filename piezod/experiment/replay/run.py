@@ -49,13 +49,13 @@ class Replay:
 
     @property
     def recorded_error_um(self) -> FloatArray:
-        """Measured minus commanded position, in µm."""
-        return self.recorded.position_um - self.recorded.command_um
+        """Commanded minus measured position, in µm."""
+        return self.recorded.command_um - self.recorded.position_um
 
     @property
     def error_um(self) -> FloatArray:
-        """Position of the replay minus the commanded one, in µm."""
-        return self.position_um - self.recorded.command_um
+        """Commanded position minus that of the replay, in µm."""
+        return self.recorded.command_um - self.position_um
 
 
 def replay(

@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from piezod.config.axes import LimitsConfig
-from piezod.config.combined_waveforms import Sequence, SequencePart, Sum
-from piezod.config.waveforms import Component, Multisine, Points, Staircase
-from piezod.control.reference.waveforms import build_waveform
+from piezod.config.waveforms.combined import Sequence, SequencePart, Sum
+from piezod.config.waveforms.paths import Points, Staircase
+from piezod.config.waveforms.shapes import Component, Multisine
 from piezod.dynamics.multisine import IntArray, low_peak_multisine, odd_harmonics
 from piezod.dynamics.multisine import Multisine as Lines
 from piezod.errors import DataError
@@ -102,7 +102,7 @@ class ResponsePlan:
     def sampled_v(self) -> FloatArray:
         """Return the voltage of each cycle, in V, shape (samples,)."""
         t_s = np.arange(self.samples) / self.rate_hz
-        return build_waveform(self.drive_v, self.duration_s).sample(t_s)
+        return np.array(self.drive_v.built(self.duration_s).sample(t_s))
 
 
 def plan_response(

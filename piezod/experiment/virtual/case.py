@@ -8,10 +8,10 @@ import numpy as np
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
+from piezod.config.waveforms.waveform import Waveform
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.model import StageModel
-from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
 from piezod.experiment.error_rows import errors_pct
 from piezod.experiment.steps import step_metrics
@@ -63,8 +63,7 @@ def run_case(
         DeviceError: If a device refuses a voltage.
     """
     references = {
-        name: build_waveform(command, case.duration_s)
-        for name, command in case.commands(config.axes).items()
+        name: command.built(case.duration_s) for name, command in case.commands(config.axes).items()
     }
     for name, reference in references.items():
         _check_range(case, name, reference, identified[name].model)

@@ -15,7 +15,6 @@ from piezod.control.law.gains import LoopProperties, check_axis_gains, check_gai
 from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import read_model
 from piezod.control.law.output import TimeFunction
-from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError
 from piezod.experiment.fit.account import account_of, parameters_of
 from piezod.experiment.fit.fit import fit_model
@@ -93,7 +92,7 @@ def _drive(
     stage: VirtualStage, axes: Mapping[str, AxisConfig], settings: IdentificationConfig
 ) -> Mapping[str, FloatArray]:
     """Drive the axes without a model while the others rest; return the trace of each axis."""
-    drive = build_waveform(settings.drive_v, settings.duration_s).value
+    drive = settings.drive_v.built(settings.duration_s).value
     waveforms = [
         drive if axis.model is None else _constant(axis.limits.rest_v) for axis in axes.values()
     ]

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from piezod.records.figures.overview import mode_marks
 from piezod.records.figures.style import (
     COMMAND,
+    ERROR_LABEL,
     house_style,
     new_figure,
     round_time_ticks,
@@ -71,7 +72,7 @@ def _draw_errors(axes: Axes, all_modes: Sequence[Recording], drawn: Sequence[Rec
     true = all(each.knows_truth for each in all_modes)
     _draw(axes, all_modes, drawn, lambda each: each.true_error_um if true else each.error_um)
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set_ylabel("error (µm)")
+    axes.set_ylabel(ERROR_LABEL)
 
 
 def _draw(

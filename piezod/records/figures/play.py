@@ -11,6 +11,7 @@ from matplotlib.ticker import FuncFormatter
 from piezod.records.figures.style import (
     BLUE,
     COMMAND,
+    ERROR_LABEL,
     GREY,
     POSITION,
     VERMILLION,
@@ -33,7 +34,7 @@ class PlayedErrors:
 
     Attributes:
         label: Name of the play.
-        error_um: (n,) error over one period, in µm; the true one if it is known.
+        error_um: (n,) command minus displacement over one period, in µm; the true one if known.
         measured_pct: Largest and rms measured error, in % of the swing.
         true_pct: The same of the true displacement; NaN if it is not known.
     """
@@ -70,7 +71,7 @@ def play_figure(
     t_s = np.asarray(np.arange(_PERIODS * command_um.size) * interval_s, dtype=np.float64)
     best = plays[compared[-1]]
     kind = "true" if np.isfinite(best.true_pct[0]) else "measured"
-    played_um = np.tile(command_um + best.error_um, _PERIODS)
+    played_um = np.tile(command_um - best.error_um, _PERIODS)
     draw_trace(motion, t_s, played_um, label=f"{kind}, {best.label}", **POSITION)
     draw_trace(motion, t_s, np.tile(command_um, _PERIODS), label="command", **COMMAND)
     motion.set(title="(a) Displacement", ylabel="displacement (µm)")
@@ -80,7 +81,7 @@ def play_figure(
         values_um = np.tile(plays[place].error_um, _PERIODS)
         draw_trace(error, t_s, values_um, label=plays[place].label, color=colour, linewidth=1.0)
     error.axhline(0.0, color="black", linewidth=0.6)
-    error.set(title=f"(b) Error, {kind}", ylabel="displacement − command (µm)")
+    error.set(title=f"(b) Error, {kind}", ylabel=ERROR_LABEL)
     legend_above(error)
     round_time_ticks(error)
     add_percent_axis(error, float(np.ptp(command_um)), "% of swing")

@@ -6,6 +6,7 @@ from piezod.records.figures.style import (
     BLUE,
     DRIVE,
     ERROR,
+    ERROR_LABEL,
     house_style,
     legend_above,
     new_figure,
@@ -39,7 +40,7 @@ def replay_figure(
     draw_trace(drive, t_s, drive_difference_v, **DRIVE)
     for axes in (error, drive):
         axes.axhline(0.0, color="black", linewidth=0.6)
-    error.set(title="(a) Error: position minus command", ylabel="error (µm)")
+    error.set(title="(a) Error", ylabel=ERROR_LABEL)
     error.tick_params(labelbottom=False)
     drive.set(title="(b) Drive: replayed minus recorded", ylabel="difference (V)")
     legend_above(error)

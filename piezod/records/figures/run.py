@@ -15,6 +15,7 @@ from piezod.records.figures.style import (
     COMMAND,
     DRIVE,
     ERROR,
+    ERROR_LABEL,
     EXCLUDED,
     LOOP,
     POSITION,
@@ -151,13 +152,11 @@ def _draw_loop(axes: Axes, recording: Recording) -> None:
 
 def _draw_error(axes: Axes, recording: Recording) -> None:
     error = draw_trace(axes, recording.t_s, recording.error_um, **ERROR)
-    title = "(d) Error: measured minus command"
     if recording.knows_truth:
         error.set_label("measured")
         draw_trace(axes, recording.t_s, recording.true_error_um, label="true", **TRUE_ERROR)
-        title = "(d) Error"
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set(title=title, ylabel="error (µm)")
+    axes.set(title="(d) Error", ylabel=ERROR_LABEL)
     round_time_ticks(axes)
     if np.ptp(recording.command_um[recording.first_metric_index :]) > 0.0:
         # With a constant command the range is that of the noise: percent would mean nothing.

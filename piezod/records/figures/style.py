@@ -30,6 +30,8 @@ COMMAND: Final[dict[str, Any]] = {"color": BLACK, "linewidth": 0.9, "linestyle":
 DRIVE: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.5}
 POSITION: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.5}
 LOOP: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.0}
+ERROR_LABEL: Final = "command −\nposition (µm)"
+"""What an error is, everywhere; in two lines, which fit beside a low panel."""
 ERROR: Final[dict[str, Any]] = {"color": PURPLE, "linewidth": 0.7}
 # The true error lies within the noise of the measured one: darker, and drawn on top.
 TRUE_ERROR: Final[dict[str, Any]] = {"color": "#6B2149", "linewidth": 0.9}

@@ -14,6 +14,7 @@ from piezod.records.figures.style import (
     COMMAND,
     DRIVE,
     ERROR,
+    ERROR_LABEL,
     POSITION,
     PURPLE,
     VERMILLION,
@@ -128,10 +129,10 @@ def _draw_position(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
 
 def _draw_error(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     columns = telemetry.axes[axis]
-    error_um = columns["position_um"] - columns["command_um"]
+    error_um = columns["command_um"] - columns["position_um"]
     draw_trace(axes, telemetry.cycles["t_s"], error_um, **ERROR)
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set(title="(b) Error: measured minus command", ylabel="error (µm)")
+    axes.set(title="(b) Error", ylabel=ERROR_LABEL)
 
 
 def _draw_drive(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
@@ -189,7 +190,7 @@ def _draw_loop(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
 def _write_errors(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     """Write the errors of each mode as a small table."""
     columns = telemetry.axes[axis]
-    error_um = np.abs(columns["position_um"] - columns["command_um"])
+    error_um = np.abs(columns["command_um"] - columns["position_um"])
     axes.set_axis_off()
     axes.set_title("(f) Error in RUN")
     rows = [("mode", "time (s)", "rms (µm)", "worst (µm)")]

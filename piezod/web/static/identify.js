@@ -59,7 +59,7 @@ class IdentifyDialog extends JobDialog {
         ["held-out blocks", ...ERRORS.map((name) => fixed(result.cross_validation[name], 3))],
       ]),
       ...notes(result),
-      job.figure ? figure(`/jobs/${encodeURIComponent(this.stage)}.png?${Date.now()}`) : null,
+      job.figure ? figure(`jobs/${encodeURIComponent(this.stage)}.png?${Date.now()}`) : null,
       el("div", { class: "buttons" }, accept, el("button", { type: "button", onclick: () => this.dismiss() }, "Reject it")),
     ].filter(Boolean);
   }

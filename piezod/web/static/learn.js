@@ -4,6 +4,7 @@ import { el, field } from "./dom.js";
 import { fixed, UNKNOWN } from "./format.js";
 import { axisSelect, JobDialog, numberInput, table } from "./job_dialog.js";
 import { PassChart } from "./pass_chart.js";
+import { PERIODIC } from "./wave_card.js";
 
 class LearnDialog extends JobDialog {
   kind = "learn";
@@ -11,7 +12,7 @@ class LearnDialog extends JobDialog {
 
   form() {
     this.axis = axisSelect(this.context);
-    this.wave = el("select", {}, ["sine", "triangle"].map((kind) => el("option", { value: kind }, kind)));
+    this.wave = el("select", {}, PERIODIC.map((kind) => el("option", { value: kind }, kind)));
     this.numbers = { low: numberInput(8), high: numberInput(16), frequency_hz: numberInput(50, { min: 0.1 }) };
     this.options = {
       passes: numberInput(6, { min: 0, max: 50, step: 1 }), interval_us: numberInput(50, { min: 0.1 }),

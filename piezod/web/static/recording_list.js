@@ -1,6 +1,6 @@
 /** The list of a stage's recordings: when, how long, how large, and what is inside. */
 
-import { el, setText } from "./dom.js";
+import { el, setText, withCode } from "./dom.js";
 import { clockTime, duration, short, UNKNOWN } from "./format.js";
 
 const EACH_MS = 3000; // between two looks for new recordings
@@ -29,16 +29,19 @@ export function insideText(contents) {
 
 /** Return a link that downloads the file of a recording. */
 export function downloadLink(stage, name) {
-  const href = `/recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
+  const href = `recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
   return el("a", { class: "button", href, download: `${name}.h5`, "aria-label": `Download ${name}` }, "Download");
 }
 
 const FORMATS = { csv: "Export as CSV", parquet: "Export as Parquet" };
 
-/** Return links to a recording as a table. A refusal has a tab of its own, so that this page stays. */
-export function exportLinks(stage, name) {
-  const file = `/recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
-  return Object.entries(FORMATS).map(([ending, text]) => el("a", { class: "button", href: `${file}/${ending}`, target: "_blank" }, text));
+/** Return links to a recording as a table; one that cannot be made is barred, with the reason beside it. */
+export function exportLinks(stage, name, barriers) {
+  const file = `recordings/${encodeURIComponent(stage)}/${encodeURIComponent(name)}`;
+  return Object.entries(FORMATS).map(([ending, text]) => barriers[ending]
+    ? [el("a", { class: "button", role: "link", "aria-disabled": "true" }, text), el("span", { class: "why" }, withCode(barriers[ending]))]
+    // A refusal has a tab of its own, so that this page stays.
+    : el("a", { class: "button", href: `${file}/${ending}`, target: "_blank" }, text));
 }
 
 /** Return a box that marks a recording as kept. */

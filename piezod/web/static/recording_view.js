@@ -41,7 +41,7 @@ export async function mountView(element, context) {
   element.replaceChildren(
     el(
       "div", { class: "viewer-head" }, el("nav", { "aria-label": "Back" }, el("a", { href: `#/stage/${encodeURIComponent(stage)}/recordings` }, "All recordings")),
-      el("div", { class: "buttons" }, downloadLink(stage, of.recording), exportLinks(stage, of.recording), button("Replay…", replay)),
+      el("div", { class: "buttons" }, downloadLink(stage, of.recording), exportLinks(stage, of.recording, context.me().tables), button("Replay…", replay)),
     ),
     el("h1", {}, of.recording), about,
     el(

@@ -41,7 +41,7 @@ class ReplayDialog extends JobDialog {
 
   /** Return the figure of the command, which opens in its full size. */
   #figure() {
-    const href = `/jobs/${encodeURIComponent(this.stage)}.png?${Date.now()}`;
+    const href = `jobs/${encodeURIComponent(this.stage)}.png?${Date.now()}`;
     const alt = "Recorded and replayed error, and the difference of the drives, over time; opens in full size";
     return el("a", { href, target: "_blank" }, el("img", { class: "figure", src: href, alt }));
   }

@@ -32,8 +32,9 @@ export class Socket {
   #waitMs = FIRST_WAIT_MS;
   #lostAt = new Date();
 
-  constructor(url = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`) {
-    this.url = url;
+  constructor() {
+    this.url = new URL("ws", location); // a proxy may have put the page into a folder
+    this.url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     this.#connect();
   }
 
@@ -108,7 +109,7 @@ export class Socket {
 
   /** Connect again; a server that was started again asks for its new token first. */
   async #again() {
-    const answer = await fetch("/static/icon.svg", { cache: "no-store" }).catch(() => null);
+    const answer = await fetch("static/icon.svg", { cache: "no-store" }).catch(() => null);
     if (answer?.status !== 401) {
       this.#connect();
       return;

@@ -5,54 +5,85 @@ import { CommandCard } from "./command_card.js";
 import { el, field, svg } from "./dom.js";
 import { fixed, short } from "./format.js";
 
-const KINDS = { sine: "sine", triangle: "triangle" };
-const [WIDTH, HEIGHT, POINTS] = [300, 84, 120];
+/** All numbers of waveforms: caption, first value and unit. */
+const NUMBERS = {
+  low: ["Low", "2", "µm"], high: ["High", "20", "µm"], frequency_hz: ["Frequency", "1", "Hz"],
+  from_hz: ["From", "1", "Hz"], to_hz: ["To", "10", "Hz"], sweep_s: ["Sweep", "60", "s"], duration_s: ["Duration", "60", "s"],
+};
+const cosine = (turns) => (1 - Math.cos(2 * Math.PI * turns)) / 2;
+const triangle = (turns) => 1 - Math.abs(1 - 2 * (turns - Math.floor(turns)));
+const periodic = {
+  numbers: ["frequency_hz"], turns: ({ frequency_hz }, t_s) => frequency_hz * t_s,
+  fastest_hz: ({ frequency_hz }) => frequency_hz, shown_s: ({ frequency_hz }) => 2 / frequency_hz,
+};
 
-/** Return the value of a waveform after a number of periods: it starts at its lowest value. */
-export function valueAt({ kind, low, high }, periods) {
-  const phase = periods - Math.floor(periods);
-  const part = kind === "sine" ? (1 - Math.cos(2 * Math.PI * phase)) / 2 : 1 - Math.abs(1 - 2 * phase);
-  return low + (high - low) * part;
+/**
+ * The kinds: their numbers besides low, high and duration, the part of the swing after so many turns, its steepest
+ * slope per turn, the turns after a time, the highest frequency, and the time that is drawn.
+ */
+const KINDS = {
+  sine: { ...periodic, part: cosine, steepest: Math.PI },
+  triangle: { ...periodic, part: triangle, steepest: 2 },
+  chirp: {
+    numbers: ["from_hz", "to_hz", "sweep_s"], part: cosine, steepest: Math.PI,
+    turns: ({ from_hz, to_hz, sweep_s }, t_s) => {
+      const swept_s = Math.min(t_s, sweep_s);
+      return (from_hz + ((to_hz - from_hz) / sweep_s / 2) * swept_s) * swept_s + to_hz * (t_s - swept_s);
+    },
+    fastest_hz: ({ from_hz, to_hz }) => Math.max(from_hz, to_hz),
+    shown_s: ({ from_hz, to_hz, sweep_s }) => Math.min(sweep_s, 40 / (from_hz + to_hz)),
+  },
+};
+/** The kinds that a table can repeat: those with a frequency. */
+export const PERIODIC = Object.keys(KINDS).filter((kind) => KINDS[kind].numbers.includes("frequency_hz"));
+const [WIDTH, HEIGHT, POINTS] = [300, 84, 240];
+
+/** Return the value of a waveform at a time: it starts at its lowest value. */
+export function valueAt(wave, t_s) {
+  const { part, turns } = KINDS[wave.kind];
+  return wave.low + (wave.high - wave.low) * part(turns(wave, t_s));
 }
 
 /** Return the largest speed of a waveform, in µm/s. */
-export function speed_um_per_s({ kind, low, high, frequency_hz }) {
-  return (high - low) * frequency_hz * (kind === "sine" ? Math.PI : 2);
+export function speed_um_per_s(wave) {
+  const { fastest_hz, steepest } = KINDS[wave.kind];
+  return (wave.high - wave.low) * steepest * fastest_hz(wave);
 }
 
 /** Return why a waveform cannot be started; "" if the page sees no reason. */
-export function mistake({ low, high, frequency_hz, duration_s }, range) {
-  if (![low, high, frequency_hz, duration_s].every(Number.isFinite)) return "Fill in all fields.";
+export function mistake({ kind, low, high, ...times }, range) {
+  if (![low, high, ...Object.values(times)].every(Number.isFinite)) return "Fill in all fields.";
   if (low >= high) return `Low must be below high: ${short(low)} µm and ${short(high)} µm.`;
   if (range && (low < range[0] || high > range[1])) {
     return `Outside the range of commands: ${short(low)} to ${short(high)} µm, allowed ${short(range[0])} to ${short(range[1])} µm.`;
   }
-  if (frequency_hz <= 0) return "The frequency must be above 0 Hz.";
-  if (duration_s <= 0) return "The duration must be above 0 s.";
-  return "";
+  const [name] = Object.keys(times).filter((each) => times[each] <= 0);
+  return name ? `${NUMBERS[name][0]} must be above 0 ${NUMBERS[name][2]}.` : "";
 }
 
 /** Return the card, and the function that shows each document of the stage. */
 export function waveCard(context, axis) {
-  const input = (value) => el("input", { type: "number", step: "any", required: true, value });
-  const kind = el("select", {}, Object.keys(KINDS).map((each) => el("option", { value: each }, KINDS[each])));
-  const fields = { low: input("2"), high: input("20"), frequency_hz: input("1"), duration_s: input("60") };
+  const kind = el("select", {}, Object.keys(KINDS).map((each) => el("option", { value: each }, each)));
+  const inputs = {}, fields = {};
+  for (const [name, [caption, value, unit]] of Object.entries(NUMBERS)) {
+    inputs[name] = el("input", { type: "number", step: "any", required: true, value });
+    fields[name] = field(caption, inputs[name], unit);
+  }
   const preview = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "preview", role: "img" });
   const facts = el("p", { class: "facts" });
   const start = el("button", { type: "submit", class: "primary", "aria-label": "Start the wave" }, "Start");
   const form = el(
     "form", { class: "fields" },
-    field("Kind", kind), field("Low", fields.low, "µm"), field("High", fields.high, "µm"),
-    field("Frequency", fields.frequency_hz, "Hz"), field("Duration", fields.duration_s, "s"), start,
+    field("Kind", kind), ...Object.values(fields), start,
     el("div", { class: "preview-box" }, preview, facts),
   );
   const card = new CommandCard("Waveform", form);
-  const values = () => ({
-    kind: kind.value, ...Object.fromEntries(Object.entries(fields).map(([name, each]) => [name, each.valueAsNumber])),
-  });
+  const used = () => ["low", "high", ...KINDS[kind.value].numbers, "duration_s"];
+  const values = () => ({ kind: kind.value, ...Object.fromEntries(used().map((name) => [name, inputs[name].valueAsNumber])) });
   let drawn = "";
   const show = () => {
     const wave = values();
+    for (const name in fields) fields[name].hidden = inputs[name].disabled = !(name in wave);
     const range = axis.range_um();
     const why = objection("wave", context);
     card.bar([[start, why || mistake(wave, range)]], why);
@@ -61,7 +92,7 @@ export function waveCard(context, axis) {
     drawn = key;
     const problem = mistake(wave, range);
     facts.classList.toggle("problem", Boolean(problem));
-    facts.textContent = problem || `largest speed ${short(speed_um_per_s(wave))} µm/s · ${short(wave.frequency_hz * wave.duration_s)} periods`;
+    facts.textContent = problem || `largest speed ${short(speed_um_per_s(wave))} µm/s · ${short(KINDS[wave.kind].turns(wave, wave.duration_s))} periods`;
     draw(preview, wave, range, problem);
   };
   form.addEventListener("input", show);
@@ -73,7 +104,7 @@ export function waveCard(context, axis) {
   return { card, show };
 }
 
-/** Draw two periods, or fewer if the wave is shorter, over the range of commands. */
+/** Draw a wave, or its beginning, over the range of commands. */
 function draw(preview, wave, range, problem) {
   const known = [wave.low, wave.high].every(Number.isFinite) && wave.low < wave.high;
   const bounds = [...(range ?? []), ...(known ? [wave.low, wave.high] : [])];
@@ -82,14 +113,14 @@ function draw(preview, wave, range, problem) {
   const [bottom, top] = [Math.min(...bounds), Math.max(...bounds)];
   const y = (value) => HEIGHT - 12 - ((value - bottom) / (top - bottom || 1)) * (HEIGHT - 24);
   if (range) preview.append(svg("rect", { class: "range", x: 0, width: WIDTH, y: y(range[1]), height: y(range[0]) - y(range[1]) }));
-  if (!known) return;
-  const periods = Math.min(2, wave.frequency_hz * wave.duration_s || 2);
+  const shown_s = KINDS[wave.kind].shown_s(wave);
+  const seconds = Math.min(shown_s, wave.duration_s || shown_s);
+  if (!known || !(seconds > 0)) return;
   const points = Array.from({ length: POINTS + 1 }, (_, index) => {
     const part = index / POINTS;
-    return `${(part * WIDTH).toFixed(1)},${y(valueAt(wave, part * periods)).toFixed(1)}`;
+    return `${(part * WIDTH).toFixed(1)},${y(valueAt(wave, part * seconds)).toFixed(1)}`;
   });
   preview.append(svg("polyline", { class: problem ? "curve bad" : "curve", points: points.join(" ") }));
-  const seconds = periods / wave.frequency_hz;
   preview.setAttribute("aria-label", `${wave.kind} from ${short(wave.low)} to ${short(wave.high)} µm, ${short(seconds)} s shown`);
   const text = (x, at, anchor, value) => svg("text", { x, y: at, "text-anchor": anchor }, value);
   preview.append(

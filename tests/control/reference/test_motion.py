@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.reference.motion import (
     MotionLimits,
     StreamedReference,
@@ -14,7 +14,6 @@ from piezod.control.reference.motion import (
     smooth_motion,
     waveform_motion,
 )
-from piezod.control.reference.waveforms import build_waveform
 
 LIMITS = MotionLimits(speed_um_per_s=100.0, shortest_s=0.01, low_um=0.0, high_um=25.0)
 positions = st.floats(0.0, 25.0)
@@ -59,7 +58,7 @@ def test_short_motion_takes_the_shortest_duration() -> None:
 
 def test_waveform_has_a_lead_in_and_holds_its_end() -> None:
     """The reference moves to the start of the waveform, follows it, and keeps its last value."""
-    sine = build_waveform(Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0), 1.25)
+    sine = Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0).built(1.25)
     motion = waveform_motion(sine, 1.25, lead_in(sine, 5.0, 0.0, LIMITS))
     lead_in_s = motion.duration_s - 1.25
 
@@ -71,7 +70,7 @@ def test_waveform_has_a_lead_in_and_holds_its_end() -> None:
 
 def test_waveform_that_starts_at_the_reference_has_no_lead_in() -> None:
     """A waveform that starts at the position of the reference starts at once."""
-    sine = build_waveform(Sine(kind="sine", low=5.0, high=20.0, frequency_hz=1.0), 2.0)
+    sine = Sine(kind="sine", low=5.0, high=20.0, frequency_hz=1.0).built(2.0)
 
     assert waveform_motion(sine, 2.0, lead_in(sine, 5.0, 0.0, LIMITS)).duration_s == 2.0
 

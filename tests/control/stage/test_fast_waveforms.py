@@ -1,7 +1,7 @@
 """Waveforms that a loop cannot make."""
 
 from piezod.config.states import State
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.messages import requests
 from tests.control.rig_stage import RigStage
 

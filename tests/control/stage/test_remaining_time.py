@@ -5,7 +5,7 @@ from math import isnan
 import pytest
 
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.messages import requests as rq
 from tests.control.rig_stage import RigStage, quick_config
 

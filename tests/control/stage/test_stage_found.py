@@ -1,7 +1,5 @@
 """Tests of a start after a killed daemon or another loop, and of the causes of states."""
 
-from math import nan
-
 import pytest
 
 from piezod.config.faults import Fault
@@ -61,7 +59,7 @@ def test_voltage_of_a_killed_daemon_is_ramped_down(left_v: float, cycles_before:
     for _ in range(cycles_before):  # by which the loop process measures their duration
         stage.cycle()
     stage.controller.report(Detection(Fault.P2))
-    stage.controller.ramp_first([nan])
+    stage.controller.ramp_first()
     stage.controller.stay_in_boot(False)
     stage.cycle()
     stage.until("FAULT")
@@ -104,7 +102,7 @@ def test_amplifier_that_answers_late_is_ramped_down() -> None:
     stage.run(0.1)
     lost = stage.state
     stage.controller.report(Detection(Fault.P2))
-    stage.controller.ramp_first([nan])
+    stage.controller.ramp_first()
     stage.controller.stay_in_boot(False)
     stage.until("FAULT", 20.0)
 
@@ -116,7 +114,7 @@ def test_amplifier_that_answers_late_is_ramped_down() -> None:
 def test_amplifier_that_was_found_at_rest_is_only_observed_later() -> None:
     """A loss in SAFE, long after the start, writes nothing when the amplifier is back."""
     stage = FaultyStage()
-    stage.controller.ramp_first([nan])
+    stage.controller.ramp_first()
     stage.run(0.1)
     stage.fail(InjectionKind.LOST, 200, flag=DeviceFlag.DISCONNECTED)
     stage.until("BLIND")

@@ -10,7 +10,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.assembly import check_stage
 from piezod.control.law.identifier import LearningGate
 from piezod.control.law.learned_models import LEAST_ERROR

@@ -234,6 +234,19 @@ def test_way_within_the_error_of_the_model_proves_nothing() -> None:
     assert "nothing tells which of them is right" in stage.texts()
 
 
+def test_way_proves_nothing_while_the_memory_is_unknown() -> None:
+    """The model expects a wrong way then: a fall by 2 µm is left to a person."""
+    stage = UnrulyStage()
+    stage.stage._memory_known = False  # noqa: SLF001 - as after a fault of the output
+    stage.run(0.2)
+    stage.rig.fall(0.85 * stage.rig.output_v, stage.t_ns)
+    stage.rig.steps_v.clear()
+    stage.run(3.0)
+
+    assert max(stage.rig.steps_v, default=0.0) <= STEP_V + TOLERANCE_V
+    assert "nothing tells which of them is right" in stage.texts()
+
+
 @pytest.mark.fault("A3")
 @pytest.mark.parametrize("of", [2, 3])
 def test_stuck_output_is_waited_for_with_a_read_back_now_and_then(of: int) -> None:

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import nan
+from math import isnan, nan
 
 import pytest
 
+from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.control.stage.playing import PlayOutcome
 from piezod.devices.interface import Device, Identity
@@ -14,7 +15,7 @@ from piezod.devices.player import AtEnd, PlayerCapabilities
 from piezod.devices.wrapper import DeviceWrapper
 from piezod.messages import requests as rq
 from piezod.units import s_to_ns
-from tests.control.rig_stage import RigStage
+from tests.control.rig_stage import RigStage, quick_config
 
 PERIOD_V = (20.0, 40.0, 60.0, 40.0)
 PLAY = rq.Play(drive_v=PERIOD_V, interval_s=0.01, cycles=5)
@@ -47,9 +48,9 @@ class PlayedByHand:
         """Count the aborts."""
         self.aborts += 1
 
-    def end(self, drive_v: float, failed: str = "") -> None:
+    def end(self, drive_v: float, failed: str = "", *, commanded: bool = False) -> None:
         """End the play at a voltage, in V."""
-        self._outcome = PlayOutcome(drive_v, failed)
+        self._outcome = PlayOutcome(drive_v, failed, commanded)
 
     def outcome(self) -> PlayOutcome | None:
         """Return the end, once."""
@@ -66,13 +67,14 @@ class SilentDevice(DeviceWrapper):
 
     Attributes:
         silent: Whether it is missing.
+        false_v: What is read back instead, in V; NaN for what is right.
     """
 
     def __init__(self, device: Device, lag_ns: int) -> None:
         self._identity = device.open()
         super().__init__(device)
         self._able = self._able._replace(lag_ns=lag_ns)
-        self.silent = False
+        self.silent, self.false_v = False, nan
 
     def open(self) -> Identity:
         """Return who it is."""
@@ -80,7 +82,10 @@ class SilentDevice(DeviceWrapper):
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the voltages, if it is not silent."""
-        return self._unknown if self.silent else super().read_back(now_ns)
+        if self.silent:
+            return self._unknown
+        right = super().read_back(now_ns)
+        return right if isnan(self.false_v) else [self.false_v] * len(right)
 
 
 class PlayingStage(RigStage):
@@ -90,13 +95,19 @@ class PlayingStage(RigStage):
         reads_back: Whether the amplifier reports its voltage.
         start_s: Instant at which the play begins, in s; None for as soon as possible.
         lag_s: Time by which the read-back may be late, in s.
+        config: Its configuration; the one in the repository if None.
     """
 
     def __init__(
-        self, *, reads_back: bool = True, start_s: float | None = None, lag_s: float = 0.0
+        self,
+        *,
+        reads_back: bool = True,
+        start_s: float | None = None,
+        lag_s: float = 0.0,
+        config: DaemonConfig | None = None,
     ) -> None:
         self.runner, self._lag_ns = PlayedByHand(), s_to_ns(lag_s)
-        super().__init__(wrap=self._wrapped, reads_back=reads_back, plays=self.runner)
+        super().__init__(config, self._wrapped, reads_back=reads_back, plays=self.runner)
         self.cycle()
         self.do(rq.Arm(confirm_output=not reads_back), PLAY.model_copy(update={"start_s": start_s}))
         for _ in range(5000):
@@ -163,7 +174,33 @@ def test_ramp_begins_at_the_read_back_after_the_play() -> None:
     stage.until("FAULT")
 
     assert stage.channels.writes[0][1][0] == pytest.approx(20.0, abs=0.8)
-    assert any("read-back" in event.text for event in stage.events if event.kind == "output")
+
+
+@pytest.mark.parametrize("false_v", [0.0, 35.0, 70.0, 140.0])
+def test_false_read_back_after_a_play_is_not_driven_from(false_v: float) -> None:
+    """The end of the table stands against it: the sensor decides, or nothing is written."""
+    stage = PlayingStage(config=quick_config())
+    stage.channels.writes.clear()
+    stage.device.false_v = false_v
+    stage.runner.end(20.0, commanded=True)
+    stage.run(0.5)
+    written_v = [drive_v for _, (drive_v,) in stage.channels.writes]
+
+    assert bool(written_v) == (false_v > 50.0)  # which the sensor excludes
+    assert not written_v or written_v[0] == pytest.approx(20.0, abs=1.2)
+
+
+@pytest.mark.parametrize("false_v", [70.0, 140.0])
+def test_false_read_back_after_an_abort_is_not_driven_from(false_v: float) -> None:
+    """What the amplifier measures at the abort is no second witness: the sensor excludes it."""
+    stage = PlayingStage()
+    stage.channels.writes.clear()
+    stage.device.false_v = false_v
+    stage.do(rq.Stop())
+    stage.runner.end(false_v)
+    stage.until("FAULT")
+
+    assert stage.channels.writes == []
 
 
 @pytest.mark.parametrize("told_v", [60.0, nan])

@@ -15,7 +15,7 @@ from hypothesis.stateful import (
 )
 
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine, Triangle
+from piezod.config.waveforms.shapes import Sine, Triangle
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.stage.peer import Peer
 from piezod.devices.status import DeviceFlag

@@ -8,7 +8,7 @@ from piezod.config.axes import LimitsConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.assembly import check_stage, stage_warnings
 from piezod.errors import ModelError
 from piezod.hysteresis import LearnedModel

@@ -11,7 +11,7 @@ from piezod.config.gate_reasons import GateReason
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control import controller as stage_controller
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag

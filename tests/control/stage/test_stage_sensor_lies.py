@@ -10,7 +10,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.controller import Learned
 from piezod.control.faults.cases import DOUBTING
 from piezod.control.faults.detection import Detection

@@ -5,9 +5,10 @@ from itertools import product
 
 import pytest
 
-from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine, Staircase, Triangle
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.paths import Staircase
+from piezod.config.waveforms.shapes import Sine, Triangle
 from piezod.devices.interface import Amplifier, Device, Sensor
 from piezod.messages import requests as rq
 from piezod.testing.faulty import FaultyDevice

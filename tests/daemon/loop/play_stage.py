@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Final
 
 from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.control.guard import Limits
 from piezod.control.stage.playing import PlayOutcome
 from piezod.control.watch.loop import CycleTiming
-from piezod.daemon.loop.play_thread import PlayThreads
+from piezod.daemon.loop.play_thread import AxisPlayer, PlayThreads
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices import registry
 from piezod.devices.interface import Device, Identity
@@ -66,8 +67,9 @@ class PlayedByTest(PlayThreads):
     """Plays whose steps the test takes, in its own thread, while the worker has nothing to do."""
 
     def __init__(self, axis: PlayedAxis, bench: PlayBench) -> None:
-        clock, players = BenchClock(bench.time), {0: (axis, WHO)}
-        super().__init__(players, {}, lambda: True, lambda _axis: 0.0, clock, Path())
+        player = AxisPlayer(axis, WHO, Limits(0.0, 150.0, 1000.0), round(NS_PER_S / RATE_HZ))
+        clock = BenchClock(bench.time)
+        super().__init__({0: player}, {}, lambda: True, lambda _axis: 0.0, clock, Path())
         self.axis, self.aborted = axis, False
         self.end: PlayOutcome | None = None
         self.table: AxisTable | None = None

@@ -184,8 +184,8 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
 
     assert early is None
     assert rig.controller.requests == sent
-    assert mailbox.answer(first) == (True, "", 1)
-    assert mailbox.answer(second) == (True, "", 2)
+    assert mailbox.answer(first) == (True, "", 1, 0.5)
+    assert mailbox.answer(second) == (True, "", 2, 0.5)
 
 
 def test_answer_comes_with_the_state_that_the_request_causes(rig: Rig) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from math import nan
 from pathlib import Path
 from threading import Event
 from typing import Any, cast
@@ -11,10 +12,11 @@ import pytest
 
 from piezod.config.channels import LineCalibration
 from piezod.config.daemon import DaemonConfig
+from piezod.control.guard import Limits
 from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.loop import play_thread
 from piezod.daemon.loop.placement import DevicePlace, Placement, RoundTrips
-from piezod.daemon.loop.play_thread import PlayThreads
+from piezod.daemon.loop.play_thread import AxisPlayer, PlayThreads
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Device, Identity
@@ -43,6 +45,8 @@ LIMITED = {
     "limits": {"drive_min_v": 0.0, "drive_max_v": 150.0, "slew_v_per_s": 1000.0, "rest_v": 0.0},
     "command_range_um": (0.0, 26.0),
 }
+LIMITS, PERIOD_NS = Limits(0.0, 150.0, 1000.0), 1_000_000
+NEAR_V = 1.0 + LIMITS.read_back_tolerance_v
 TABLE = AxisTable(1_000_000, np.empty(0), np.array([20.0, 40.0, 30.0]), 2)
 
 
@@ -52,6 +56,7 @@ class FakePlayer:
     def __init__(self, at_end: AtEnd = AtEnd.HOLDS) -> None:
         self.state, self.reason, self.at_end = PlayState.LOADED, "", at_end
         self.loaded: Table | None = None
+        self.output = 2.0
         self.refuses = self.refuses_capabilities = ""
         self.slow = ""
         """The exchange that does not end before it is cancelled: load or record."""
@@ -67,7 +72,7 @@ class FakePlayer:
         return Capabilities(("x",), ("x",), read_back=True, max_rate_hz=1000.0)
 
     def read_back(self, now_ns: int) -> list[float]:  # noqa: ARG002 - as the protocol has it
-        return [0.0]
+        return [self.output]
 
     def player_capabilities(self) -> PlayerCapabilities:
         if self.refuses_capabilities:
@@ -125,7 +130,7 @@ class Played:
         # The zero of the sensor is at 1 µm.
         self.file, self.clock = folder / "play.json", FakeClock()
         self.threads = PlayThreads(
-            {0: (axis, Identity("maker", "model", "7", "1.0"))},
+            {0: AxisPlayer(axis, Identity("maker", "model", "7", "1.0"), LIMITS, PERIOD_NS)},
             {1: "no player"},
             idle,
             lambda _axis: 1.0,
@@ -166,6 +171,28 @@ def test_table_and_record_are_calibrated(tmp_path: Path) -> None:
     assert document["device"] == {"maker": "maker", "model": "model", "serial": "7"}
 
 
+@pytest.mark.parametrize(
+    ("output_v", "starts"),
+    [(20.0 + 0.9 * NEAR_V, True), (20.0 + 1.1 * NEAR_V, False), (0.0, False), (nan, False)],
+)
+def test_play_starts_at_the_output_only(tmp_path: Path, output_v: float, starts: bool) -> None:
+    """An output that has gone away while a table was loaded, or is not read back, is not stepped.
+
+    It may be as far from the first point as a write of the loop from its read-back.
+    """
+    player = FakePlayer()
+    player.output = output_v / 10.0
+    played = Played(tmp_path, player)
+    if starts:
+        eventually(lambda: player.state is PlayState.PLAYING)
+        return
+    outcome = played.outcome()
+
+    assert player.state is PlayState.IDLE
+    assert "20 V" in outcome.failed
+    assert (outcome.drive_v, outcome.commanded) == (20.0, True)
+
+
 def test_abort_ends_a_play(tmp_path: Path) -> None:
     """The voltage is the one that the device reports after the abort."""
     player = FakePlayer()
@@ -180,7 +207,11 @@ def test_abort_ends_a_play(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("slow", ["load", "record"])
 def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
-    """It ends loading and reading in their middle; the voltage is the one that is then reported."""
+    """It ends loading and reading in their middle.
+
+    Before the start the voltage is the first one, which the loop has written; later it is the one
+    that the device reports.
+    """
     player = FakePlayer()
     player.slow = slow
     played = Played(tmp_path, player)
@@ -189,8 +220,10 @@ def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
         player.state = PlayState.ENDED
     eventually(lambda: player.under_way == slow)
     played.threads.abort()
+    outcome = played.outcome()
 
-    assert played.outcome().drive_v == pytest.approx(25.0)
+    assert outcome.drive_v == pytest.approx(20.0 if slow == "load" else 25.0)
+    assert outcome.commanded == (slow == "load")
     assert played.document()["failed"] == "it was aborted"
 
 
@@ -207,13 +240,13 @@ def test_play_begins_at_its_instant(tmp_path: Path) -> None:
 
 
 def test_abort_before_the_instant_starts_nothing(tmp_path: Path) -> None:
-    """A play that waits for its instant is aborted like one that runs."""
+    """A play that waits for its instant is aborted; the voltage is the one that it begins at."""
     player = FakePlayer()
     played = Played(tmp_path, player, TABLE._replace(start_ns=3600 * 10**9))
     eventually(lambda: player.state is PlayState.ARMED)
     played.threads.abort()
 
-    assert played.outcome().drive_v == pytest.approx(25.0)
+    assert played.outcome().drive_v == pytest.approx(20.0)
     assert played.document()["failed"] == "it was aborted"
 
 

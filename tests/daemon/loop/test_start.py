@@ -193,7 +193,7 @@ def test_emergency_stop_is_answered_while_nothing_is_driven(shared: SharedMap) -
     answer = eventually(lambda: mailbox.estop_answer(number))
     rig.error = None
 
-    assert answer == (False, ABSENT, 0)
+    assert answer == (False, ABSENT, 0, 0.0)
     assert waiting.ended() is True
 
 

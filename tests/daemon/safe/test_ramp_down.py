@@ -5,6 +5,7 @@ from math import isnan
 
 import pytest
 
+from piezod.control.guard import read_back_tolerance_v
 from piezod.daemon.safe.ramp import AxisOutcome
 from piezod.daemon.safe.ramp_down import Noted, ramp_down
 from piezod.devices import registry
@@ -53,7 +54,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 def test_axis_ramps_from_the_voltage_read_back(bench: Bench) -> None:
     """The ramp keeps to its rate and ends at the safe voltage, which is read back."""
-    outcomes = bench.run(x=74.0)
+    outcomes = bench.run(x=75.0)
     points = [(NS_PER_S, [75.0]), *bench.amplifiers["amp"].writes]
     speeds = [abs(v[0] - u[0]) / (t - s) * NS_PER_S for (s, u), (t, v) in pairwise(points[1:])]
 
@@ -71,6 +72,21 @@ def test_read_back_unlike_the_last_write_is_left_to_a_person(bench: Bench) -> No
     assert "read-back 75 V, last write 3 V" in left.why
     assert (written, isnan(left.from_v), left.read_back_v) == ([], True, 75.0)
     assert (confirmed.why, confirmed.from_v) == ("", 75.0)
+
+
+@pytest.mark.parametrize("last_v", [70.5, 72.0, 77.0, 79.5, 60.0, 90.0])
+def test_first_write_is_a_step_from_read_back_and_last_write(bench: Bench, last_v: float) -> None:
+    """Either of them may be in force. If they are too far apart for that, nothing is written."""
+    axis = bench.config.axes["x"].limits
+    step_v = axis.slew_v_per_s / bench.config.rate_hz
+    step_v += read_back_tolerance_v(axis.drive_min_v, axis.drive_max_v)
+    outcome, written = bench.run(x=last_v)["x"], bench.amplifiers["amp"].writes
+
+    if abs(last_v - 75.0) > 2.0 * step_v:
+        assert "do not agree" in outcome.why
+    for _, (first_v,) in written[:1]:
+        assert max(abs(first_v - 75.0), abs(first_v - last_v)) <= step_v
+    assert bool(written) is not outcome.why.startswith("read-back")
 
 
 def test_fall_by_the_watchdog_of_the_device_is_believed(bench: Bench) -> None:

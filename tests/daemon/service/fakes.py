@@ -95,7 +95,7 @@ class FakeStage(RunningStage):
         if self.refusal:
             return Answer(False, self.refusal)
         self.requests.append(request)
-        return Answer(True, "", 7)
+        return Answer(True, "", 7, 0.75)
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
         if self.stream_refusal:

@@ -13,7 +13,8 @@ def test_goto_is_carried_out(served: Served, client: httpx.Client) -> None:
     """A request reaches the stage as a model; the answer has the movement and the state."""
     answer = client.post("goto", json={"position_um": 12.5, "axis": "x"})
 
-    assert answer.json() == {"accepted": True, "motion": 7, "state": "SAFE"}
+    accepted = {"accepted": True, "motion": 7, "duration_s": 0.75, "state": "SAFE"}
+    assert answer.json() == accepted
     assert served.stage.requests == [requests.Goto(position_um=12.5, axis="x")]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.config.waveforms import Reversals
+from piezod.config.waveforms.paths import Reversals
 from piezod.control.stage.answer import Answer
 from piezod.daemon.stage.errors import BadValueError, NoAnswerError, UnavailableError
 from piezod.daemon.stage.requests import LoopRequests
@@ -28,7 +28,7 @@ def _ask(requests: LoopRequests, request: Request) -> Answer:
     return asyncio.run(requests.ask(request))
 
 
-@pytest.mark.parametrize("answer", [Answer(True, "", 3), Answer(False, "cannot move in SAFE")])
+@pytest.mark.parametrize("answer", [Answer(True, "", 3, 1.5), Answer(False, "cannot move in SAFE")])
 def test_answer_of_the_loop_is_given_back(shared: SharedMap, answer: Answer) -> None:
     """The answer arrives unchanged, with its reason."""
     with FakeLoop(shared, answer) as loop:

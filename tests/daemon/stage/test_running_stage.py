@@ -237,5 +237,6 @@ def test_audit_is_read_newest_first(bench: Bench) -> None:
 def test_configuration_and_reload_are_passed_on(bench: Bench) -> None:
     """The configuration in force is returned as JSON."""
     assert bench.link.config()["rate_hz"] == 20
+    assert bench.link.config()["longest_move_s"]["x"] == 0.5  # ten cycles, longer than its way
     assert asyncio.run(bench.link.reload(PEER)) == Reloaded(("by somebody",))
     assert bench.link.realtime().rate_hz == 20

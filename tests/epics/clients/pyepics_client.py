@@ -8,7 +8,7 @@ import json
 import sys
 from typing import Any
 
-from epics import Motor
+from epics import PV, Motor, poll
 
 
 def run(prefix: str) -> dict[str, Any]:
@@ -38,6 +38,31 @@ def run(prefix: str) -> dict[str, Any]:
         "beyond": beyond,
         "forced": forced,
         "after stop": motor.move(4.0, wait=True, timeout=30),
+        "stop and tweak": stop_and_tweak(motor, prefix),
+    }
+
+
+def stop_and_tweak(motor: Motor, prefix: str) -> dict[str, Any]:
+    """Stop on the way to 20 µm, wait for the end, and tweak by 1 µm."""
+    done: list[int] = []
+    pv = PV(f"{prefix}.DMOV", callback=lambda value, **_: done.append(value))
+    pv.wait_for_connection(timeout=10)
+    motor.slew_speed = 4.0
+    motor.move(20.0)
+    while motor.get_position(readback=True) < 4.5:
+        poll(0.01)
+    motor.stop()
+    while not motor.done_moving:
+        poll(0.01)
+    target, position = motor.get_position(), motor.get_position(readback=True)
+    motor.slew_speed, motor.tweak_val = 200.0, 1.0
+    tweaked = motor.tweak(wait=True, timeout=30)
+    return {
+        "target": target,
+        "position": position,
+        "tweaked": tweaked,
+        "after": motor.get_position(),
+        "done": done,
     }
 
 

@@ -8,7 +8,6 @@ import pytest
 from piezod.config.experiment import load_experiment
 from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.yaml_loader import parse_yaml
-from piezod.control.reference.waveforms import build_waveform
 from piezod.devices import registry
 from piezod.experiment.fit.excitation import missing_excitation, recommended_drive, swings_of
 from piezod.experiment.fit.record import Record
@@ -21,9 +20,9 @@ PERIOD_S = 0.005
 
 def followed(identification: IdentificationConfig) -> Record:
     """Return the record of a stage that follows a drive without hysteresis, 0.2 µm/V."""
-    waveform = build_waveform(identification.drive_v, identification.duration_s)
+    waveform = identification.drive_v.built(identification.duration_s)
     t_s = np.arange(0.0, identification.duration_s, PERIOD_S)
-    drive_v = waveform.sample(t_s)
+    drive_v = np.array(waveform.sample(t_s))
     return Record(t_s, drive_v, 0.2 * drive_v, run_in_s=identification.run_in_s)
 
 

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from piezod.config.combined_waveforms import Sequence
 from piezod.config.model_file import load_model
 from piezod.config.states import State
-from piezod.control.reference.waveforms import build_waveform
+from piezod.config.waveforms.combined import Sequence
 from piezod.errors import ConfigError, DataError, LatenessError, NotReachedError, RefusedError
 from piezod.experiment.fit.recorded import on_cycles
 from piezod.experiment.live.drive import designed_drive, from_rest, read_drive
@@ -40,8 +39,8 @@ def test_designed_drive_covers_all_voltages() -> None:
     """It is the drive that the command recommends for a poor record."""
     drive = designed_drive(axis())
 
-    waveform = build_waveform(drive.drive_v, drive.duration_s)
-    values_v = waveform.sample(np.linspace(0.0, drive.duration_s, 8001))
+    waveform = drive.drive_v.built(drive.duration_s)
+    values_v = np.array(waveform.sample(np.linspace(0.0, drive.duration_s, 8001)))
     assert (drive.duration_s, drive.run_in_s, drive.settle_s) == (80.0, 8.0, 5.0)
     assert values_v.min() == pytest.approx(0.0, abs=0.01)
     assert values_v.max() == pytest.approx(150.0, abs=0.01)
@@ -64,12 +63,12 @@ def test_drive_from_another_voltage_has_a_ramp(tmp_path: Path, designed: bool) -
     drive = from_rest(settings, there)
 
     assert isinstance(drive.drive_v, Sequence)
-    value_v = build_waveform(drive.drive_v, drive.duration_s).value
+    value_v = drive.drive_v.built(drive.duration_s).value
     assert [value_v(t_s) for t_s in (0.0, 0.6, 1.2)] == pytest.approx([60.0, 30.0, 0.0], abs=0.01)
     assert drive.duration_s == settings.duration_s + 1.2
     assert drive.run_in_s == settings.run_in_s + 1.2
     assert value_v(1.2 + 0.5) == pytest.approx(
-        build_waveform(settings.drive_v, settings.duration_s).value(0.5), abs=0.01
+        settings.drive_v.built(settings.duration_s).value(0.5), abs=0.01
     )
 
 

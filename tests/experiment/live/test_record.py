@@ -7,8 +7,8 @@ import pytest
 
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
-from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.config.waveforms.shapes import Sine
+from piezod.config.waveforms.waveform import Waveform
 from piezod.errors import DataError
 from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveAxis, read_setup
@@ -32,7 +32,7 @@ def axis() -> LiveAxis:
 @pytest.fixture
 def waveform() -> Waveform:
     """Return a sine that does not start at the position of the stage."""
-    return build_waveform(SINE, CASE.duration_s)
+    return SINE.built(CASE.duration_s)
 
 
 MakeRecording = Callable[..., RecordedTelemetry]

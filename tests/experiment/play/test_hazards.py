@@ -181,6 +181,24 @@ def test_kept_table_is_truly_no_worse_than_the_first(name: str) -> None:
     assert best_after_um < 1.02 * first_after_um
 
 
+def test_error_of_a_play_is_command_minus_displacement() -> None:
+    """An axis that is 0.1 µm lower has an error that is larger by that."""
+    settings = PlaySettings(passes=1, settle_s=0.3, record_s=0.2)
+
+    def first_play(lower_um: float) -> PassReport:
+        axis = RigAxis()
+        axis.spoil(
+            lambda record: record._replace(
+                position_um=record.position_um - lower_um, true_um=record.true_um - lower_um
+            )
+        )
+        return learn(axis, task(sine(), settings), lambda _: None).reports[0]
+
+    exact, lower = first_play(0.0), first_play(0.1)
+    assert np.mean(lower.error_um - exact.error_um) == pytest.approx(0.1)
+    assert np.mean(lower.true_error_um - exact.true_error_um) == pytest.approx(0.1)
+
+
 def test_fresh_stage_learns() -> None:
     """Without a hazard the same run ends at a fifth of the error of the first pass."""
     _, learned, _ = run(lambda _: None)

@@ -47,10 +47,14 @@ def replayed(path: Path, mode: Mode | None = None, model: StageModel | None = No
 
 
 def test_same_model_repeats_the_recording(recording: Path) -> None:
-    """In all modes, also where it learned, the drive is the recorded one to some mV."""
+    """In all modes, also where it learned, to some mV; an error is command minus position."""
     compared = replayed(recording)
 
     assert compared.repeats
+    found = compared.replay
+    below = found.recorded.position_um < found.recorded.command_um
+    assert np.array_equal(below, found.recorded_error_um > 0.0)
+    assert np.array_equal(found.position_um < found.recorded.command_um, found.error_um > 0.0)
     assert [row.recorded for row in compared.rows] == [mode.value for mode in ALL]
     for row in compared.rows:
         assert row.drive_rms_v < 0.05

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piezod.config.axes import LimitsConfig
-from piezod.config.packed_waveforms import pack_waveforms
+from piezod.config.waveforms.combined import pack_waveforms
 from piezod.errors import DataError
 from piezod.experiment.response.plan import ResponsePlan, Wanted, plan_response
 from piezod.messages.requests import Identify

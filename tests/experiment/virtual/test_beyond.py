@@ -7,7 +7,7 @@ import pytest
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.experiment.virtual.run import run_experiment
 from piezod.plant.variants import VARIANTS
 from tests.conftest import Figure

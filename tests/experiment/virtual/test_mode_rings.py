@@ -8,10 +8,9 @@ import pytest
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.first_mode import FirstModeConfig
-from piezod.config.waveforms import Sine
+from piezod.config.waveforms.shapes import Sine
 from piezod.control.law import compensated
 from piezod.control.law.pace import learning_pace
-from piezod.control.reference.waveforms import build_waveform
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import COMMAND_UM, TRUE_UM, opened
 from piezod.hysteresis.memory import FloatArray
@@ -121,7 +120,7 @@ def ringing(stage: Identified) -> Ringing:
     wave = Sine(kind="sine", low=0.3 * width_um, high=0.5 * width_um, frequency_hz=wave_hz)
     waves = max(round(SHORTEST_S * wave_hz), WAVES) // PARTS
     part_s = waves / wave_hz
-    reference = build_waveform(wave, PARTS * part_s + 1.0).value
+    reference = wave.built(PARTS * part_s + 1.0).value
     rig = StressRig(stage, reference, approach_s=APPROACH_S)
     rig.run(0.2)  # in which the start of the wave decays
     before = rig.learned

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from piezod.config.modes import Mode
-from piezod.config.waveforms import Reversals
-from piezod.control.reference.waveforms import build_waveform
+from piezod.config.waveforms.paths import Reversals
 from piezod.hysteresis.slopes import LEAST_SLOPE, cells, fill_slopes, least_slope
 from tests.conftest import Figure
 from tests.experiment.made_up import stops_of
@@ -88,7 +87,7 @@ def random_commands(stage: Identified, duration_s: float, most_pct: float, figur
     command = Reversals(
         kind="reversals", low=LOW_UM, high=HIGH_UM, min_swing=0.5, min_speed=1, max_speed=50, seed=4
     )
-    rig = StressRig(stage, build_waveform(command, duration_s).value)
+    rig = StressRig(stage, command.built(duration_s).value)
     bank, weights = stops_of(stage.model).bank, rig.axis.identifier.weights
     widths = cells(bank)
     slopes, least = np.empty_like(widths), np.inf

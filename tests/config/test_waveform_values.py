@@ -3,11 +3,12 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from piezod.config.combined_waveforms import WaveformConfig
-from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.config.waveforms.waveform import Waveform
 
 DURATION_S = 20.0
 READER: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
@@ -15,7 +16,7 @@ READER: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
 
 def waveform_of(kind: str, **keys: Any) -> Waveform:
     """Return a waveform from the keys of its configuration."""
-    return build_waveform(READER.validate_python({"kind": kind, **keys}), DURATION_S)
+    return READER.validate_python({"kind": kind, **keys}).built(DURATION_S)
 
 
 def test_setpoint() -> None:
@@ -103,6 +104,29 @@ def test_decaying_about_the_middle() -> None:
     assert sine.value(0.0) == 0.0
     assert sine.value(3.0) == pytest.approx(5 - 5 * math.exp(-3 / 2))
     assert sine.value(100.0) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(("from_hz", "to_hz"), [(1.0, 5.0), (5.0, 1.0), (2.0, 2.0)])
+@pytest.mark.parametrize("sweep", ["linear", "logarithmic"])
+def test_chirp(sweep: str, from_hz: float, to_hz: float) -> None:
+    """Its phase is the integral of its frequency, which is constant after the sweep."""
+    sweep_s = 8.0
+    chirp = waveform_of(
+        "chirp", low=2, high=6, from_hz=from_hz, to_hz=to_hz, sweep_s=sweep_s, sweep=sweep
+    )
+
+    def turns(t_s: float) -> float:
+        t = np.linspace(0.0, t_s, 200_001)
+        share = np.minimum(t / sweep_s, 1.0)
+        by_factors = from_hz * (to_hz / from_hz) ** share
+        hz = from_hz + (to_hz - from_hz) * share if sweep == "linear" else by_factors
+        return float(np.trapezoid(hz, t))
+
+    assert chirp.highest_hz == max(from_hz, to_hz)
+    assert [chirp.value(t_s) for t_s in (0.0, 0.3, 4.0, 7.99, 8.0, 8.01, 19.3)] == pytest.approx(
+        [4 - 2 * math.cos(math.tau * turns(t_s)) for t_s in (0.0, 0.3, 4.0, 7.99, 8.0, 8.01, 19.3)],
+        abs=1e-5,
+    )
 
 
 def test_multisine() -> None:

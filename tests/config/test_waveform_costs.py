@@ -5,15 +5,8 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from piezod.config.combined_waveforms import WaveformConfig
-from piezod.config.packed_waveforms import (
-    MAX_POINTS,
-    MAX_TERMS,
-    PackedPath,
-    WaveformCostError,
-    pack_waveforms,
-    unpack_waveforms,
-)
+from piezod.config.waveforms.combined import WaveformConfig, pack_waveforms
+from piezod.config.waveforms.waveform import MAX_POINTS, MAX_TERMS, WaveformCostError
 
 READER: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
 TINY = {
@@ -84,16 +77,5 @@ def test_axes_share_the_limit() -> None:
 def test_parts_that_last_longer_than_the_request_are_drawn_no_further() -> None:
     """Only what will be evaluated counts."""
     packed = pack_waveforms({"x": config(sequence(wiggle(0.01), 3))}, 10.0)
-    (waveform,) = unpack_waveforms(packed).values()
-    assert not isinstance(waveform, PackedPath)
-    assert waveform.kind == "sequence"
-    paths = [part.waveform for part in waveform.parts]
 
-    assert all(isinstance(path, PackedPath) and len(path.levels) < 2100 for path in paths)
-
-
-@pytest.mark.parametrize("packed", [{}, {"kind": "unknown"}, {"kind": "path"}])
-def test_unknown_waveform_raises_key_error(packed: dict[str, Any]) -> None:
-    """The codec refuses such a request."""
-    with pytest.raises(KeyError):
-        unpack_waveforms({"x": packed})
+    assert all(len(part["levels"]) < 8 * 2100 for part in packed["x"]["parts"])

@@ -1,0 +1,78 @@
+"""What the configuration in force says about the axes of a stage."""
+
+from math import nan
+from typing import NamedTuple, Self
+
+from piezod.config.daemon import OnTargetConfig, StageAxisConfig
+from piezod.messages.documents import Document
+
+
+class AxisFacts(NamedTuple):
+    """Limits of an axis.
+
+    Attributes:
+        range_um: Lowest and highest position, in µm; NaN if the configuration has none.
+        speed_um_per_s: Largest speed, in µm/s.
+        drive_v: Lowest and highest drive voltage, in V.
+        tolerance_um: Tolerance of `on_target`, in µm.
+        has_sensor: Whether the axis has a sensor.
+        longest_move_s: How long a movement over the whole range takes at the largest speed, in s;
+            NaN without a range.
+    """
+
+    range_um: tuple[float, float]
+    speed_um_per_s: float
+    drive_v: tuple[float, float] = (nan, nan)
+    tolerance_um: float = OnTargetConfig().tolerance_um
+    has_sensor: bool = True
+    longest_move_s: float = nan
+
+    @classmethod
+    def of(cls, axis: Document, longest_move_s: float) -> Self:
+        """Return the facts of an axis.
+
+        Args:
+            axis: Its part of the configuration, as the daemon returns it.
+            longest_move_s: See the attribute.
+        """
+        low_um, high_um = axis.get("command_range_um") or (nan, nan)
+        default_um_per_s = StageAxisConfig.model_fields["speed_um_per_s"].default
+        return cls(
+            (low_um, high_um),
+            axis.get("speed_um_per_s", default_um_per_s),
+            (axis["limits"]["drive_min_v"], axis["limits"]["drive_max_v"]),
+            axis.get("on_target", {}).get("tolerance_um", cls._field_defaults["tolerance_um"]),
+            axis.get("sensor") is not None,
+            longest_move_s,
+        )
+
+    @property
+    def has_range(self) -> bool:
+        """Whether there is a range of positions."""
+        low_um, high_um = self.range_um
+        return low_um < high_um
+
+    def why_not(self, position_um: float) -> str:
+        """Return why the axis cannot move to a position; empty if it can."""
+        low_um, high_um = self.range_um
+        if low_um <= position_um <= high_um:
+            return ""
+        return f"{position_um:g} um, allowed range {low_um:g} to {high_um:g} um"
+
+    def why_not_speed(self, speed_um_per_s: float) -> str:
+        """Return why a speed is not allowed; empty if it is."""
+        if 0.0 < speed_um_per_s <= self.speed_um_per_s:
+            return ""
+        fastest = self.speed_um_per_s
+        return f"speed {speed_um_per_s:g} um/s, allowed: above 0, at most {fastest:g}"
+
+
+def facts_in(config: Document) -> dict[str, AxisFacts]:
+    """Return the facts of all axes, by their names.
+
+    Args:
+        config: The configuration in force, as the daemon returns it.
+    """
+    longest_s = config.get("longest_move_s", {})
+    axes = config["axes"].items()
+    return {name: AxisFacts.of(axis, longest_s.get(name, nan)) for name, axis in axes}

@@ -1,0 +1,1 @@
+"""Waveforms: a command or a drive voltage over time. `combined` has all kinds of them."""

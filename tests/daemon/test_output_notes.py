@@ -1,0 +1,82 @@
+"""What a command that drives a stage leaves for the next process."""
+
+from collections.abc import Mapping
+from math import isnan, nan
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.noted_identities import note_identities, noted_identities
+from piezod.daemon.output_notes import OutputNotes
+from piezod.daemon.paths import StagePaths
+from piezod.devices import registry
+from piezod.devices.channels import Channels
+from piezod.devices.interface import Capabilities, Identity
+
+SIMULATED = Path(__file__).parents[2] / "config" / "simulated.yaml"
+ONE, OTHER = Identity("maker", "model", "7", "1.0"), Identity("maker", "model", "8", "1.0")
+NEWER = ONE._replace(firmware="2.0")
+
+
+@pytest.fixture
+def paths(tmp_path: Path) -> StagePaths:
+    """Return the paths of a stage."""
+    return StagePaths("stage", tmp_path, tmp_path)
+
+
+def two_axes() -> DaemonConfig:
+    """Return a stage with an amplifier for each of two axes."""
+    config = load_daemon(SIMULATED, registry)
+    x = config.axes["x"]
+    second = x.amplifier.model_copy(update={"device": "other"})
+    axes = {"x": x, "y": x.model_copy(update={"amplifier": second})}
+    return config.model_copy(update={"axes": axes})
+
+
+def opened(identities: Mapping[str, Identity], *, opens_relaxed: bool = False) -> Channels:
+    """Return open devices with these identities."""
+    able = Capabilities((), (), True, 1e3, opens_relaxed=opens_relaxed)
+    made = SimpleNamespace(identities=dict(identities), capabilities=lambda: able)
+    return cast("Channels", made)
+
+
+def stored_v(paths: StagePaths) -> list[float]:
+    """Return the stored voltages."""
+    return [each.drive_v for each in read_last_output(paths.output_map)]
+
+
+def test_what_the_loop_wrote_is_known_and_kept(paths: StagePaths) -> None:
+    """A command learns it, and changes that of its own axis only."""
+    LastOutputWriter(paths.output_map, 2).note([40.0, 50.0], 1)
+    notes = OutputNotes(two_axes(), paths)
+    before_v = notes.last_v("x"), notes.last_v("y")
+    notes.note("y", 60.0)
+
+    assert before_v == (40.0, 50.0)
+    assert stored_v(paths) == [40.0, 60.0]
+
+
+@pytest.mark.parametrize(
+    ("found", "relaxed", "left_v"),
+    [
+        (ONE, False, 40.0),
+        (NEWER, False, 40.0),
+        (OTHER, False, nan),
+        (ONE, True, nan),
+    ],
+)
+def test_voltage_of_another_amplifier_is_forgotten(
+    paths: StagePaths, found: Identity, relaxed: bool, left_v: float
+) -> None:
+    """It says nothing about this one, nor about one that begins at rest; other axes keep theirs."""
+    LastOutputWriter(paths.output_map, 2).note([40.0, 50.0], 1)
+    note_identities(paths.identities, {"rig": ONE, "other": ONE})
+    OutputNotes(two_axes(), paths).meet(opened({"rig": found}, opens_relaxed=relaxed))
+    x_v, y_v = stored_v(paths)
+
+    assert (x_v == left_v or (isnan(left_v) and isnan(x_v))) and y_v == 50.0
+    assert noted_identities(paths.identities) == {"rig": found, "other": ONE}
