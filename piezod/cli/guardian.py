@@ -12,10 +12,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from piezod.errors import PiezodError
+
 if TYPE_CHECKING:
     from piezod.commission.bench import OneAxis
 
 DONE: Final = "done\n"
+READY: Final = "ready\n"
 
 
 class Guardian:
@@ -41,6 +44,9 @@ class Guardian:
         """From now on bring this axis back to its initial voltage if this process is killed.
 
         Returns when the guardian has loaded all that it needs.
+
+        Raises:
+            PiezodError: If it cannot: then nothing may be driven.
         """
         job = {
             "config": str(self._config.absolute()),
@@ -49,8 +55,13 @@ class Guardian:
             "identities": opened.identities,
         }
         self._tell(json.dumps(job) + "\n")
-        if self._process.stdout is not None:
-            self._process.stdout.readline()
+        answer = self._process.stdout.readline() if self._process.stdout is not None else ""
+        if answer != READY:
+            raise PiezodError(
+                f"nothing is driven, because the process that would bring axis {axis} back if this "
+                f"command were killed is not ready: {answer.strip() or 'it has ended'}; repeat the "
+                "command"
+            )
 
     def end(self) -> None:
         """End the process: the axis was brought back, or nothing was driven."""
@@ -60,7 +71,7 @@ class Guardian:
 
     def _tell(self, line: str) -> None:
         if self._process.stdin is not None:
-            # If somebody has killed the guardian, the command is without it, as it used to be.
+            # If somebody kills the guardian after it was ready, the command goes on without it.
             with suppress(BrokenPipeError):
                 self._process.stdin.write(line)
                 self._process.stdin.flush()

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from piezod.cli.guardian import DONE
+from piezod.cli.guardian import DONE, READY
 from piezod.cli.owned_stage import owning
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.daemon.clock import MonotonicClock
@@ -18,6 +18,7 @@ from piezod.daemon.paths import stage_paths
 from piezod.daemon.safe.ramp_down import Noted, load_drivers, ramp_down
 from piezod.devices import registry
 from piezod.devices.interface import Identity
+from piezod.errors import PiezodError
 
 WAIT_S: Final = 10.0
 """How long the amplifier may be unavailable after the end of the command, in s."""
@@ -42,7 +43,7 @@ class _Axis:
             noted = Noted({axis: notes.last_v(axis)}, self._identities)
             outcome = ramp_down(self._one(), noted, WAIT_S, MonotonicClock())[axis]
             notes.note(axis, outcome.written_v)
-        text = outcome.why or f"ramped from {outcome.from_v:.2f} V to {outcome.safe_v:.2f} V"
+        text = outcome.why or f"ramped from {outcome.from_v:z.2f} V to {outcome.safe_v:z.2f} V"
         unknown = "the voltage is UNKNOWN: " if outcome.why else ""
         print(f"piezod: the command was killed; axis {axis}: {unknown}{text}", file=sys.stderr)
 
@@ -59,8 +60,12 @@ def main() -> None:
     """Wait for the end of the command, and ramp the axis back that it has not brought back."""
     axis: _Axis | None = None
     while (line := sys.stdin.readline()) not in {"", DONE}:
-        axis = _Axis(**json.loads(line))
-        print("ready", flush=True)
+        try:
+            axis = _Axis(**json.loads(line))
+        except (PiezodError, OSError) as error:
+            print(" ".join(str(error).split()), flush=True)
+            return
+        print(READY, end="", flush=True)
     if line != DONE and axis is not None:
         axis.ramp_back()
 

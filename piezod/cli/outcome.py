@@ -20,11 +20,14 @@ _IN_PLACE: Final[Mapping[State, str]] = {
     State.IDENT: "the waveform goes on",
     State.HOLD: "the voltage is held",
     State.RAMP: "the ramp to the safe voltage goes on",
-    State.BLIND: "nothing can be sent to the amplifier; `piezod faults` shows the cause",
     State.FAULT: "nothing is written; `piezod faults` shows the cause",
     State.ESTOP: "the emergency stop goes on",
     State.STOPPING: "the daemon is ending",
 }
+_LATER: Final = (
+    "nothing can be sent to the amplifier; the request will be carried out when it answers; "
+    "`piezod faults` shows the cause"
+)
 
 
 def outcome(verb: str, done: str, state: str) -> str:
@@ -38,4 +41,6 @@ def outcome(verb: str, done: str, state: str) -> str:
     reached = _REACHED.get(verb)
     if reached is None or state in ("", reached):
         return done
+    if state == State.BLIND:
+        return f"not yet, the stage is in {state}: {_LATER}"
     return f"no change, the stage is in {state}: {_IN_PLACE[State(state)]}"

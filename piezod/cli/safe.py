@@ -28,7 +28,8 @@ def safe(
         bool,
         typer.Option(
             "--confirm-output",
-            help="You have seen that the read-back is right, whatever was written last.",
+            help="You have seen that the read-back is right, whatever was written last; without a "
+            "read-back, that the output is at the safe voltage.",
         ),
     ] = False,
     json: JsonOption = False,

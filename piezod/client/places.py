@@ -66,9 +66,10 @@ def find_socket(
         return running[name]
     _refuse_unreachable(name, environ)
     if name is None:
-        raise NotRunningError("no daemon is running", _START_IT)
+        raise NotRunningError("no daemon is running", _remedy(None, environ))
     others = f", running: {', '.join(running)}" if running else ""
-    raise NotRunningError(f"no daemon is running for stage {name!r}{others}", _START_IT)
+    what = f"no daemon is running for stage {name!r}{others}"
+    raise NotRunningError(what, _remedy(name, environ))
 
 
 def is_address(stage: str) -> bool:
@@ -105,19 +106,39 @@ def _state_folders(environ: Mapping[str, str]) -> Iterator[Path]:
         yield Path(environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "piezod"
 
 
+def _remedy(name: str | None, environ: Mapping[str, str]) -> str:
+    """Return what to do without the daemon of this name, or of any name.
+
+    One that was killed may have left a voltage, and nothing that needs a daemon ramps it down.
+    """
+    marks = _files_of(name, "running", environ)
+    unclean = ", ".join(repr(mark.parent.name) for mark in marks)
+    if not unclean:
+        return _START_IT
+    return (
+        f"the last run of {unclean} did not end in order, so that a voltage may stay: `piezod safe "
+        "CONFIG` ramps it down, as `piezod run CONFIG` does when it starts"
+    )
+
+
+def _files_of(name: str | None, file: str, environ: Mapping[str, str]) -> Iterator[Path]:
+    """Yield the files of this name of a stage, or of all stages, among those that last."""
+    for folder in _state_folders(environ):
+        yield from sorted(folder.glob(f"{escape(name) if name else '*'}/{file}"))
+
+
 def _refuse_unreachable(name: str | None, environ: Mapping[str, str]) -> None:
     """Refuse to call a stage ended whose daemon lives without its sockets.
 
     Raises:
         UnreachableError: If there is one of this name, or of any name.
     """
-    for folder in _state_folders(environ):
-        for lock in sorted(folder.glob(f"{escape(name) if name else '*'}/lock")):
-            if pid := _holder(lock):
-                stage = lock.parent.name
-                what = f"stage {stage!r} runs as process {pid}, and its sockets are gone"
-                remedy = f"`piezod stop` or `kill {pid}` ramps it down and ends it"
-                raise UnreachableError(what, remedy, pid)
+    for lock in _files_of(name, "lock", environ):
+        if pid := _holder(lock):
+            stage = lock.parent.name
+            what = f"stage {stage!r} runs as process {pid}, and its sockets are gone"
+            remedy = f"`piezod stop` or `kill {pid}` ramps it down and ends it"
+            raise UnreachableError(what, remedy, pid)
 
 
 def _holder(lock: Path) -> int:
@@ -176,7 +197,8 @@ def check_socket(path: Path) -> Path:
         raise NotAllowedError(what, remedy)
     if code not in (0, errno.EAGAIN):
         _refuse_unreachable(path.parent.name, os.environ)
-        raise NotRunningError(f"{path}: no daemon is running there", _START_IT)
+        remedy = _remedy(path.parent.name, os.environ)
+        raise NotRunningError(f"{path}: no daemon is running there", remedy)
     return path
 
 

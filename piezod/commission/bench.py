@@ -90,7 +90,7 @@ def _output(
 ) -> Output:
     able, limits = channels.capabilities(), axis.limits
     tolerance_v = read_back_tolerance_v(limits.drive_min_v, limits.drive_max_v)
-    last_v, rest_v = last_v if able.read_back else output_v, axis.safe_v if able.watchdog else nan
+    last_v, rest_v = last_v if able.read_back else output_v, limits.rest_v if able.watchdog else nan
     return Output(channels, tolerance_v, clock, last_v, rest_v, note)
 
 
@@ -150,3 +150,4 @@ def one_axis(
             channels.deactivate(clock.now_ns())
         finally:  # also if Ctrl-C interrupts the deactivation
             channels.close()
+            notes.leave()

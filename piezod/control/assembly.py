@@ -110,10 +110,10 @@ def make_stage(
     boundary = DeviceBoundary(
         devices,
         len(axes),
-        reads_back=capabilities.read_back,
+        reads_back=devices.reads_back(),
         holds=capabilities.holds,
         reports_restart=capabilities.tells_restart,
-        watchdog=capabilities.watchdog,
+        watchdog=devices.watchdogs(),
         lag_cycles=-(-capabilities.lag_ns // period_ns),
         amplifiers=[pair.amplifier for pair in pairs_of(config.axes).values()],
     )

@@ -28,11 +28,7 @@ from piezod.units import NS_PER_S
 PUNCTUAL: Final = CycleTiming(0, 0, 0, 0, 0)
 """The timing of a cycle in virtual time."""
 
-_UNVERIFIED, _MEMORY_UNKNOWN, _ESTOP = (
-    Detection(Fault.A10),
-    Detection(Fault.D10),
-    Detection(Fault.E1),
-)
+_MEMORY_UNKNOWN, _ESTOP = Detection(Fault.D10), Detection(Fault.E1)
 
 
 class CycleAxis(Protocol):
@@ -115,8 +111,9 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     # Guard. After a late cycle less than a period may have passed since the last write.
     elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
     live = (None, None) if stage is None else stage.judge.live(read_back_v, t_ns)
+    left = () if stage is None else stage.output.left
     admitted = parts.guard.admit(
-        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, *live
+        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, *live, left
     )
     drive_v, held = admitted.drive_v, admitted.held
     written = _write(parts, admitted, t_ns)
@@ -206,7 +203,7 @@ def _watch_axis(
     detections += watch.amplifier.check(read_back_v, amplifier_flags)
     usable = watch.sensor.sample
     position_um = usable.position_um if usable.valid else nan
-    if driven and stage.boundary.reads_back:
+    if driven:
         stage.judge.see(i, position_um, read_back_v, t_ns)
     detections += watch.adaptation.check(
         axis.command_um, position_um, closed=closed, noise_um=watch.sensor.noise_um
@@ -222,7 +219,7 @@ def _watch_stage(
 ) -> None:
     """Add the faults of the stage as a whole."""
     boundary, driven = stage.boundary, stage.state in DRIVEN
-    if boundary.reads_back and not (boundary.shadow or boundary.played):
+    if not (boundary.shadow or boundary.played):
         silent = stage.output.take_read_back(read_back_v, driven=driven)
         if silent is not None:
             detections.append(silent)
@@ -232,8 +229,8 @@ def _watch_stage(
         boundary.crash = None
     if stage.estop_pressed():
         detections.append(_ESTOP)
-    if driven and not (boundary.reads_back or boundary.shadow):
-        detections.append(_UNVERIFIED)
+    if driven and not boundary.shadow:
+        detections += stage.output.unverified
     if stage.memory_is_missing():
         detections.append(_MEMORY_UNKNOWN)
 

@@ -5,7 +5,7 @@ because a clamp alone would turn it into full scale. An output that does not fol
 waited for: no write is farther from a live read-back than the slew rate allows.
 """
 
-from collections.abc import Container, Hashable, Sequence
+from collections.abc import Collection, Container, Hashable, Sequence
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -142,6 +142,7 @@ class Guard:
         slew_halved: Container[int] = (),
         read_back_v: Sequence[float] | None = None,
         age_s: Sequence[float] | None = None,
+        left: Collection[int] = (),
     ) -> Admitted:
         """Return the voltages that may be written.
 
@@ -158,6 +159,7 @@ class Guard:
                 known to be false. None if no axis has one.
             age_s: Age of each read-back, in s: how long ago the first voltage was made that it
                 cannot show. None if no read-back is older than this cycle.
+            left: Axes that may not be written.
         """
         if planned_t_ns != t_ns:
             # A plan for another instant belongs to another position of the reference.
@@ -166,6 +168,8 @@ class Guard:
             admitted = Admitted(kept_v, self._together(unknown), (), (), (), True)
         else:
             admitted = self._limited(asked_v, in_force_v, elapsed_s, sent_v, slew_halved)
+        if left:
+            admitted = admitted._replace(held=self._together([*admitted.held, *left]))
         if read_back_v is None:
             return admitted
         return self._awaiting(admitted, in_force_v, read_back_v, age_s)

@@ -50,7 +50,7 @@ class Claim(NamedTuple):
         if not isfinite(self.drive_v):
             return "unknown"
         positions = f" (allows {self.low_um:.4g} to {self.high_um:.4g} µm)"
-        return f"{self.drive_v:.4g} V{positions if isfinite(self.low_um) else ''}"
+        return f"{self.drive_v:z.4g} V{positions if isfinite(self.low_um) else ''}"
 
 
 class Evidence(NamedTuple):

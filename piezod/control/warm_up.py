@@ -70,6 +70,12 @@ class _IdealDevices:
     def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the same
         return self._drive_v
 
+    def watchdogs(self) -> Sequence[bool]:
+        return [False] * len(self._axes)
+
+    def reads_back(self) -> Sequence[bool]:
+        return [True] * len(self._axes)
+
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:  # noqa: ARG002 - the same
         return [0] * len(self._axes)
 

@@ -151,4 +151,4 @@ def stays(last_v: float) -> str:
     """
     if isnan(last_v):
         return "which voltage stays is not known"
-    return f"the voltage stays at {last_v:.2f} V, the last that the loop wrote"
+    return f"the voltage stays at {last_v:z.2f} V, the last that the loop wrote"

@@ -124,6 +124,14 @@ class Channels:
             tells_restart=all(one.tells_restart for one in driving),
         )
 
+    def reads_back(self) -> list[bool]:
+        """Return of each axis whether its amplifier reads back; known when the devices are open."""
+        reads_back = [False] * len(self._axes)
+        for amplifier, axes, _ in self._amplifiers:
+            for axis in axes:
+                reads_back[axis] = amplifier.capabilities().read_back
+        return reads_back
+
     def beyond_reach(self, limits_v: Sequence[tuple[float, float]]) -> str:
         """Return a message on an axis whose limits exceed its amplifier's range, or "".
 
@@ -242,6 +250,14 @@ class Channels:
             for axis, one, value in zip(axes, outputs, values, strict=True):
                 drive_v[axis] = value if one.takes_any_voltage else one.voltage(value)
         return drive_v
+
+    def watchdogs(self) -> list[bool]:
+        """Return of each axis whether its amplifier has a watchdog of its own."""
+        found = [False] * len(self._axes)
+        for amplifier, axes, _ in self._amplifiers:
+            for axis in axes:
+                found[axis] = amplifier.capabilities().watchdog
+        return found
 
     def read_back_age_ns(self, now_ns: int) -> list[int]:
         """Return the age of the last read-back of each axis, in ns. Real-time safe."""

@@ -11,9 +11,12 @@ from concurrent.futures import ThreadPoolExecutor
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
+from piezod.cli.guardian import guardian
 from piezod.config.daemon import load_daemon
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.lock import Lock, device_lock
@@ -22,6 +25,7 @@ from piezod.daemon.output_notes import OutputNotes
 from piezod.daemon.paths import StagePaths, stage_paths
 from piezod.devices import registry
 from piezod.devices.interface import Identity
+from piezod.errors import PiezodError
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import EmulatedOptions
 from tests.cli.conftest import Command
@@ -43,6 +47,9 @@ axes:
     command_range_um: [0, 26]
     safety: {safe_v: 10, ramp_v_per_s: 200}
 """
+
+if TYPE_CHECKING:
+    from piezod.commission.bench import OneAxis
 
 SAFE = ("safe", "stage.yaml")
 
@@ -300,6 +307,22 @@ def test_killed_command_leaves_its_axis_as_it_found_it(
         assert all(a - b <= 2.0 + 1e-9 for a, b in pairwise(after))
     else:
         assert (after, command.stderr) == ([], "")
+
+
+def test_command_without_a_guardian_that_is_ready_drives_nothing(folder: Path) -> None:
+    """It says why: the guardian has died while it loaded, or its configuration cannot be read."""
+    opened = cast("OneAxis", SimpleNamespace(session=SimpleNamespace(found_v=20.0), identities={}))
+    with (
+        pytest.raises(PiezodError, match=r"axis x .*missing\.yaml"),
+        guardian(folder / "missing.yaml") as unable,
+    ):
+        unable.watch("x", opened)
+    with (
+        pytest.raises(PiezodError, match="has ended"),
+        guardian(folder / "missing.yaml") as killed,
+    ):
+        os.kill(killed._process.pid, signal.SIGKILL)  # noqa: SLF001 - as somebody else may
+        killed.watch("x", opened)
 
 
 def test_safe_knows_what_a_killed_command_wrote_last(

@@ -74,8 +74,8 @@ def test_command(
         (
             "estop",
             "BLIND",
-            "no change, the stage is in BLIND: nothing can be sent to the amplifier; "
-            "`piezod faults` shows the cause",
+            "not yet, the stage is in BLIND: nothing can be sent to the amplifier; the request "
+            "will be carried out when it answers; `piezod faults` shows the cause",
         ),
         ("estop", "ESTOP", "emergency stop; `piezod reset` ends it"),
         ("resume", "READY", "continuing from the present position"),

@@ -97,6 +97,22 @@ def test_nobody_listens(tmp_path: Path) -> None:
         check_socket(folder / "api.sock")
 
 
+def test_end_without_order_is_told_with_its_remedy(tmp_path: Path) -> None:
+    """A killed daemon may have left a voltage, and no command that needs it ramps that down."""
+    environ = {"XDG_STATE_HOME": str(tmp_path)}
+    folder = tmp_path / "piezod" / "bench"
+    folder.mkdir(parents=True)
+    (folder / "running").touch()
+
+    for name in (None, "bench"):
+        with pytest.raises(NotRunningError, match=r"'bench' .*`piezod safe CONFIG`"):
+            find_socket(name, environ, tmp_path / "run")
+    with pytest.raises(NotRunningError) as other:
+        find_socket("other", environ, tmp_path / "run")
+
+    assert "piezod safe" not in str(other.value)
+
+
 def test_path_longer_than_sockets_may_have(tmp_path: Path) -> None:
     """A path that is too long is no running daemon."""
     with pytest.raises(NotRunningError, match="no daemon is running there"):

@@ -13,7 +13,7 @@ from piezod.commission.device_watch import PATIENCE_S
 from piezod.commission.output import Output
 from piezod.commission.session import Session
 from piezod.control.guard import Limits
-from piezod.daemon.last_output import read_last_output
+from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.noted_identities import noted_identities
 from piezod.daemon.output_notes import OutputNotes
 from piezod.daemon.paths import StagePaths
@@ -210,3 +210,26 @@ def test_each_voltage_is_noted_for_the_next_process(
     assert max(written) == pytest.approx(5.0, abs=TOLERANCE_V)
     assert noted == written
     assert list(noted_identities(paths.identities)) == ["rig"]
+
+
+def test_a_watchdog_brings_the_output_to_rest_and_not_to_the_safe_voltage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a crash too, its fall contradicts no last write."""
+    config, paths, able = (
+        configured(),
+        StagePaths("stage", tmp_path, tmp_path),
+        SimulatedRig.capabilities,
+    )
+    x = config.axes["x"]
+    x = x.model_copy(update={"safety": x.safety.model_copy(update={"safe_v": 75.0})})
+    config = config.model_copy(update={"axes": {"x": x}})
+    monkeypatch.setattr(
+        SimulatedRig,
+        "capabilities",
+        lambda rig: able(rig)._replace(watchdog=True, holds=True, opens_relaxed=False),
+    )
+    paths.running.touch()
+    LastOutputWriter(paths.output_map, 1).note([60.0], 1)
+    with one_axis(config, "x", OutputNotes(config, paths), clock=FakeClock(T0_NS)) as opened:
+        assert opened.session.found_v == pytest.approx(0.0, abs=TOLERANCE_V)

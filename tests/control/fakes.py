@@ -60,6 +60,14 @@ class FakeDevices:
         self.log.append(f"read back at {now_ns}")
         return self.drive_v
 
+    def watchdogs(self) -> Sequence[bool]:
+        """Return that no amplifier has a watchdog."""
+        return [False] * len(self.samples)
+
+    def reads_back(self) -> Sequence[bool]:
+        """Return that every amplifier reads back."""
+        return [True] * len(self.samples)
+
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:  # noqa: ARG002 - asked for by StageDevices
         """Return that every read-back is of this cycle."""
         return [0] * len(self.samples)

@@ -66,11 +66,18 @@ def has_left_run(record: CycleRecord) -> bool:
 
 
 class RecordingChannels(Channels):
-    """Records every write that reaches the devices."""
+    """Records every write that reaches the devices, which read back if they are allowed to."""
 
-    def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
+    def __init__(
+        self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair], *, reads_back: bool
+    ) -> None:
         super().__init__(devices, axes)
+        self._allowed = reads_back
         self.writes: list[tuple[int, Sequence[float]]] = []
+
+    def reads_back(self) -> list[bool]:
+        """Return of each axis whether its amplifier reads back, and may."""
+        return [self._allowed and each for each in super().reads_back()]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Record the write, and pass it on."""
@@ -108,14 +115,13 @@ class RigStage:
         devices = {name: wrap(device) for name, device in built.items()}
         self.period_ns = round(NS_PER_S / self.config.rate_hz)
         self.t_ns = 0
-        self.channels = RecordingChannels(devices, axes)
+        self.channels = RecordingChannels(devices, axes, reads_back=reads_back)
         self.channels.open()
         self.channels.activate(0)
         self._able, self._plays = (
             self.channels.capabilities()._replace(
                 opens_relaxed=memory_known,
                 holds=holds,
-                read_back=reads_back,
                 tells_restart=tells_restart,
             ),
             plays,

@@ -18,7 +18,7 @@ def parts_of(
     devices: FakeDevices, axes: Sequence[CycleAxis], low_v: float = 0.0, *, reads_back: bool = False
 ) -> CycleParts:
     """Return a cycle at 1 kHz with at most 5 V per cycle."""
-    boundary = DeviceBoundary(devices, len(axes), reads_back=reads_back, holds=False)
+    boundary = DeviceBoundary(devices, len(axes), reads_back=[reads_back] * len(axes), holds=False)
     boundary.open = True
     guard = Guard([Limits(low_v, 150.0, 5000.0)] * len(axes), longest_s=2e-3)
     return CycleParts(boundary, axes, guard, period_s=1e-3)

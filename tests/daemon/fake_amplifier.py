@@ -38,8 +38,11 @@ class FakeAmplifier:
         activated: Whether it was activated.
         highest_v: Highest voltage that it accepts.
         watchdog: Whether it has a watchdog.
+        holds: Whether it holds its output when it is closed; if not, that goes to 0 V.
         stuck_until_ns: Instant until which it accepts writes without effect; then the last one
             takes effect.
+        follows_every_ns: Interval at which it obeys the last write; 0 obeys at once.
+        silent_until_ns: Instant until which it reads back NaN.
         drops_at_v: Voltage below which its first axis drops out, once.
         steps_v: Distance of each accepted write from the voltage in force before it.
         read_ns: Instant of the last read-back.
@@ -57,7 +60,8 @@ class FakeAmplifier:
         self.watchdog, self.stuck_until_ns, self.read_ns = False, 0, 0
         self.steps_v: list[float] = []
         self._waiting_v: list[float] = []
-        self.drops_at_v = -inf
+        self.drops_at_v, self.holds = -inf, True
+        self.follows_every_ns = self.silent_until_ns = 0
 
     def open(self) -> Identity:
         if self.wrong:
@@ -69,7 +73,7 @@ class FakeAmplifier:
 
     def capabilities(self) -> Capabilities:
         return Capabilities(
-            self.axes, self.axes, self.reads_back, 1e3, holds=True, watchdog=self.watchdog
+            self.axes, self.axes, self.reads_back, 1e3, holds=self.holds, watchdog=self.watchdog
         )
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
@@ -80,6 +84,8 @@ class FakeAmplifier:
 
     def close(self) -> None:
         self.closed = True
+        if not self.holds:
+            self.drive_v = [0.0] * len(self.axes)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         if self.refuses or max(drive_v) > self.highest_v:
@@ -92,6 +98,7 @@ class FakeAmplifier:
 
     def _obey(self, now_ns: int) -> None:
         if self._waiting_v and not self.stuck and now_ns >= self.stuck_until_ns:
+            self.stuck_until_ns = now_ns + self.follows_every_ns
             self.drive_v, self._waiting_v = self._waiting_v, []
             if self.drive_v[0] < self.drops_at_v:
                 self.drive_v, self.drops_at_v = [0.0, *self.drive_v[1:]], -inf
@@ -99,7 +106,8 @@ class FakeAmplifier:
     def read_back(self, now_ns: int) -> Sequence[float]:
         self.read_ns = now_ns
         self._obey(now_ns)
-        return [nan] * len(self.axes) if self.silent else self.drive_v
+        silent = self.silent or now_ns < self.silent_until_ns
+        return [nan] * len(self.axes) if silent else self.drive_v
 
 
 class NoOptions(ConfigModel):

@@ -37,11 +37,11 @@ def two_axes() -> DaemonConfig:
     return config.model_copy(update={"axes": axes})
 
 
-def opened(identities: Mapping[str, Identity], *, opens_relaxed: bool = False) -> Channels:
-    """Return open devices with these identities."""
-    able = Capabilities((), (), True, 1e3, opens_relaxed=opens_relaxed)
-    made = SimpleNamespace(identities=dict(identities), capabilities=lambda: able)
-    return cast("Channels", made)
+def opened(identities: Mapping[str, Identity], **able: bool) -> Channels:
+    """Return open devices with these identities and capabilities."""
+    has = Capabilities((), (), True, 1e3, **({"holds": True} | able))  # type: ignore[arg-type] # none is a sequence
+    devices = {name: SimpleNamespace(capabilities=lambda: has) for name in identities}
+    return cast("Channels", SimpleNamespace(identities=dict(identities), devices=devices))
 
 
 def stored_v(paths: StagePaths) -> list[float]:
@@ -80,3 +80,35 @@ def test_voltage_of_another_amplifier_is_forgotten(
 
     assert (x_v == left_v or (isnan(left_v) and isnan(x_v))) and y_v == 50.0
     assert noted_identities(paths.identities) == {"rig": found, "other": ONE}
+
+
+@pytest.mark.parametrize("clean", [True, False])
+@pytest.mark.parametrize("able", [{"holds": False}, {"watchdog": True}, {}])
+def test_output_that_goes_to_rest_by_itself_is_forgotten_after_an_end_in_order(
+    paths: StagePaths, able: dict[str, bool], *, clean: bool
+) -> None:
+    """After a crash its last write counts; one that holds its output keeps it anyway."""
+    LastOutputWriter(paths.output_map, 2).note([40.0, 50.0], 1)
+    if not clean:
+        paths.running.touch()
+    notes = OutputNotes(two_axes(), paths)
+    notes.meet(opened({"rig": ONE}, **able))
+
+    assert isnan(notes.last_v("x")) is (clean and bool(able))
+    assert notes.last_v("y") == 50.0
+
+
+@pytest.mark.parametrize("able", [{"holds": False}, {"watchdog": True}, {}])
+def test_closed_device_that_goes_to_rest_is_forgotten(
+    paths: StagePaths, able: dict[str, bool]
+) -> None:
+    """A refused takeover has noted nothing, so that its doubt stays."""
+    paths.running.touch()
+    LastOutputWriter(paths.output_map, 2).note([40.0, 50.0], 1)
+    notes = OutputNotes(two_axes(), paths)
+    notes.meet(opened({"rig": ONE, "other": ONE}, **able))
+    notes.note("y", 30.0)
+    notes.leave()
+
+    assert notes.last_v("x") == 40.0
+    assert isnan(stored_v(paths)[1]) is bool(able)

@@ -75,15 +75,26 @@ class FaultRegister:
         return worst
 
     @property
-    def unreachable(self) -> bool:
-        """Whether a present fault makes an amplifier unreachable.
+    def unreachable(self) -> int:
+        """Axes whose amplifier a present fault makes unreachable, as a bit mask.
 
         A tripped watchdog does not: many amplifiers report it until they take a write.
         """
         # After a trip the amplifier waits for a write: waiting for its flag to clear would be a
         # deadlock.
-        places = _positions(self.present & ~_TRIPPED)
-        return any(self._rules[index].reaction is Reaction.BLIND for index in places)
+        return self._blind(self.present & ~_TRIPPED)
+
+    @property
+    def blind(self) -> int:
+        """Axes with a present fault that makes the stage blind, as a bit mask."""
+        return self._blind(self.present)
+
+    def _blind(self, faults: int) -> int:
+        axes = 0
+        for index in _positions(faults):
+            if self._rules[index].reaction is Reaction.BLIND:
+                axes |= self._axes[index]
+        return axes
 
     def axes_of(self, fault: Fault) -> int:
         """Return the axes of a fault that is present or latched, as a bit mask."""

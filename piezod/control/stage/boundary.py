@@ -5,7 +5,7 @@ refused; in shadow they are accepted and go nowhere. `OutputKnowledge` keeps whe
 force are known, and when a lost amplifier is tried again.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from math import isfinite, nan
 from typing import Final, Protocol
 
@@ -28,6 +28,14 @@ class StageDevices(TellsStatus, Protocol):
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the read-back voltage of each axis, in V. Real-time safe."""
+        ...
+
+    def watchdogs(self) -> Sequence[bool]:
+        """Return of each axis whether its amplifier has a watchdog of its own."""
+        ...
+
+    def reads_back(self) -> Sequence[bool]:
+        """Return of each axis whether its amplifier reports the voltage in force."""
         ...
 
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
@@ -71,10 +79,11 @@ class DeviceBoundary:
     Args:
         devices: The devices.
         n_axes: Number of their axes.
-        reads_back: Whether the amplifiers report the voltage in force.
+        reads_back: Whether the amplifier of each axis reports the voltage in force.
         holds: Whether their outputs stay as they are when they are deactivated.
         reports_restart: Whether they report a restart before they take a write.
-        watchdog: Whether each makes its outputs safe by itself if its host falls silent.
+        watchdog: Whether the amplifier of each axis makes its outputs safe by itself if its host
+            falls silent; none does if it is empty.
         lag_cycles: Cycles by which their read-back may be late.
         amplifiers: Name of the amplifier of each axis; one drives all axes if it is empty.
     """
@@ -84,15 +93,15 @@ class DeviceBoundary:
         devices: StageDevices,
         n_axes: int,
         *,
-        reads_back: bool,
+        reads_back: Sequence[bool],
         holds: bool,
         reports_restart: bool = False,
-        watchdog: bool = False,
+        watchdog: Sequence[bool] = (),
         lag_cycles: int = 0,
         amplifiers: Sequence[str] = (),
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
-        self.reports_restart, self.watchdog = reports_restart, watchdog
+        self.reports_restart, self.watchdog = reports_restart, watchdog or [False] * n_axes
         self.lag_cycles, self.amplifiers = lag_cycles, amplifiers or [""] * n_axes
         self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
         self._true_zero_um, self._no_age_ns = [0.0] * n_axes, [0] * n_axes
@@ -142,6 +151,11 @@ class DeviceBoundary:
             self.crash = error
             return [Sample(now_ns, nan, False)] * len(self._unknown_v)
 
+    def shows(self, axis: int) -> bool:
+        """Return whether the voltage of an axis can be read back: a missing one is a fault."""
+        # In shadow the read-back answers no write of ours.
+        return self.reads_back[axis] and not (self.shadow or self.lent)
+
     def write(self, drive_v: Sequence[float], now_ns: int, held: Collection[int] = ()) -> bool:
         """Write the voltages if that is allowed; return whether they were taken.
 
@@ -185,15 +199,28 @@ class DeviceBoundary:
             self.sent_v = [nan if i == axis else sent for i, sent in enumerate(self.sent_v)]
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Return the read-back voltage of each axis, in V; NaN if it is unknown."""
-        # In shadow the read-back answers no write of ours.
-        if not self.reads_back or self.shadow or self.lent:
+        """Return the read-back voltage of each axis, in V; NaN if it is unknown.
+
+        It is also NaN for an amplifier without read-back, which only repeats the last write.
+        """
+        if self.shadow or self.lent or not any(self.reads_back):
             return self._unknown_v
         try:
-            return [float(drive_v) for drive_v in self.devices.read_back(now_ns)]
+            read_back_v = self.devices.read_back(now_ns)
+            return [
+                float(drive_v) if reads_back else nan
+                for drive_v, reads_back in zip(read_back_v, self.reads_back, strict=True)
+            ]
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             return self._unknown_v
+
+    def misses(self, axis: int, read_back_v: float) -> bool:
+        """Return whether the read-back of an axis, in V, is missing in this cycle.
+
+        It is not missed in shadow, after a cut, or from an amplifier that reports no voltage.
+        """
+        return self.active and self.shows(axis) and not isfinite(read_back_v)
 
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
         """Return the age of the last read-back of each axis, in ns; 0 while devices are lent."""
@@ -259,31 +286,80 @@ class OutputKnowledge:
     """Whether the voltages in force are known.
 
     Args:
+        reads_back: Whether the amplifier of each axis reports it.
         on_lost: Called when the voltage in force can no longer be derived from the last write.
     """
 
-    def __init__(self, on_lost: Callable[[], None] | None) -> None:
-        self.known = False
-        """Whether the voltage in force is known on every axis."""
-        self.known_when_lost = False
-        """Whether the voltage in force was known when the amplifier was lost."""
-        self._on_lost = on_lost
+    def __init__(self, reads_back: Sequence[bool], on_lost: Callable[[], None] | None) -> None:
+        self._reads_back, self._on_lost = reads_back, on_lost
+        self._known = self._known_when_lost = [False] * len(reads_back)
         self._silent_cycles = self._losses = 0
+        self.unverified = [Detection(Fault.A10, i) for i, each in enumerate(reads_back) if not each]
+        """A10 of each axis whose amplifier does not read back."""
+        self.left: Mapping[int, str] = {}
+        """Axes that a ramp leaves as they are, and why: nothing tells their voltage."""
+
+    @property
+    def known(self) -> bool:
+        """Whether the voltage in force is known on every axis."""
+        return all(self._known)
+
+    def was_known(self, axis: int) -> bool:
+        """Return whether the voltage of an axis was known when the amplifier was lost."""
+        return self._known_when_lost[axis]
+
+    def know(self, *, known: bool) -> None:
+        """Note whether the voltages of all axes are known now. Real-time safe."""
+        self._known = [known] * len(self._known)
+
+    def know_unread(self, *, known: bool, axes: int = -1) -> None:
+        """Note whether voltages are known that no amplifier reports. Real-time safe.
+
+        Args:
+            known: Whether they are.
+            axes: The axes, as a bit mask; those with a read-back are left out.
+        """
+        self._known = [
+            known if axes >> i & 1 and not reads_back else before
+            for i, (before, reads_back) in enumerate(
+                zip(self._known, self._reads_back, strict=True)
+            )
+        ]
+
+    def missing(self, read_back_v: Sequence[float]) -> bool:
+        """Return whether an amplifier with a read-back does not report it. Real-time safe.
+
+        One that is left as it is does not count.
+
+        Args:
+            read_back_v: Voltage of each axis, in V; NaN if its amplifier does not report it.
+        """
+        return any(
+            reads_back and not isfinite(drive_v) and i not in self.left
+            for i, (reads_back, drive_v) in enumerate(
+                zip(self._reads_back, read_back_v, strict=True)
+            )
+        )
 
     def take_read_back(self, read_back_v: Sequence[float], *, driven: bool) -> Detection | None:
         """Take the read-back of this cycle; return A1 if it has been missing for too long.
 
-        Call once per cycle, only if the amplifiers have a read-back. Real-time safe.
+        Call once per cycle. Real-time safe.
 
         Args:
             read_back_v: Voltage of each axis, in V; NaN if the amplifier does not report it.
             driven: Whether voltages are written in this state.
         """
-        complete = all(map(isfinite, read_back_v))
         if not driven:
-            self.known, self._silent_cycles = complete, 0
+            self._known = [
+                isfinite(drive_v) if reads_back else before
+                for drive_v, reads_back, before in zip(
+                    read_back_v, self._reads_back, self._known, strict=True
+                )
+            ]
+            self._silent_cycles = 0
             return None
-        self._silent_cycles = 0 if complete else self._silent_cycles + 1
+        self._silent_cycles = self._silent_cycles + 1 if self.missing(read_back_v) else 0
         if self._silent_cycles < SILENT_CYCLES:
             return None
         return Detection(Fault.A1, -1, self._silent_cycles, SILENT_CYCLES)
@@ -295,20 +371,22 @@ class OutputKnowledge:
             traceable: Whether the voltage in force can be found out later, from a read-back or
                 because the amplifier reports a restart.
         """
-        self.known_when_lost, self.known = self.known, False
+        self._known_when_lost = self._known
+        self.know(known=False)
+        self.left = {}
         self._losses += 1
         if not traceable and self._on_lost is not None:
             self._on_lost()
 
     def lend(self) -> None:
         """Note that a play changes the voltages; none is known before its end. Real-time safe."""
-        self.known = False
+        self.know(known=False)
         if self._on_lost is not None:
             self._on_lost()
 
     def settle(self) -> None:
         """Note that the amplifier works again: the next loss counts as the first."""
-        self._losses = 0
+        self._losses, self.left = 0, {}
 
     def try_due(self, lost_for_ns: int) -> bool:
         """Return whether a lost amplifier may be tried again; the pause doubles with each loss."""

@@ -4,8 +4,9 @@ It collects the evidence of each axis for `control.in_force`, and remembers what
 answer: a read-back that is false does not hold back the writes until it agrees with them again.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, isnan, nan, sqrt
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
@@ -74,6 +75,7 @@ class _Rest(NamedTuple):
 
 
 _NO_MEAN: Final = _Mean(0.0, 0)
+_NONE_LOST: Final[Mapping[int, str]] = MappingProxyType({})
 _UNSEEN: Final = _Rest(nan, nan, _NO_MEAN, memory_known=False)
 
 
@@ -174,7 +176,7 @@ class OutputJudge:
             The last read-back of each axis, in V, NaN if there was none or if it is false, and the
             age of each, in s; None in shadow.
         """
-        if self._boundary.shadow or not self._boundary.reads_back:
+        if self._boundary.shadow or not any(self._boundary.reads_back):
             return None, None
         ages_ns = self._boundary.read_back_age_ns(t_ns)
         for i, drive_v in enumerate(read_back_v):
@@ -200,15 +202,21 @@ class OutputJudge:
     # ------------------------------------------------------------------ who starts from a voltage
 
     def resync(
-        self, read_back_v: Sequence[float], t_ns: int, *, settles: bool = False
+        self,
+        read_back_v: Sequence[float],
+        t_ns: int,
+        *,
+        lost: Mapping[int, str] = _NONE_LOST,
+        settles: bool = False,
     ) -> tuple[str, bool]:
         """Take over the outputs of amplifiers that answer again, or that a play has left.
 
         An amplifier is taken over if the voltages of all its axes are known.
 
         Args:
-            read_back_v: Read-back of each axis, finite, in V.
+            read_back_v: Read-back of each axis, in V; NaN without one, or if the axis is lost.
             t_ns: Instant of the cycle, in ns.
+            lost: Why nothing can tell the voltage of an axis, for people.
             settles: Whether the outputs may still settle after a play.
 
         Returns:
@@ -218,6 +226,11 @@ class OutputJudge:
         found = list[InForce]()
         self._means = [_NO_MEAN] * len(self._axes)  # positions of before the loss prove nothing
         for i, drive_v in enumerate(read_back_v):
+            if i in lost or not self._boundary.reads_back[i]:
+                kept_v = nan if i in lost else self._axes[i].law.in_force_v
+                source = Source.UNKNOWN if i in lost else Source.AGREED
+                found.append(InForce(kept_v, source, lost.get(i, "")))
+                continue
             explained = settles or self._left_alone(i, drive_v)
             known = self._evidence(i, drive_v, t_ns, explained=explained)
             found.append(self._judge(i, known, t_ns))
@@ -225,7 +238,7 @@ class OutputJudge:
         are_known = [isfinite(one.drive_v) for one in found]
         doubted = {one for one, is_known in zip(amplifiers, are_known, strict=True) if not is_known}
         for i, (one, drive_v) in enumerate(zip(found, read_back_v, strict=True)):
-            if amplifiers[i] not in doubted:
+            if amplifiers[i] not in doubted and self._boundary.reads_back[i]:
                 self._take(i, one, drive_v)
         return self._unknown(found), not doubted.issuperset(amplifiers)
 
@@ -253,9 +266,9 @@ class OutputJudge:
         """Return why the stage may not be armed where it is; empty if nothing is against it."""
         for i, axis in enumerate(self._axes):
             tracked_v = axis.law.in_force_v
-            read_back_v = tracked_v if self._boundary.reads_back else nan
-            known = self._evidence(i, read_back_v, 0)
-            if not self._boundary.reads_back:
+            reads_back = self._boundary.reads_back[i]
+            known = self._evidence(i, tracked_v if reads_back else nan, 0)
+            if not reads_back:
                 known = known._replace(written=self._claim(i, tracked_v))
             found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
             if not found.proven:
@@ -329,7 +342,7 @@ class OutputJudge:
         """Return whether an output that was out of reach has come to its read-back by itself."""
         axis, written_v = self._axes[index], self._boundary.written_v[index]
         tolerance_v, rest_v = axis.law.limits.read_back_tolerance_v, axis.config.limits.rest_v
-        watchdog = self._boundary.watchdog
+        watchdog = self._boundary.watchdog[index]
         answered = self._answered or self._watches[index].amplifier.unexplained_fall
         return not answered and left_alone(
             read_back_v, written_v, rest_v, tolerance_v, watchdog=watchdog

@@ -118,8 +118,8 @@ class StagePlay:
     ) -> PlayOutcome | Detection | None:
         """Take the devices back when the play has ended.
 
-        If the amplifiers read back, only a read-back from after the end tells the voltages in
-        force; a voltage that was commanded counts as the last write.
+        If an amplifier reads back, only a read-back from after the end tells its voltage in force;
+        a voltage that was commanded counts as the last write.
         Call once per cycle while `DeviceBoundary.played`. Real-time safe.
 
         Args:
@@ -141,16 +141,22 @@ class StagePlay:
         left_v = [axis.law.in_force_v for axis in axes]
         left_v[self._axis] = outcome.drive_v
         reads_back = self._boundary.reads_back
-        if not all(map(isfinite, read_back_v if reads_back else left_v)):
+        told_v = [
+            read_v if reads else kept_v
+            for read_v, reads, kept_v in zip(read_back_v, reads_back, left_v, strict=True)
+        ]
+        if not all(map(isfinite, told_v)):
             self._silent_cycles += 1
-            if reads_back and self._silent_cycles < SILENT_CYCLES + self._boundary.lag_cycles:
+            may_come = self._output.missing(read_back_v)
+            if may_come and self._silent_cycles < SILENT_CYCLES + self._boundary.lag_cycles:
                 return None
             self._outcome = None
             return Detection(Fault.A1, self._axis, nan, nan)
-        if not reads_back:
+        if not reads_back[self._axis]:
             axes[self._axis].track(outcome.drive_v)
         elif not outcome.commanded:
             left_v[self._axis] = nan
         self._boundary.written_v = left_v
-        self._output.known, self._outcome, self._boundary.returned = True, None, False
+        self._output.know(known=True)
+        self._outcome, self._boundary.returned = None, False
         return outcome

@@ -1,7 +1,7 @@
 """What a stage does about faults, and by itself: ramps arrive, programs end, holds expire."""
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, nan
 from typing import Final
 
 from piezod.config.faults import Fault
@@ -26,8 +26,9 @@ OUTPUT_WAIT_NS = s_to_ns(OUTPUT_WAIT_S)
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped if no setpoint came for this many cycles and for this time."""
 
-_OUTPUT_FELL, _LOCAL_MODE = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
-_WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND})
+_OUTPUT_FELL: Final = (Fault.A7, Fault.A9)
+_LOCAL_MODE: Final = mask([Fault.A8])
+_WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND, State.STOPPING})
 _DOUBTING = mask(DOUBTING)
 _OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
 _EVENTS: Final = {
@@ -57,15 +58,24 @@ def react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
                 axis.select(Mode.FEEDFORWARD)
     if reaction is Reaction.HOLD:
         stage.hold(HoldCause.FAULT, t_ns)
-    event = _EVENTS.get(reaction)
-    if event is Event.FAULT_CUT and not stage.cut(t_ns):
-        event = Event.FAULT_RAMP
+    event = _event_of(stage, reaction, t_ns)
     if event is not None:
         stage.go(event, t_ns)
     # A lost amplifier may have any voltage when it answers again.
     if event is Event.FAULT_BLIND:
         for watch in stage.watches:
             watch.amplifier.forget()
+
+
+def _event_of(stage: Stage, reaction: Reaction, t_ns: int) -> Event | None:
+    """Return the event of the reaction to a fault; cut the outputs if that is it."""
+    event = _EVENTS.get(reaction)
+    if event is Event.FAULT_CUT and not stage.cut(t_ns):
+        return Event.FAULT_RAMP
+    if event is Event.FAULT_BLIND:  # a ramp goes on without the axes that it leaves as they are
+        left = sum(1 << i for i in stage.output.left)
+        return event if stage.register.blind & ~left else None
+    return event
 
 
 def _halve_gains(stage: Stage, oscillating: int) -> None:
@@ -157,9 +167,7 @@ def _play_goes_on(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> bool
         stage.note(StageEvent(t_ns, "warning", "play", f"the play failed: {end.failed}"))
     settles = _is_near_writes(stage, read_back_v)
     stage.judge.lose_sight(answered=end.commanded and not settles)
-    unknown = ""
-    if stage.boundary.reads_back:
-        unknown, _ = stage.judge.resync(read_back_v, t_ns, settles=settles)
+    unknown, _ = stage.judge.resync(read_back_v, t_ns, settles=settles)
     stage.resume_output(t_ns)
     if unknown:
         stage.go(Event.FAULT_BLIND, t_ns)
@@ -180,7 +188,7 @@ def _is_near_writes(stage: Stage, read_back_v: Sequence[float]) -> bool:
 
 def _boot(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End the self-test: configuration and devices were checked before the first cycle."""
-    if stage.boundary.reads_back and not stage.output.known:
+    if stage.output.missing(read_back_v):
         stage.go(Event.FAULT_BLIND, t_ns)
     else:
         stage.track(read_back_v)  # a ramp that follows starts there
@@ -197,7 +205,7 @@ def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     boundary.withheld = bool(stage.register.present & _LOCAL_MODE) and not boundary.shadow
     if boundary.withheld:
         # Without a read-back the voltage that the local operator leaves is unknown.
-        stage.output.known &= boundary.reads_back
+        stage.output.know_unread(known=False, axes=stage.register.axes_of(Fault.A8))
         stage.track(read_back_v)
         stage.restart_hold(t_ns)
     elif withheld_before and not stage.output.known:
@@ -235,52 +243,67 @@ def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Take over a lost amplifier from its read-back, after a pause that grows with each loss.
 
     If the read-back is unlike the last write, see `OutputJudge.resync`. An amplifier whose voltage
-    stays unknown does not keep the others from their ramp.
+    stays unknown does not keep the others from their ramp, nor does one that stays silent: the ramp
+    leaves it as it is.
     An amplifier without read-back is taken over from its last acknowledged write, if there was one,
     if it holds its output by itself, and if it reports restarts and has reported neither one nor
     local mode. Otherwise the start of a ramp is unknown.
     """
-    if stage.register.unreachable or not stage.output.try_due(stage.time_in_state_ns(t_ns)):
+    if not stage.output.try_due(stage.time_in_state_ns(t_ns)):
         return
-    unknown, others = "", False
-    if stage.boundary.reads_back:
-        if not all(map(isfinite, read_back_v)):
-            return
-        unknown, others = stage.judge.resync(read_back_v, t_ns)
-    elif not _still_at_last_write(stage):
-        unknown = "the amplifier does not report its voltage"
+    lost = _silent_axes(stage, read_back_v)
+    if lost and (len(lost) == len(stage.axes) or not stage.must_ramp(t_ns)):
+        return
+    for i, reads_back in enumerate(stage.boundary.reads_back):
+        if not (i in lost or reads_back or _still_at_last_write(stage, i)):
+            lost[i] = "the amplifier does not report its voltage"
+            stage.boundary.took_over(i, nan)  # it tells nothing about the output any more
+    unknown, others = stage.judge.resync(read_back_v, t_ns, lost=lost)
     if unknown:
         text = (
-            f"the amplifier answers again, but its voltage is unknown, and stays: {unknown}; bring "
-            "it to the safe voltage by hand, then `piezod reset` and `piezod arm --confirm-output`"
+            f"the voltage of an amplifier is unknown, and stays: {unknown}; bring it to the safe "
+            "voltage by hand, then `piezod reset` and `piezod arm --confirm-output`"
         )
         stage.note(StageEvent(t_ns, "error", "output", text))
     if unknown and not others:
         stage.release_estop()
         stage.go(Event.OUTPUT_UNKNOWN, t_ns)
         return
-    stage.output.known = True
+    stage.output.know(known=True)
+    stage.output.left = lost
     stage.go(Event.LINK_BACK, t_ns)
 
 
-def _still_at_last_write(stage: Stage) -> bool:
-    """Return whether a lost amplifier still outputs the last acknowledged voltage.
+def _silent_axes(stage: Stage, read_back_v: Sequence[float]) -> dict[int, str]:
+    """Return all axes of the amplifiers that do not answer, and why they are not driven."""
+    unreachable, amplifiers = stage.register.unreachable, stage.boundary.amplifiers
+    silent = {
+        amplifiers[i]
+        for i, drive_v in enumerate(read_back_v)
+        if unreachable >> i & 1 or (stage.boundary.shows(i) and not isfinite(drive_v))
+    }
+    why = "the amplifier does not answer"
+    return {i: why for i, amplifier in enumerate(amplifiers) if amplifier in silent}
+
+
+def _still_at_last_write(stage: Stage, index: int) -> bool:
+    """Return whether a lost amplifier still outputs the last acknowledged voltage of an axis.
 
     An amplifier that does not report a restart may have been without power meanwhile, and be at 0
     V. In local mode a person may have set any voltage.
     """
-    if stage.register.latched & _OUTPUT_FELL:
+    if any(stage.register.axes_of(fault) >> index & 1 for fault in _OUTPUT_FELL):
         return False
-    if any(watch.amplifier.reports_move for watch in stage.watches):
+    if stage.watches[index].amplifier.reports_move:
         return False
     reports = stage.boundary.holds and stage.boundary.reports_restart
-    return stage.output.known_when_lost and reports
+    return stage.output.was_known(index) and reports
 
 
 def _settle_outputs(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Find out which voltage is in force on an axis that waits for its output."""
     for i, axis in enumerate(stage.axes):
-        if not (axis.waits and isfinite(read_back_v[i])):
+        if i in stage.output.left or not (axis.waits and isfinite(read_back_v[i])):
             continue
         if stage.judge.settle(i, read_back_v[i], t_ns, lost=axis.lost):
             axis.ramp_to(axis.config.safe_v)
@@ -288,29 +311,39 @@ def _settle_outputs(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> No
 
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End a ramp when each axis has reached the safe voltage, or takes too long."""
+    for i, drive_v in enumerate(read_back_v):
+        if i not in stage.output.left and stage.boundary.misses(i, drive_v):
+            return  # one that comes again decides; one that stays away is A1
     # Both must be at the safe voltage: the drive that was written, and the read-back if there is
     # one.
     away = [
         i
         for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True))
         if not axis.drive_ended(t_ns)
-        or abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v  # or NaN
+        or i in stage.output.left
+        or abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v
     ]
     if not away or not stage.boundary.active:  # outputs that were cut fall by themselves
         stage.go(Event.ESTOP_RELEASED if stage.release_estop() else Event.AT_SAFE, t_ns)
-    elif all(_has_failed(stage, stage.axes[i]) for i in away):
+    elif all(i in stage.output.left or _has_failed(stage, stage.axes[i]) for i in away):
         stage.release_estop()
         for i in away:
-            axis, drive_v = stage.axes[i], read_back_v[i]
-            tolerance_v = axis.law.limits.read_back_tolerance_v
-            stage.report(Detection(Fault.A3, i, drive_v - axis.config.safe_v, tolerance_v))
-            why = stage.judge.told(i) or "the output does not follow its writes"
-            text = f"the voltage stays: {drive_v:.4g} V read back, "
-            text += f"{axis.law.in_force_v:.4g} V written last, safe voltage "
-            text += f"{axis.config.safe_v:g} V: {why}; when the output follows again, "
-            text += "`piezod estop` ramps it down"
-            stage.note(StageEvent(t_ns, "error", "output", text, Fault.A3, axis.name))
+            _report_failed(stage, i, t_ns, read_back_v[i])
         stage.go(Event.RAMP_TIMEOUT, t_ns)
+
+
+def _report_failed(stage: Stage, index: int, t_ns: int, drive_v: float) -> None:
+    """Report that the voltage of an axis stays, with the numbers."""
+    axis, left = stage.axes[index], stage.output.left.get(index, "")
+    safe_v, tolerance_v = axis.config.safe_v, axis.law.limits.read_back_tolerance_v
+    if not left:
+        stage.report(Detection(Fault.A3, index, drive_v - safe_v, tolerance_v))
+    why = left or stage.judge.told(index) or "the output does not follow its writes"
+    text = f"the voltage stays: {drive_v:.4g} V read back, {axis.law.in_force_v:.4g} V written "
+    text += f"last, safe voltage {safe_v:g} V: {why}; when the output follows again, "
+    text += "`piezod estop` ramps it down"
+    fault = "" if left else Fault.A3
+    stage.note(StageEvent(t_ns, "error", "output", text, fault, axis.name))
 
 
 def _has_failed(stage: Stage, axis: StageAxis) -> bool:

@@ -42,8 +42,13 @@ def _disarm(stage: Stage, _: requests.Disarm, t_ns: int) -> Answer:
 
 
 def _stop(stage: Stage, _: requests.Stop, t_ns: int) -> Answer:
-    if stage.state is State.FAULT and stage.boundary.active and (away := stage.away()):
-        return Answer(False, f"nothing is driven in FAULT, {away}: `piezod estop` ramps it down")
+    if stage.state is State.FAULT and stage.boundary.active:
+        nothing = "nothing is driven in FAULT"
+        if away := stage.away():
+            return Answer(False, f"{nothing}, {away}: `piezod estop` ramps it down")
+        if any(stage.boundary.reads_back) and not stage.output.known:
+            why = f"{nothing}, and the voltage in force is unknown, because nothing is read back"
+            return Answer(False, f"{why}: `piezod estop` ramps down when the amplifier answers")
     _note_delay(stage, "stop", t_ns)
     return _answer(stage.go(Event.STOP, t_ns))
 

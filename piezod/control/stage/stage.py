@@ -1,6 +1,7 @@
 """A stage: its axes, its devices, its state, and the actions at a change of state."""
 
 from collections.abc import Callable, Sequence
+from math import nan
 from typing import Final
 
 from piezod.config.faults import Fault
@@ -19,12 +20,14 @@ from piezod.control.stage.sequence import DriveSequence, DriveStep
 from piezod.control.stage.states import Event, Facts, HoldCause, step
 from piezod.control.stage.zeroing import SensorZero
 from piezod.telemetry.record import StageEvent
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, s_to_ns
 
 DRIVEN: Final = frozenset(
     {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
 )
 """States in which voltages are written."""
+BLIND_NS: Final = s_to_ns(2.0)
+"""An amplifier that does not answer keeps the others from their ramp for this time, in ns."""
 _ALARMING: Final = frozenset({State.HOLD, State.BLIND, State.FAULT, State.ESTOP})
 _COMPENSATING: Final = frozenset({State.READY, State.RUN, State.HOLD})
 
@@ -63,7 +66,7 @@ class Stage:
         self.watches = [watched.watches for watched in parts.axes.values()]
         self.boundary, self.period_ns = parts.boundary, parts.period_ns
         self.register, self.state = register, State.BOOT
-        self.output = OutputKnowledge(on_output_lost)
+        self.output = OutputKnowledge(self.boundary.reads_back, on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self._rebuild = parts.rebuild
         self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
@@ -197,6 +200,14 @@ class Stage:
         self.go(Event.IDENTIFY_DONE, t_ns)
         return becomes_known
 
+    def must_ramp(self, t_ns: int) -> bool:
+        """Return whether BLIND has to end in a ramp, even without all amplifiers. Real-time safe.
+
+        An emergency stop does not wait for them, and a stage that was driven not for long.
+        """
+        waited = self.time_in_state_ns(t_ns) >= BLIND_NS
+        return self._estop_pressed or (self._driven_when_lost and waited)
+
     def play(self) -> StagePlay:
         """Return the play, which has the devices while it runs. Real-time safe."""
         return self._play
@@ -218,12 +229,15 @@ class Stage:
     def confirm_output(self, *, confirmed: bool) -> None:
         """Note that a person answers for the voltage in force: that of the read-back.
 
-        Without a read-back it is the safe voltage.
+        On an axis without a read-back it is the safe voltage. Where another voltage was written
+        last, that is not believed: the first write would be a step.
         """
         self._output_confirmed = confirmed
-        if confirmed and not self.boundary.reads_back:
-            self.output.known = True
-            for i, axis in enumerate(self.axes):
+        if not confirmed or self._away_unread():
+            return
+        self.output.know_unread(known=True)
+        for i, axis in enumerate(self.axes):
+            if not self.boundary.reads_back[i]:
                 axis.track(axis.config.safe_v)
                 self.boundary.took_over(i, axis.config.safe_v)
 
@@ -232,13 +246,22 @@ class Stage:
 
         Both the present voltage and the last write count, within the tolerance of a read-back.
         """
+        in_force_v = [axis.law.in_force_v for axis in self.axes]
+        return self._away_at(in_force_v, self.boundary.written_v)
+
+    def _away_unread(self) -> str:
+        """Return which axes without a read-back have another last write than the safe voltage."""
+        pairs = zip(self.boundary.written_v, self.boundary.reads_back, strict=True)
+        return self._away_at([nan if reads_back else drive_v for drive_v, reads_back in pairs])
+
+    def _away_at(self, *told_v: Sequence[float]) -> str:
+        """Return which axes are away by one of these voltages, in V; NaN tells nothing."""
         away = []
-        for axis, written_v in zip(self.axes, self.boundary.written_v, strict=True):
+        for axis, *each_v in zip(self.axes, *told_v, strict=True):
             safe_v, tolerance_v = axis.config.safe_v, axis.law.limits.read_back_tolerance_v
-            for drive_v in (axis.law.in_force_v, written_v):
-                if abs(drive_v - safe_v) > tolerance_v:
-                    away.append(f"axis {axis.name} at {drive_v:.4g} V")
-                    break
+            off_v = [drive_v for drive_v in each_v if abs(drive_v - safe_v) > tolerance_v]
+            if off_v:
+                away.append(f"axis {axis.name} at {off_v[0]:.4g} V instead of {safe_v:g} V")
         return ", ".join(away)
 
     def memory_is_missing(self) -> bool:
@@ -291,7 +314,8 @@ class Stage:
         # From A3 on the memory follows voltages that the output may never have had.
         self._memory_known &= not self.register.axes_of(Fault.A3)
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
-            boundary.shadow = self.output.known = False  # until it is read back
+            boundary.shadow = False
+            self.output.know(known=False)  # until it is read back
             boundary.forget_written()  # others may have driven meanwhile
         if state is State.READY and not boundary.shadow:
             self._was_driven = True
@@ -299,7 +323,7 @@ class Stage:
             self._driven_when_lost, self._memory_known = before in DRIVEN, False
             if not written:  # what somebody else has set meanwhile is no business of ours
                 boundary.forget_written()
-            self.output.lose(traceable=boundary.reads_back or boundary.reports_restart)
+            self.output.lose(traceable=all(boundary.reads_back) or boundary.reports_restart)
         elif state not in {State.RAMP, State.ESTOP}:
             self.output.settle()
         if before is State.IDENT:
@@ -336,6 +360,7 @@ class Stage:
         doubt = self.judge.doubt() if asks else ""
         return Facts(
             output_known=self.output.known,
+            last_write="" if self.output.known else self._away_unread(),
             sensor_valid=self.boundary.active and all(watch.sensor.ready for watch in self.watches),
             adapt_allowed=self.register.adapt_allowed,
             model_known=self._memory_known,

@@ -5,6 +5,7 @@ from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from piezod.config.states import State
+from piezod.control.in_force import OUTPUT_WAIT_S
 
 
 class Event(Enum):
@@ -68,6 +69,8 @@ class Facts(NamedTuple):
         latched: Whether a fault is latched that only `reset` ends (L2 or L3, HOLD or worse).
         shutting_down: Whether the daemon is ending.
         estop_active: Whether the emergency stop is still pressed.
+        last_write: Axes that another voltage than the safe one was written to last, without a
+            read-back, for people; empty if there are none.
         no_entry: Why nothing may be started now, for people; empty if nothing forbids it.
         was_running: Whether HOLD came from RUN. Then `resume` leads back to RUN, otherwise to
             READY.
@@ -82,6 +85,7 @@ class Facts(NamedTuple):
     latched: bool
     shutting_down: bool
     estop_active: bool
+    last_write: str = ""
     no_entry: str = ""
     was_running: bool = True
     self_tested: bool = True
@@ -133,6 +137,8 @@ _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
 }
 """Edges that are never refused: they lead down, or the daemon raises them. Missing states stay."""
 
+_END_ESTOP: Final = "the emergency stop was not carried out to its end: `piezod estop` does that"
+
 _HELP: Final[Mapping[State, str]] = {
     _BOOT: "wait for the end of the self-test",
     _SAFE: "`piezod arm` first",
@@ -143,7 +149,8 @@ _HELP: Final[Mapping[State, str]] = {
     _RAMP: "wait until the safe voltage is reached",
     _BLIND: "nothing can be sent to the amplifier: `piezod faults` shows the cause",
     _FAULT: "remove the cause that `piezod faults` shows, then `piezod reset`",
-    _ESTOP: "release the emergency stop first, then `piezod reset`",
+    _ESTOP: "wait until the safe voltage is reached, which takes up to "
+    f"{OUTPUT_WAIT_S:g} s more if the output does not follow, then `piezod reset`",
     _STOPPING: "the daemon is ending: start it again",
 }
 
@@ -203,13 +210,25 @@ def _arm(state: State, facts: Facts) -> Transition:
     if state is not _SAFE:
         return _refuse(state, "arm")
     if facts.estop_active:
-        return _refuse(state, "arm", "release the emergency stop first")
+        return _refuse(state, "arm", _END_ESTOP)
     if facts.latched:
         return _refuse(state, "arm", _HELP[_FAULT])
     if not facts.output_known:
-        remedy = "check the amplifier; without a read-back it needs `--confirm-output`"
-        return _refuse(state, "arm", f"the voltage in force is unknown: {remedy}")
+        return _refuse(state, "arm", _unknown(facts))
     return _start(_READY, state, facts, "arm")
+
+
+def _unknown(facts: Facts) -> str:
+    """Return that the voltage in force is unknown, and what makes it known."""
+    unknown = "the voltage in force is unknown"
+    states = "`--confirm-output` states that the output is at the safe voltage"
+    if not facts.last_write:
+        return f"{unknown}: check the amplifier; without a read-back, {states}"
+    return (
+        f"{unknown} (last write: {facts.last_write}), and {states}: end the daemon; then `piezod "
+        "safe CONFIG` ramps down from the last write, or, if you have seen that the output is at "
+        "the safe voltage, `piezod safe CONFIG --confirm-output` starts there"
+    )
 
 
 def _run(state: State, facts: Facts) -> Transition:
@@ -255,7 +274,7 @@ def _reset(state: State, facts: Facts) -> Transition:
     if state is not _FAULT:
         return _refuse(state, "reset")
     if facts.estop_active:
-        return _refuse(state, "reset", "release the emergency stop first")
+        return _refuse(state, "reset", _END_ESTOP)
     if facts.latched:
         return _refuse(state, "reset", "a fault is not over: see `piezod faults`")
     return Transition(_SAFE)

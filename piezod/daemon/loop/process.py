@@ -226,11 +226,10 @@ def take_over(
     """
     if succession := succession_of(shared):
         controller.restore_faults(succession.latched, stopped=succession.stopped)
-    gone, able = unconcerned(config, channels, known), channels.capabilities()
-    noted_v = [nan if name in gone else v for name, v in zip(config.axes, noted_v, strict=True)]
-    # After an end in order, a device that does not hold its output has brought it to rest since.
-    if shared.words[Word.UNCLEAN] or (able.holds and not able.watchdog):
-        controller.know_last_writes(noted_v)
+    gone = unconcerned(config, channels, known, clean=not shared.words[Word.UNCLEAN])
+    controller.know_last_writes(
+        [nan if name in gone else v for name, v in zip(config.axes, noted_v, strict=True)]
+    )
     # The last run did not end in order: an operator must look at the stage first.
     if shared.words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))

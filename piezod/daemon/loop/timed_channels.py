@@ -51,6 +51,14 @@ class TimedChannels:
         finally:
             self.read_ns += self._now_ns() - begin_ns
 
+    def watchdogs(self) -> Sequence[bool]:
+        """Return of each axis whether its amplifier has a watchdog of its own."""
+        return self._devices.watchdogs()
+
+    def reads_back(self) -> Sequence[bool]:
+        """Return of each axis whether its amplifier reports the voltage in force."""
+        return self._devices.reads_back()
+
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
         """Return the age of the last read-back of each axis, in ns. Real-time safe."""
         return self._devices.read_back_age_ns(now_ns)

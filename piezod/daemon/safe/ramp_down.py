@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.clock import Clock
-from piezod.daemon.safe.ramp import STEP_S, AmplifierRamp, AxisOutcome
+from piezod.daemon.safe.ramp import STEP_S, AmplifierRamp, AxisOutcome, Before
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
 from piezod.devices.wiring import construct, pairs_of
@@ -23,10 +23,12 @@ class Noted(NamedTuple):
     Attributes:
         drive_v: Last written voltage of each axis, in V, if known.
         identities: Identity of each device when the loop opened it, if known.
+        clean: Whether the loop has ended in order, and so has closed its devices.
     """
 
     drive_v: Mapping[str, float]
     identities: Mapping[str, Identity]
+    clean: bool = False
 
 
 def ramp_down(
@@ -92,18 +94,9 @@ def _ramps(
             driven = _driven(config, name)
             last_v = [noted.drive_v.get(axis, nan) for axis in driven]
             axes = [config.axes[axis] for axis in driven]
-            channels, expected = _channels(config, name, driven), noted.identities.get(name)
-            ramps.append(
-                AmplifierRamp(
-                    channels,
-                    axes,
-                    last_v,
-                    wait_s,
-                    expected,
-                    rate_hz=config.rate_hz,
-                    confirmed=confirmed,
-                )
-            )
+            expected = noted.identities.get(name)
+            before = Before(last_v, expected, config.rate_hz, noted.clean, confirmed)
+            ramps.append(AmplifierRamp(_channels(config, name, driven), axes, before, wait_s))
         yield ramps
     finally:
         for ramp in ramps:

@@ -7,7 +7,7 @@ rescue works when the installation has been moved or replaced meanwhile.
 import signal
 from collections.abc import Mapping
 from contextlib import suppress
-from math import isfinite
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Final
 
@@ -69,7 +69,9 @@ class Rescue:
             # A service manager that stops a daemon also signals its children.
             before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
             try:
-                known = Noted(self.last_v(), noted_identities(self._paths.identities))
+                identities = noted_identities(self._paths.identities)
+                clean = not self._paths.running.exists()
+                known = Noted(self.last_v(), identities, clean=clean)
                 clock = MonotonicClock()
                 outcomes = ramp_down(self.config, known, within_s, clock, confirmed=confirmed)
                 note_outcomes(self._paths.output_map, outcomes, clock.now_ns())
@@ -111,22 +113,25 @@ def note_outcomes(output_map: Path, outcomes: Mapping[str, AxisOutcome], t_ns: i
         t_ns: The present instant, in ns.
     """
     with suppress(OSError):  # the folder may have been removed; then nothing is known
-        LastOutputWriter(output_map, len(outcomes)).note(
-            [each.written_v for each in outcomes.values()], t_ns
-        )
+        written_v = [each.written_v for each in outcomes.values()]
+        writer = LastOutputWriter(output_map, len(outcomes))
+        writer.note(written_v, t_ns)
+        for axis, drive_v in enumerate(written_v):
+            if isnan(drive_v):
+                writer.forget(t_ns, axis)
 
 
 def _way(outcome: AxisOutcome) -> str:
-    noted = "last written; the amplifier has no read-back"
+    noted = "as last written, or as you confirm; the amplifier has no read-back"
     source = noted if outcome.from_noted else "read back"
     end_v = outcome.read_back_v
-    end = f"{end_v:.2f} V read back" if isfinite(end_v) else "not read back"
-    return f"from {outcome.from_v:.2f} V ({source}) to {outcome.safe_v:g} V, {end}"
+    end = f"{end_v:z.2f} V read back" if isfinite(end_v) else "not read back"
+    return f"from {outcome.from_v:z.2f} V ({source}) to {outcome.safe_v:zg} V, {end}"
 
 
 def _stays(outcome: AxisOutcome, last_v: float) -> str:
     if isfinite(outcome.read_back_v):
-        return f"the voltage stays at {outcome.read_back_v:.2f} V, as read back"
+        return f"the voltage stays at {outcome.read_back_v:z.2f} V, as read back"
     if isfinite(outcome.written_v):
-        return f"the voltage stays at {outcome.written_v:.2f} V, as last written"
+        return f"the voltage stays at {outcome.written_v:z.2f} V, as last written"
     return stays(last_v)

@@ -1,11 +1,11 @@
 """The supervisor's connection to one run of the loop process."""
 
 import time
-from collections.abc import Collection, Mapping
-from math import inf
+from collections.abc import Collection, Mapping, Sequence
+from math import inf, isfinite, nan
 from typing import Any
 
-from piezod.config.daemon import DaemonConfig
+from piezod.config.daemon import DaemonConfig, StageAxisConfig
 from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
@@ -86,13 +86,20 @@ class LoopConnection:
             return True
         # In BLIND the present voltage is unknown: the record has only the last written one.
         blind = any(STATES[record["state"]] is State.BLIND for record in ending)
-        axes = zip(self.config.axes.values(), ending[-1]["axes"], strict=True)
+        reporting = self._reporting()
         return not blind and all(
-            # The read-back voltage, if nothing is driven; NaN is not safe.
-            abs(last["drive_v"] - axis.safe_v)
-            <= read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v)
-            for axis, last in axes
+            _is_at_safe_voltage(
+                axis,
+                [record["axes"][i] for record in reversed(ending)],
+                reads_back=axis.amplifier.device in reporting,
+            )
+            for i, axis in enumerate(self.config.axes.values())
         )
+
+    def _reporting(self) -> set[str]:
+        """Return the names of the devices that report the voltage in force."""
+        devices = (self.shared.report() or {}).get("devices", ())
+        return {each["name"] for each in devices if each["capabilities"]["read_back"]}
 
     def succession(self) -> Succession:
         """Return what a loop takes over that replaces this one; call it while this one runs."""
@@ -143,6 +150,27 @@ class LoopConnection:
             if bits >> i & 1 and rule.reaction >= Reaction.HOLD
         ]
         return f" because of {', '.join(stopping)}" if stopping else ""
+
+
+def _is_at_safe_voltage(
+    axis: StageAxisConfig, last: Sequence[Mapping[str, Any]], *, reads_back: bool
+) -> bool:
+    """Return whether write and read-back of an axis are at the safe voltage at the end.
+
+    One read-back may be missing. Without any, the last write has to be enough, if the amplifier
+    reports no voltage.
+
+    Args:
+        axis: The axis.
+        last: Its last records, the newest first.
+        reads_back: Whether its amplifier reports the voltage in force.
+    """
+    tolerance_v = read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v)
+    told_v = [last[0]["drive_v"]]
+    read_back_v = next((v for each in last if isfinite(v := each["read_back_v"])), nan)
+    if reads_back or isfinite(read_back_v):
+        told_v.append(read_back_v)
+    return all(abs(drive_v - axis.safe_v) <= tolerance_v for drive_v in told_v)  # NaN is not
 
 
 def _model(path: Any) -> ModelFile | None:

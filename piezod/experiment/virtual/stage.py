@@ -88,7 +88,8 @@ class VirtualStage:
 
     def __init__(self, channels: Channels, config: ExperimentConfig, progress: Progress) -> None:
         self._channels, self._progress = channels, progress
-        self._devices = DeviceBoundary(channels, len(config.axes), reads_back=False, holds=False)
+        unread = [False] * len(config.axes)
+        self._devices = DeviceBoundary(channels, len(unread), reads_back=unread, holds=False)
         # There is no state machine in virtual time: writes always reach the amplifiers.
         self._devices.open = True
         self._axes = tuple(config.axes.values())

@@ -13,7 +13,9 @@ from tests.control.fakes import FakeDevices
 def test_write_of_a_held_axis_stays_the_last_one(refused: bool) -> None:
     """Acknowledged or not, it is neither repeated nor forgotten when other axes are written."""
     devices = FakeDevices([], [Sample(0, nan, False)] * 2)
-    boundary = DeviceBoundary(devices, 2, reads_back=True, holds=True, amplifiers=("a", "b"))
+    boundary = DeviceBoundary(
+        devices, 2, reads_back=[True, True], holds=True, amplifiers=("a", "b")
+    )
     boundary.open = True
     boundary.write([1.0, 2.0], 0)
     devices.refuses = True

@@ -1,5 +1,7 @@
 """Tests of a start after a killed daemon or another loop, and of the causes of states."""
 
+from math import nan
+
 import pytest
 
 from piezod.config.faults import Fault
@@ -122,3 +124,19 @@ def test_amplifier_that_was_found_at_rest_is_only_observed_later() -> None:
 
     assert stage.state in {"SAFE", "FAULT"}
     assert stage.channels.writes == []
+
+
+@pytest.mark.parametrize(("noted_v", "accepted"), [(30.0, False), (0.0, True), (nan, True)])
+def test_word_of_a_person_is_not_believed_against_the_last_write(
+    noted_v: float, accepted: bool
+) -> None:
+    """Without a read-back the first write would be a step to the safe voltage; the note is told."""
+    stage = RigStage(reads_back=False, holds=True)
+    stage.controller.know_last_writes([noted_v])
+    stage.cycle()
+    unconfirmed, confirmed = stage.ask(rq.Arm()), stage.ask(rq.Arm(confirm_output=True))
+
+    assert (unconfirmed.accepted, confirmed.accepted) == (False, accepted)
+    assert bool(stage.channels.writes) is accepted
+    for answer in (unconfirmed,) if accepted else (unconfirmed, confirmed):
+        assert ("30 V" in answer.why, "`piezod safe CONFIG`" in answer.why) == (not accepted,) * 2

@@ -17,6 +17,8 @@ from tests.control.rig_stage import RigStage, quick_config, shipped_config
 
 SLEW_V_PER_S, RATE_HZ, TOLERANCE_V = 400.0, 200, 0.75
 STEP_V = SLEW_V_PER_S / RATE_HZ
+FREE_V_PER_S = 20_000.0
+"""A slew rate at which one step is most of the range: no write waits for the output."""
 
 Values = Callable[[float], float]
 
@@ -66,11 +68,16 @@ class Unruly:
 
 
 class UnrulyStage(RigStage):
-    """A stage of 400 V/s on such a rig, in position and at rest."""
+    """A stage on such a rig, in position and at rest."""
 
-    def __init__(self, position_um: float = 15.0, config: DaemonConfig | None = None) -> None:
+    def __init__(
+        self,
+        position_um: float = 15.0,
+        config: DaemonConfig | None = None,
+        slew_v_per_s: float = SLEW_V_PER_S,
+    ) -> None:
         axis = (config or shipped_config()).axes["x"]
-        slow = axis.limits.model_copy(update={"slew_v_per_s": SLEW_V_PER_S})
+        slow = axis.limits.model_copy(update={"slew_v_per_s": slew_v_per_s})
         conditioning = quick_config().axes["x"].conditioning
         axes = {"x": axis.model_copy(update={"limits": slow, "conditioning": conditioning})}
         built: list[Unruly] = []
@@ -289,3 +296,48 @@ def test_stop_in_fault_says_what_helps_while_a_voltage_stays() -> None:
     assert "`piezod estop`" in refused.why
     assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
     assert stage.ask(rq.Stop()).accepted
+
+
+@pytest.mark.fault("A3")
+@pytest.mark.parametrize("end", [rq.Stop(), rq.Estop(), rq.Shutdown()], ids=lambda each: each.kind)
+def test_missing_read_back_at_the_end_of_a_ramp_is_not_the_safe_voltage(end: rq.Request) -> None:
+    """All writes have arrived; the output has not, and the next read-back shows it."""
+    stage = UnrulyStage(slew_v_per_s=FREE_V_PER_S)
+    stage.rig.obeys = False
+    stage.ask(end)
+    for _ in range(40 * RATE_HZ):
+        arrives = abs(stage.stage.axes[0].law.in_force_v) < TOLERANCE_V
+        gap = arrives and (stage.records[-1].axes[0].read_back_v > TOLERANCE_V)
+        stage.rig.reads = (lambda _: nan) if gap else (lambda drive_v: drive_v)
+        if stage.cycle().state in {State.FAULT, State.SAFE, State.STOPPING}:
+            break
+
+    assert stage.state == ("STOPPING" if isinstance(end, rq.Shutdown) else "FAULT")
+    assert f"the voltage stays: {stage.rig.output_v:.4g} V read back" in stage.texts()
+
+
+@pytest.mark.fault("P1")
+def test_last_record_of_an_end_has_the_voltage_that_is_read_back() -> None:
+    """The own last write was at the safe voltage, and the output did not follow it."""
+    stage = UnrulyStage(slew_v_per_s=FREE_V_PER_S)
+    stage.rig.obeys = False
+    stage.ask(rq.Shutdown())
+    stage.until("STOPPING", 60.0)
+
+    assert stage.x.drive_v == stage.rig.output_v > TOLERANCE_V
+
+
+def test_stop_in_fault_is_refused_while_nothing_is_read_back() -> None:
+    """The last write says nothing about the output."""
+    stage = UnrulyStage(slew_v_per_s=FREE_V_PER_S)
+    stage.rig.obeys = False
+    stage.do(rq.Stop())
+    stage.until("FAULT", 60.0)
+    stage.stage.axes[0].track(0.0)
+    stage.rig.reads = lambda _: nan
+    stage.cycle()
+    refused = stage.ask(rq.Stop())
+
+    assert not refused.accepted
+    assert "unknown" in refused.why
+    assert "`piezod estop`" in refused.why

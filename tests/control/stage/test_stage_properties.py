@@ -23,7 +23,7 @@ from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind as Kind
 from tests.control.own_output import OutputKind
 from tests.control.rig_stage import ON_TIME
-from tests.control.stage.commanded_stage import MOVED, PEOPLE, CommandedStage
+from tests.control.stage.commanded_stage import MOVED, PEOPLE, WITHIN_S, CommandedStage
 from tests.control.surface_rig import VARIANTS
 
 REQUESTS: Final[list[rq.Request]] = [
@@ -171,7 +171,7 @@ class AnyHistory(RuleBasedStateMachine):
         self.stage.command(PEOPLE[1], rq.Shutdown())
         self.stage.device.schedule.clear()
         self.stage.judged.output.faults.clear()
-        self.stage.until("STOPPING", 30.0)
+        self.stage.until("STOPPING", WITHIN_S)
         self.restart()
 
     def teardown(self) -> None:

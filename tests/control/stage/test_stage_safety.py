@@ -340,8 +340,7 @@ def test_too_fast_movement_is_refused() -> None:
 @pytest.mark.fault("A10")
 def test_amplifier_without_read_back_is_armed_with_a_confirmation() -> None:
     """A person confirms that it is at the safe voltage; the drive starts there."""
-    stage = RigStage()
-    stage.stage.boundary.reads_back = False
+    stage = RigStage(reads_back=False)
     stage.cycle()
     refused = stage.ask(rq.Arm())
     stage.do(rq.Arm(confirm_output=True))

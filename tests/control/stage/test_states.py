@@ -29,7 +29,8 @@ NEVER_REFUSED = {
     Event.FAULT_CUT,
 }
 Outcomes = frozenset[tuple[State, Event, Transition]]
-INFLUENCE = [name for name in Facts._fields if name != "no_entry"]
+TEXTS = {"no_entry": "the disk is full", "last_write": "axis x at 30 V instead of 0 V"}
+INFLUENCE = [name for name in Facts._fields if name not in TEXTS]
 
 # One row per event, one column per state: "." stays, "!" is refused, if all facts are good.
 TABLE = """
@@ -73,16 +74,17 @@ def cases() -> Iterator[tuple[State, Event, str]]:
 def all_facts() -> Iterator[Facts]:
     """Yield every combination of facts."""
     for values in product((False, True), repeat=len(INFLUENCE)):
-        for no_entry in ("", "the disk is full"):
-            yield GOOD._replace(no_entry=no_entry, **dict(zip(INFLUENCE, values, strict=True)))
+        facts = GOOD._asdict() | dict(zip(INFLUENCE, values, strict=True))
+        for texts in product(*(("", text) for text in TEXTS.values())):
+            yield Facts(**(facts | dict(zip(TEXTS, texts, strict=True))))
 
 
 def rarely_bad_facts() -> Iterator[Facts]:
     """Yield the combinations with up to three facts that are not good."""
     for count in range(4):
         for names in combinations(Facts._fields, count):
-            changed = {name: not getattr(GOOD, name) for name in names if name != "no_entry"}
-            yield GOOD._replace(no_entry="the disk is full" * ("no_entry" in names), **changed)
+            changed = {name: TEXTS.get(name, not getattr(GOOD, name)) for name in names}
+            yield Facts(**(GOOD._asdict() | changed))
 
 
 @pytest.fixture

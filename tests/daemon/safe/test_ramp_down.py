@@ -6,6 +6,7 @@ from math import isnan
 import pytest
 
 from piezod.control.guard import read_back_tolerance_v
+from piezod.daemon.last_output import stays
 from piezod.daemon.safe.ramp import AxisOutcome
 from piezod.daemon.safe.ramp_down import Noted, ramp_down
 from piezod.devices import registry
@@ -37,9 +38,11 @@ class Bench:
         self.identities: dict[str, Identity] = {}
         """Identity of each amplifier when the loop opened it."""
 
-    def run(self, *, confirmed: bool = False, **last_v: float) -> dict[str, AxisOutcome]:
+    def run(
+        self, *, confirmed: bool = False, clean: bool = False, **last_v: float
+    ) -> dict[str, AxisOutcome]:
         """Ramp down; the amplifiers are closed at the end."""
-        noted = Noted(last_v, self.identities)
+        noted = Noted(last_v, self.identities, clean)
         clock = FakeClock(NS_PER_S)
         outcomes = ramp_down(self.config, noted, 5.0, clock, confirmed=confirmed)
         assert all(amplifier.closed for amplifier in self.amplifiers.values())
@@ -82,11 +85,104 @@ def test_first_write_is_a_step_from_read_back_and_last_write(bench: Bench, last_
     step_v += read_back_tolerance_v(axis.drive_min_v, axis.drive_max_v)
     outcome, written = bench.run(x=last_v)["x"], bench.amplifiers["amp"].writes
 
-    if abs(last_v - 75.0) > 2.0 * step_v:
-        assert "do not agree" in outcome.why
+    far = abs(last_v - 75.0) > step_v
+    assert ("do not agree" in outcome.why and "--confirm-output" in outcome.why) is far
     for _, (first_v,) in written[:1]:
         assert max(abs(first_v - 75.0), abs(first_v - last_v)) <= step_v
-    assert bool(written) is not outcome.why.startswith("read-back")
+    assert bool(written) is not far
+    assert (outcome.why == "") is not far
+
+
+@pytest.mark.parametrize(
+    ("slew_v_per_s", "rate_hz", "ramp_v_per_s"),
+    [(400, 20, 50), (2000, 200, 20), (20_000, 1000, 50), (20_000, 200, 200), (200, 1000, 200)],
+)
+@pytest.mark.parametrize("ahead_v", [-50.0, -17.0, -9.0, -5.0, -0.9, 0.9, 2.0, 5.0, 9.0, 30.0])
+def test_note_ahead_of_the_output_is_ramped_or_refused(
+    bench: Bench, slew_v_per_s: float, rate_hz: float, ramp_v_per_s: float, ahead_v: float
+) -> None:
+    """It is ramped at once within a step of the loop, and refused with the numbers beyond one."""
+    axis = bench.config.axes["x"]
+    limits = axis.limits.model_copy(update={"slew_v_per_s": slew_v_per_s})
+    safety = axis.safety.model_copy(update={"ramp_v_per_s": ramp_v_per_s})
+    x = axis.model_copy(update={"limits": limits, "safety": safety})
+    bench.config = bench.config.model_copy(update={"rate_hz": rate_hz, "axes": {"x": x}})
+    amplifier = bench.amplifiers["amp"]
+    outcome = bench.run(x=75.0 + ahead_v)["x"]
+    step_v = slew_v_per_s / rate_hz
+
+    assert bool(amplifier.writes) is (outcome.why == "")
+    assert outcome.why == "" or all(
+        each in outcome.why for each in (f"{75.0 + ahead_v:.4g} V", "75 V", "--confirm-output")
+    )
+    assert outcome.why == "" or abs(ahead_v) > min(step_v, 7.0) + 0.7
+    assert outcome.why or abs(ahead_v) <= min(step_v, 10.0) + 0.7
+    assert outcome.why or abs(amplifier.writes[0][1][0] - 75.0) <= step_v + 0.7
+
+
+@pytest.mark.parametrize("clean", [True, False])
+@pytest.mark.parametrize("kind", ["does not hold", "watchdog"])
+def test_amplifier_that_has_gone_to_rest_by_itself_is_ramped(
+    monkeypatch: pytest.MonkeyPatch, kind: str, *, clean: bool
+) -> None:
+    """After an end in order nothing contradicts it; after a crash only a watchdog explains it."""
+    bench = Bench(monkeypatch, x=("amp", 75.0))
+    amplifier = bench.amplifiers["amp"]
+    amplifier.holds, amplifier.watchdog = kind == "watchdog", kind == "watchdog"
+    amplifier.drive_v = [0.0]
+    outcome = bench.run(x=75.0, clean=clean)["x"]
+
+    assert (outcome.why == "") is (clean or kind == "watchdog")
+    assert max(amplifier.steps_v, default=0.0) <= 0.5
+    assert bool(amplifier.writes) is (outcome.why == "")
+
+
+def test_ramp_that_ended_is_no_contradiction_to_the_next_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The amplifier went to rest when the first ramp closed it; the loop's mark is still there."""
+    bench = Bench(monkeypatch, x=("amp", 75.0))
+    bench.amplifiers["amp"].holds = False
+    first = bench.run(x=75.0)["x"]
+    again = bench.run(x=first.written_v)["x"]
+
+    assert (first.why, again.why, again.read_back_v) == ("", "", 75.0)
+
+
+def test_output_that_may_have_gone_to_rest_unseen_is_left_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without a read-back a write could be a step from rest, unless the last write was there."""
+    bench = Bench(monkeypatch, x=("amp", 75.0))
+    amplifier = bench.amplifiers["amp"]
+    amplifier.holds = amplifier.reads_back = False
+    left = bench.run(x=75.0, clean=True)["x"]
+    untouched = not amplifier.writes
+    ramped = bench.run(x=0.0, clean=True)["x"]
+
+    assert untouched and "reports no voltage" in left.why
+    assert ramped.why == ""
+
+
+def test_all_waits_of_a_ramp_together_last_half_a_minute(bench: Bench) -> None:
+    """An output that follows now and then does not keep the ramp alive for ever."""
+    amplifier = bench.amplifiers["amp"]
+    amplifier.follows_every_ns = 4 * NS_PER_S
+    outcome = bench.run(x=75.0)["x"]
+
+    assert "the voltage stays" in outcome.why
+    assert (amplifier.read_ns - NS_PER_S) / NS_PER_S < 35.0
+
+
+def test_nothing_is_called_written_that_was_not(bench: Bench) -> None:
+    """An output that leaves the start before the first write is reported as that."""
+    amplifier = bench.amplifiers["amp"]
+    amplifier.silent_until_ns = 2 * NS_PER_S + 15_000_000
+    outcome = bench.run(x=110.0)["x"]
+
+    assert amplifier.writes == []
+    assert "nothing was written" in outcome.why and "V written" not in outcome.why
+    assert "--confirm-output" in outcome.why
 
 
 def test_fall_by_the_watchdog_of_the_device_is_believed(bench: Bench) -> None:
@@ -186,6 +282,16 @@ def test_amplifier_without_read_back_starts_from_the_last_write(bench: Bench) ->
     assert bench.amplifiers["amp"].drive_v == [10.0]
 
 
+def test_amplifier_without_read_back_starts_where_a_person_has_seen_it(bench: Bench) -> None:
+    """That is the safe voltage, whatever was written last: no step up after a loss of power."""
+    amplifier = bench.amplifiers["amp"]
+    amplifier.reads_back, amplifier.drive_v = False, [10.0]
+    outcome = bench.run(x=75.0, confirmed=True)["x"]
+
+    assert [drive_v for _, drive_v in amplifier.writes] == [[10.0]]
+    assert (outcome.why, outcome.written_v) == ("", 10.0)
+
+
 def test_silent_amplifier_starts_from_the_last_write(bench: Bench) -> None:
     """An amplifier that should read back and does not is ramped, but is not safe."""
     bench.amplifiers["amp"].silent = True
@@ -271,3 +377,13 @@ def test_one_that_fails_to_close_does_not_keep_others_open(
     outcomes = bench.run()
 
     assert [outcomes[axis].why for axis in ("x", "y")] == ["", ""]
+
+
+def test_voltage_that_rounds_to_zero_has_no_sign(bench: Bench) -> None:
+    """A person reads 0.00 V, in the reason and in what stays."""
+    amplifier = bench.amplifiers["amp"]
+    amplifier.drive_v, amplifier.stuck = [-0.001], True
+    outcome = bench.run(x=-0.001)["x"]
+
+    assert "0.00 V read back" in outcome.why
+    assert "-0.00" not in outcome.why + stays(-0.001)
