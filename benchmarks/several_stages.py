@@ -28,12 +28,11 @@ from benchmarks.bench_page import RATE_HZ, STAGE, opened_tabs, start_stage, star
 from benchmarks.page_and_recording import SINE, counts, drain, missing_cycles
 from piezod.client import StageClient, running_stages
 from piezod.client.calls import Call
-from piezod.client.reader import reader
-from piezod.client.results import Recording
-from piezod.config.endpoints import ENDPOINTS
 from piezod.config.states import State
 from piezod.daemon.paths import stage_paths
 from piezod.errors import RefusedError
+from piezod.messages.endpoints import ENDPOINTS
+from piezod.messages.stores import Recording
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from tests.daemon.daemons import is_alive
@@ -50,8 +49,8 @@ RUN: Final = list(State).index(State.RUN)
 LONG_S: Final = 3600.0
 UP_WITHIN_S: Final = 600.0
 """Longest time for all stages to start, in s: they start beside loops that move."""
-START_RECORDING: Final = Call(ENDPOINTS["start_recording"], reader(Recording), {})
-STOP_RECORDING: Final = Call(ENDPOINTS["stop_recording"], reader(Recording), {})
+START_RECORDING: Final[Call[Recording]] = Call(ENDPOINTS["start_recording"], {})
+STOP_RECORDING: Final[Call[Recording]] = Call(ENDPOINTS["stop_recording"], {})
 
 
 class Span(NamedTuple):

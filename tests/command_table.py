@@ -17,8 +17,8 @@ from typer.main import get_command
 from piezod.client import StageClient
 from piezod.client.commands import StageCommands
 from piezod.client.reports import StageReports
-from piezod.config.endpoints import Endpoint, Group
-from piezod.config.requests import TABLE
+from piezod.messages.endpoints import Endpoint, Group
+from piezod.messages.requests import TABLE
 
 ROOT: Final = Path(__file__).parents[1]
 PAGE: Final = ROOT / "docs" / "client.md"
@@ -38,7 +38,7 @@ HEAD: Final = '''"""The verbs that send a request, copied from the table of comm
 from typing import Final
 
 from piezod.cli.plain_verb import Verb
-from piezod.config.endpoints import Group
+from piezod.messages.endpoints import Group
 
 REQUEST_VERBS: Final = (
 '''

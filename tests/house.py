@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
-from piezod.config.requests import REQUESTS
+from piezod.messages.requests import REQUESTS
 from tests.command_table import VERB_LIST
 
 ROOT: Final = Path(__file__).parents[1]
@@ -21,7 +21,7 @@ EXAMPLE: Final = "follow"
 """The verb that CONTRIBUTING shows."""
 WAVEFORM: Final = "chirp"
 """The waveform that stands for all others."""
-VERB_ROOMS: Final = ("piezod/config", "piezod/client", "piezod/cli", "piezod/daemon/service")
+VERB_ROOMS: Final = ("piezod/messages", "piezod/client", "piezod/cli", "piezod/daemon/service")
 """In these rooms a function with the name of a verb serves the verb; elsewhere names coincide."""
 
 SHORT_TEXT: Final = re.compile(r"""["'][A-Z]\d+["']""")

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezod.config import requests
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
@@ -17,6 +16,7 @@ from piezod.config.states import State
 from piezod.config.waveforms.shapes import Sine
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon import accepted_config
+from piezod.messages import requests
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.arrays import record_dtype

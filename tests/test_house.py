@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
-from piezod.config.requests import REQUESTS
 from piezod.control.stage.requests import HANDLERS
+from piezod.messages.requests import REQUESTS
 from tests.house import EXAMPLE, MEASURES, ROOT, Measure, files_of_a_verb
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

@@ -10,9 +10,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
-from piezod.config import requests
 from piezod.config.modes import Mode
 from piezod.config.states import State
+from piezod.messages import requests
 from tests.control.rig_stage import ON_TIME, RigStage
 
 ROOT = Path(__file__).parents[1]

@@ -9,9 +9,9 @@ from typing import Final
 from piezod.bluesky.link import StageLink
 from piezod.client.arrival import arrival, longest_wait_s, until_arrived
 from piezod.client.calls import Waveforms
-from piezod.client.results import Answer
-from piezod.client.telemetry import Telemetry
 from piezod.errors import RefusedError
+from piezod.messages.answers import Answer
+from piezod.messages.telemetry import Telemetry
 
 _SETTLE_S: Final = 1.0
 """Time after the end of waveforms for the axes to settle, in s."""

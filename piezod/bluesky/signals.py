@@ -18,10 +18,10 @@ from ophyd_async.core import (
 )
 
 from piezod.bluesky.link import StageLink
-from piezod.client.results import Status
-from piezod.client.telemetry import Telemetry
 from piezod.config.states import State
 from piezod.errors import ClientError
+from piezod.messages.answers import Status
+from piezod.messages.telemetry import Telemetry
 
 _UNKNOWN, _OK, _MINOR, _MAJOR = -1, 0, 1, 2
 """Severities of a reading."""

@@ -15,8 +15,8 @@ from piezod.bluesky.recorded import Column
 from piezod.client.calls import Waveforms
 from piezod.client.facts import AxisFacts
 from piezod.client.waveforms import tupled
-from piezod.config.requests import Wave as WaveRequest
 from piezod.errors import ClientError, DataError, RefusedError
+from piezod.messages.requests import Wave as WaveRequest
 
 _LABEL: Final = "bluesky"
 

@@ -20,7 +20,7 @@ from piezod.cli.status import faults, status
 from piezod.cli.stream import stream
 from piezod.cli.verb_list import REQUEST_VERBS
 from piezod.cli.watch import watch
-from piezod.config.endpoints import ENDPOINTS, Group
+from piezod.messages.endpoints import ENDPOINTS, Group
 
 OWN_FUNCTIONS: Final[Mapping[str, Callable[..., None]]] = {
     "status": status,

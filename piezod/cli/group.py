@@ -18,7 +18,7 @@ from piezod.cli.options import JsonOption
 
 if TYPE_CHECKING:
     from piezod.client import StageGroup
-    from piezod.client.results import Answer
+    from piezod.messages.answers import Answer
 
 
 def arm(

@@ -10,7 +10,7 @@ from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
     from piezod.client import StageGroup
-    from piezod.client.results import Result
+    from piezod.messages.documents import Message
 
 GroupArgument: TypeAlias = Annotated[
     str, typer.Argument(metavar="GROUP", help="Name of a group in the file of the groups.")
@@ -49,7 +49,7 @@ def connect_group(name: str, groups: Path | None) -> "StageGroup":
 
 
 def print_answers(
-    answers: "Mapping[str, Result]", done: "Callable[[Any], str]", *, json: bool
+    answers: "Mapping[str, Message]", done: "Callable[[Any], str]", *, json: bool
 ) -> None:
     """Print a line for each stage, or one document with all answers.
 

@@ -43,7 +43,7 @@ def wave(
     They begin at the same instant, within a cycle of each loop. Each axis first moves to the start
     of its waveform. If one stage refuses, the others hold.
     """
-    from piezod.config.groups import GroupWaveFile
+    from piezod.messages.groups import GroupWaveFile
 
     loaded = load_file(file, GroupWaveFile)
     with connect_group(name, groups) as group:
@@ -72,7 +72,7 @@ def play(
     The devices are started at the same instant, and play by their own clocks. Each device must have
     its table before that. If one stage refuses, the others hold.
     """
-    from piezod.config.groups import GroupPlayFile
+    from piezod.messages.groups import GroupPlayFile
 
     loaded = load_file(file, GroupPlayFile)
     without = {"kind", "start_s"}

@@ -1,11 +1,12 @@
 """Output of commands: one JSON document, or text for people on a console."""
 
 import json
-import math
 import os
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
+
+from piezod.messages.documents import plain
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -13,14 +14,14 @@ if TYPE_CHECKING:
 
 def print_json(document: Mapping[str, object]) -> None:
     """Print a document; NaN and infinities, which JSON lacks, become null."""
-    json.dump(_finite(document), sys.stdout, indent=2, allow_nan=False)
+    json.dump(plain(document), sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
     sys.stdout.flush()  # so that a full disk is an error with an exit code
 
 
 def print_json_line(document: Mapping[str, object]) -> None:
     """Print a document as one line without delay; NaN and infinities become null."""
-    json.dump(_finite(document), sys.stdout, allow_nan=False)
+    json.dump(plain(document), sys.stdout, allow_nan=False)
     sys.stdout.write("\n")
     sys.stdout.flush()
 
@@ -47,13 +48,3 @@ def _console(*, stderr: bool) -> "Console":
         markup=False,
         emoji=False,
     )
-
-
-def _finite(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {key: _finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -11,8 +11,8 @@ import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import AxesOption, SocketOption, StageOption, connect, print_answer
-from piezod.config.endpoints import Group
 from piezod.errors import UnreachableError
+from piezod.messages.endpoints import Group
 
 
 class Verb(NamedTuple):

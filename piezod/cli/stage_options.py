@@ -8,7 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from piezod.client import StageClient
-    from piezod.client.results import Result
+    from piezod.messages.documents import Message
 
 
 def _stages(incomplete: str) -> list[str]:
@@ -88,7 +88,7 @@ def connect(stage: str | None, socket: Path | None) -> "StageClient":
     return StageClient(stage, socket=socket)
 
 
-def print_answer(answer: "Result", text: str, *, json: bool) -> None:
+def print_answer(answer: "Message", text: str, *, json: bool) -> None:
     """Print the outcome of a request.
 
     Args:

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from piezod.client.results import AxisStatus, Document, Fault, Status
     from piezod.config.faults import Fault as FaultId
+    from piezod.messages.answers import AxisStatus, Fault, Status
+    from piezod.messages.documents import Document
 
 
 def status(
@@ -31,16 +32,17 @@ def status(
     console = new_console()
     console.print(_summary(found))
     console.print(_axes(found))
-    if devices := found.document.get("devices"):
+    if devices := found.devices:
         console.print(_devices(devices))
     if found.processor is not None and found.processor.shared_with:
         console.print(
             f"Processor {found.processor.number} had {found.processor.shared_with + 1} loops when "
             "this one started: cycles may be late; docs/groups.md has the remedy."
         )
-    if missing := found.document.get("not_realtime"):
+    if found.not_realtime:
         console.print(
-            f"Not real-time: {', '.join(missing)} not obtained; docs/stage.md has the reasons."
+            f"Not real-time: {', '.join(found.not_realtime)} not obtained; "
+            "docs/stage.md has the reasons."
         )
     if found.faults:
         console.print(_faults(found.faults))

@@ -7,7 +7,7 @@
 from typing import Final
 
 from piezod.cli.plain_verb import Verb
-from piezod.config.endpoints import Group
+from piezod.messages.endpoints import Group
 
 REQUEST_VERBS: Final = (
     Verb(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
     from piezod.client import StageClient
-    from piezod.client.results import Fault
+    from piezod.messages.answers import Fault
 
 
 def watch(

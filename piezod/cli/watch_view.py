@@ -10,9 +10,9 @@ from rich.text import Text
 
 from piezod.cli.sparkline import SPAN_S, History, Sparkline
 from piezod.cli.status import number
-from piezod.client.results import Fault
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.states import State
+from piezod.messages.answers import Fault
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 Bounds: TypeAlias = tuple[float, float]
 

@@ -5,12 +5,13 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Final
 
-from piezod.client.results import Answer, AxisStatus, Result, Status
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import NotReachedError, RefusedError
+from piezod.messages.answers import Answer, AxisStatus, Status
+from piezod.messages.documents import Message
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 SETTLE_S: Final = 30.0
 """Longest time on the way to a target beyond what the daemon says that the movement takes, in s."""
@@ -35,7 +36,7 @@ _UNKNOWN_MEMORY: Final = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arrival(Result):
+class Arrival(Message):
     """A movement that has reached its target.
 
     Attributes:
@@ -113,8 +114,7 @@ def arrival(
         raise NotReachedError(what, code="superseded")
     position_um = now.position_um.last if has_sensor else now.command_um.last
     if position_um is not None and has_arrived(interval.state, now, has_sensor=has_sensor):
-        document = {"axis": name, "motion": motion, "position_um": position_um}
-        return Arrival(document=document, axis=name, motion=motion, position_um=position_um)
+        return Arrival(axis=name, motion=motion, position_um=position_um)
     if interval.state != State.RUN:
         because = because_of(interval)
         what = (

@@ -12,10 +12,9 @@ from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
 from piezod.client.methods import AsyncCaller
 from piezod.client.place import find_place
-from piezod.client.reader import reader
+from piezod.client.reader import read
 from piezod.client.reports import StageReports
-from piezod.client.results import Document, StreamEnd
-from piezod.client.telemetry import LineSplitter, Telemetry, TelemetryReader
+from piezod.client.telemetry import LineSplitter, TelemetryReader
 from piezod.client.wire import (
     SESSION,
     STREAM,
@@ -32,6 +31,9 @@ from piezod.client.wire import (
     telemetry_path,
     whole_file,
 )
+from piezod.messages.answers import StreamEnd
+from piezod.messages.documents import Document
+from piezod.messages.telemetry import Telemetry
 
 if TYPE_CHECKING:
     import httpcore
@@ -189,7 +191,7 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         with translated(self.place):
             request = http_request("POST", STREAM, self.name, lines=lines, place=self.place)
             response = await self._http.request(**request)
-        return reader(StreamEnd)(read_document(response))
+        return read(StreamEnd, read_document(response))
 
     async def fetch_recording(self, name: str, file: Path) -> int:
         """Copy a recording; return its size in bytes.

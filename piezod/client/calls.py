@@ -1,12 +1,13 @@
-"""What a client sends to a daemon and how it reads the answer; nothing here opens a connection."""
+"""What a client sends to a daemon; nothing here opens a connection."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
-from piezod.client.reader import reader
-from piezod.client.results import Answer, Document
-from piezod.config.endpoints import Endpoint
+from piezod.client.reader import read
+from piezod.messages.answers import Answer
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import ENDPOINTS, Endpoint
 
 if TYPE_CHECKING:
     from piezod.config.waveforms.combined import WaveformConfig
@@ -16,28 +17,19 @@ Waveforms: TypeAlias = "Mapping[str, WaveformConfig | Mapping[str, Any]]"
 """Waveforms by axis: models, or mappings with the keys of a file."""
 
 
-ANSWER_WITHIN_S: Final = 10.0
-
-
 @dataclass(frozen=True)
 class Call(Generic[ResultT]):
-    """One HTTP request to a daemon, and how to read its answer.
+    """One HTTP request to a daemon; its row in the table of commands has the class of the answer.
 
     Attributes:
         endpoint: Row of the table of commands.
-        read: Makes the result from the document of the answer.
         body: Document to send; None for none.
-        also_fine: HTTP status that is no error for this call.
-        answer_within_s: Longest time to wait for the answer, in s.
-        plain_text: Whether the answer is a text and no document; `read` gets {"text": …} then.
+        answer_within_s: Longest time to wait for the answer, in s; None for that of the row.
     """
 
     endpoint: Endpoint
-    read: Callable[[Document], ResultT]
     body: Document | None = None
-    also_fine: int = 200
-    answer_within_s: float = ANSWER_WITHIN_S
-    plain_text: bool = False
+    answer_within_s: float | None = None
 
     @property
     def method(self) -> str:
@@ -48,6 +40,28 @@ class Call(Generic[ResultT]):
     def path(self) -> str:
         """Path below `/v1/`."""
         return self.endpoint.path
+
+    def read(self, answer: Any) -> ResultT:
+        """Return the result of an answer: a document, or a text where the row says so.
+
+        Raises:
+            ClientError: If it does not fit.
+        """
+        answer_class: Any = self.endpoint.answer_class
+        result: ResultT = answer if answer_class in (dict, str) else read(answer_class, answer)
+        return result
+
+
+def ask(name: str, /, **fields: object) -> Call[Any]:
+    """Return the call of an endpoint without a request class.
+
+    Args:
+        name: Its name in the table of commands.
+        fields: Keys of the body; None for those that are left out.
+    """
+    endpoint = ENDPOINTS[name]
+    body = {key: value for key, value in fields.items() if value is not None}
+    return Call(endpoint, body if endpoint.method == "POST" else None)
 
 
 def command(name: str, /, **fields: object) -> Call[Answer]:
@@ -63,5 +77,4 @@ def command(name: str, /, **fields: object) -> Call[Answer]:
     """
     from piezod.client.request_bodies import checked
 
-    endpoint, body = checked(name, fields)
-    return Call(endpoint, reader(Answer), body)
+    return Call(*checked(name, fields))

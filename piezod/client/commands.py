@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from piezod.client.calls import Call, Waveforms, command
-from piezod.client.methods import ClientMethod
-from piezod.client.results import Answer
+from piezod.client.methods import ClientMethod, PlainMethod
 from piezod.config.modes import Mode
+from piezod.messages.answers import Answer
 
 if TYPE_CHECKING:
     from piezod.config.model_file import ModelFile
@@ -26,10 +26,7 @@ class StageCommands:
         """
         return command("arm", shadow=shadow, confirm_output=confirm_output)
 
-    @ClientMethod
-    def disarm(self) -> Call[Answer]:
-        """Ramp to the safe voltage, then SAFE; needs no lease."""
-        return command("disarm")
+    disarm = PlainMethod(Answer, "Ramp to the safe voltage, then SAFE; needs no lease.")
 
     @ClientMethod
     def mode(self, name: Mode | str, *, axis: str | None = None) -> Call[Answer]:
@@ -97,25 +94,10 @@ class StageCommands:
         """
         return command("follow", axis=axis)
 
-    @ClientMethod
-    def hold(self) -> Call[Answer]:
-        """Hold the present voltage; needs no lease."""
-        return command("hold")
-
-    @ClientMethod
-    def resume(self) -> Call[Answer]:
-        """Continue after a hold, from the present position: HOLD to RUN."""
-        return command("resume")
-
-    @ClientMethod
-    def stop(self) -> Call[Answer]:
-        """Ramp to the safe voltage, then SAFE; needs no lease."""
-        return command("stop")
-
-    @ClientMethod
-    def estop(self) -> Call[Answer]:
-        """Stop in an emergency, as configured; needs no lease."""
-        return command("estop")
+    hold = PlainMethod(Answer, "Hold the present voltage; needs no lease.")
+    resume = PlainMethod(Answer, "Continue after a hold, from the present position: HOLD to RUN.")
+    stop = PlainMethod(Answer, "Ramp to the safe voltage, then SAFE; needs no lease.")
+    estop = PlainMethod(Answer, "Stop in an emergency, as configured; needs no lease.")
 
     @ClientMethod
     def reset(self, *, engineer: bool = False) -> Call[Answer]:
@@ -184,7 +166,4 @@ class StageCommands:
         """
         return command("adopt", model=model, axis=axis, zero_um=zero_um)
 
-    @ClientMethod
-    def shutdown(self) -> Call[Answer]:
-        """Ramp to the safe voltage and end the daemon."""
-        return command("shutdown")
+    shutdown = PlainMethod(Answer, "Ramp to the safe voltage and end the daemon.")

@@ -3,8 +3,8 @@
 from math import nan
 from typing import NamedTuple, Self
 
-from piezod.client.results import Document
 from piezod.config.daemon import OnTargetConfig, StageAxisConfig
+from piezod.messages.documents import Document
 
 
 class AxisFacts(NamedTuple):

@@ -2,15 +2,14 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import Final, TypeAlias, TypeVar
 
-from piezod.client.calls import ANSWER_WITHIN_S, Call
+from piezod.client.calls import Call
 from piezod.client.parallel import Outcomes, in_parallel
-from piezod.client.reader import reader
-from piezod.client.results import Status
 from piezod.client.stage_client import StageClient
-from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import ClientError, GroupError, NotRunningError, RefusedError
+from piezod.messages.answers import Lease, Status
+from piezod.messages.endpoints import ANSWER_WITHIN_S, ENDPOINTS
 
 ResultT = TypeVar("ResultT")
 Act: TypeAlias = Callable[[str, StageClient], ResultT]
@@ -105,7 +104,7 @@ class GroupRequests:
 
     def _release(self, before: Mapping[str, Status]) -> None:
         """Release the leases that were free before."""
-        free = [name for name, status in before.items() if not status.document.get("lease")]
+        free = [name for name, status in before.items() if status.lease is None]
         self._send(free, lambda _, client: client.release_lease(), LOOK_WITHIN_S)
 
     def _send(self, stages: Iterable[str], act: Act[ResultT], within_s: float) -> Outcomes[ResultT]:
@@ -122,10 +121,10 @@ class GroupRequests:
 
 
 def _status(_stage: str, client: StageClient) -> Status:
-    return client.call(Call(ENDPOINTS["status"], reader(Status), answer_within_s=LOOK_WITHIN_S))
+    return client.call(Call(ENDPOINTS["status"], answer_within_s=LOOK_WITHIN_S))
 
 
-def _lease(_stage: str, client: StageClient) -> dict[str, Any]:
+def _lease(_stage: str, client: StageClient) -> Lease:
     return client.renew_lease()
 
 

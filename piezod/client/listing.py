@@ -9,10 +9,9 @@ from typing import Final
 from piezod.client.calls import Call
 from piezod.client.parallel import in_parallel
 from piezod.client.places import running_stages
-from piezod.client.reader import reader
-from piezod.client.results import Status
 from piezod.client.stage_client import StageClient
-from piezod.config.endpoints import ENDPOINTS
+from piezod.messages.answers import Status
+from piezod.messages.endpoints import ENDPOINTS
 
 ANSWER_WITHIN_S: Final = 2.0
 
@@ -36,11 +35,8 @@ class ListedStage:
     @property
     def lease_holder(self) -> str:
         """Who has the lease: the user, with the name of the client; empty if it is free."""
-        lease = self.status.document.get("lease") if self.status else None
-        if not lease:
-            return ""
-        user, client = lease["holder"]["user"], lease["holder"]["client"]
-        return f"{user} ({client})" if client else user
+        lease = self.status.lease if self.status else None
+        return str(lease.holder) if lease else ""
 
 
 def list_stages(
@@ -72,6 +68,6 @@ def list_stages(
 def _status(socket: Path, within_s: float) -> Status:
     client = StageClient(socket=socket)
     try:
-        return client.call(Call(ENDPOINTS["status"], reader(Status), answer_within_s=within_s))
+        return client.call(Call(ENDPOINTS["status"], answer_within_s=within_s))
     finally:
         client.close()

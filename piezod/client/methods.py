@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Coroutine
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, get_args, overload
 
-from piezod.client.calls import Call
+from piezod.client.calls import Call, ask, command
+from piezod.messages.endpoints import ENDPOINTS
 
 ParametersT = ParamSpec("ParametersT")
 ResultT = TypeVar("ResultT")
@@ -75,6 +76,30 @@ class ClientMethod(Generic[ParametersT, ResultT]):
         """Return the method of a client, or of its class if `client` is None."""
         method = self._async_method if issubclass(owner, AsyncCaller) else self._method
         return method.__get__(client, owner)
+
+
+class PlainMethod(ClientMethod[[], ResultT]):
+    """A method without parameters, which asks the endpoint of its name.
+
+    Args:
+        answer: Class of the answer, as in the table of commands.
+        what: Docstring of the method.
+    """
+
+    def __init__(self, answer: type[ResultT], what: str) -> None:
+        self._answer, self._what = answer, what
+
+    def __set_name__(self, owner: type[Any], name: str) -> None:
+        """Make the method; its name is that of the endpoint."""
+
+        def make(self: Any) -> Call[ResultT]:  # noqa: ARG001 - its signature is shown
+            call: Call[Any] = ask(name) if name in ENDPOINTS else command(name)
+            return call
+
+        make.__name__, make.__qualname__ = name, f"{owner.__qualname__}.{name}"
+        make.__module__, make.__doc__ = owner.__module__, self._what
+        make.__annotations__["return"] = Call[self._answer]  # type: ignore[name-defined] # a class
+        super().__init__(make)
 
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])

@@ -14,9 +14,9 @@ from piezod.client import AsyncStageClient
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.errors import unexpected
 from piezod.client.facts import AxisFacts, facts_in
-from piezod.client.results import Status
-from piezod.client.telemetry import Telemetry
 from piezod.errors import ClientError
+from piezod.messages.answers import Status
+from piezod.messages.telemetry import Telemetry
 
 SILENT_S: Final = 3.0
 """A daemon that sends no telemetry for this time does not answer, in s."""

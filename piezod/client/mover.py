@@ -13,9 +13,9 @@ from contextlib import asynccontextmanager, suppress
 from typing import Final
 
 from piezod.client.daemon_link import DaemonLink
-from piezod.client.results import Answer
 from piezod.config.states import State
 from piezod.errors import ClientError, NotReachedError, RefusedError
+from piezod.messages.answers import Answer
 
 RENEW_EACH_S: Final = 10.0
 """Time between two renewals of a lease that is kept, in s; it expires after 30 s."""

@@ -1,42 +1,37 @@
-"""Makes typed results from documents, and checks them."""
+"""Reads answers from documents, and checks them."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from functools import cache
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from piezod.client.errors import unexpected
-from piezod.client.results import Document, Result
+from piezod.messages.documents import Message
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
-ResultT = TypeVar("ResultT", bound=Result)
+MessageT = TypeVar("MessageT", bound=Message)
 
 
-def reader(result: type[ResultT]) -> Callable[[Document], ResultT]:
-    """Return a function that makes a result from a document.
+def read(answer: type[MessageT], document: Any) -> MessageT:
+    """Return the answer that a document is; it keeps the document.
 
-    The function raises ClientError if the document does not fit.
+    Raises:
+        ClientError: If the document does not fit.
     """
+    from pydantic import ValidationError
 
-    def read(document: Document) -> ResultT:
-        from pydantic import ValidationError
-
-        try:
-            made: ResultT = _adapter(result).validate_python({**document, "document": document})
-        except ValidationError as error:
-            raise unexpected(document, str(error)) from error
-        return made
-
-    return read
+    kind: Any = answer
+    try:
+        made: MessageT = _adapter(kind).validate_python(document)
+    except ValidationError as error:
+        raise unexpected(document, str(error)) from error
+    vars(made)["document"] = document
+    return made
 
 
-def _adapter(result: type[Result]) -> "TypeAdapter[Any]":
-    """Return the adapter of a result, made at first use: pydantic takes long to import."""
-    if result not in _ADAPTERS:
-        from pydantic import TypeAdapter
+@cache
+def _adapter(answer: type[Message]) -> "TypeAdapter[Any]":
+    """Return the adapter of an answer, made at first use: pydantic takes long to import."""
+    from pydantic import TypeAdapter
 
-        _ADAPTERS[result] = TypeAdapter(result)
-    return _ADAPTERS[result]
-
-
-_ADAPTERS: "Final[dict[type[Result], TypeAdapter[Any]]]" = {}
+    return TypeAdapter(answer)

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 from pydantic import ValidationError
 
-from piezod.client.results import Document
 from piezod.client.waveforms import sendable, tupled
-from piezod.config.endpoints import Endpoint
 from piezod.config.messages import describe
-from piezod.config.requests import REQUESTS, TABLE
 from piezod.errors import RefusedError
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import Endpoint
+from piezod.messages.requests import REQUESTS, TABLE
 
 
 def checked(name: str, fields: Mapping[str, object]) -> tuple[Endpoint, Document]:

@@ -8,13 +8,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from piezod.client.calls import ANSWER_WITHIN_S, Call, Waveforms, command
+from piezod.client.calls import Call, Waveforms, command
 from piezod.client.group_requests import GroupRequests
 from piezod.client.places import groups_file
-from piezod.client.results import Answer, Recording, Status
 from piezod.client.stage_client import StageClient
 from piezod.config.states import State
 from piezod.errors import RefusedError
+from piezod.messages.answers import Answer, Status
+from piezod.messages.endpoints import ANSWER_WITHIN_S
+from piezod.messages.stores import Recording
 
 START_IN_S: Final = 1.0
 """Time until a common start, in s, if none is given."""
@@ -59,7 +61,7 @@ class StageGroup:
         self, stages: str | Iterable[str], *, file: Path | None = None, name: str = ""
     ) -> None:
         if isinstance(stages, str):
-            from piezod.config.groups import stages_of
+            from piezod.messages.groups import stages_of
 
             self.group, self.stages = stages, stages_of(stages, file or groups_file())
         else:

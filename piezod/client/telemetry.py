@@ -1,82 +1,10 @@
 """Telemetry: server-sent events, each for one interval of time."""
 
 import json
-from dataclasses import dataclass
 
 from piezod.client.errors import unexpected
-from piezod.client.reader import reader
-from piezod.client.results import Result
-
-
-@dataclass(frozen=True, kw_only=True)
-class Range:
-    """A quantity in one interval; no spike is lost at any rate of events.
-
-    Attributes:
-        min: Minimum of all cycles.
-        max: Maximum of all cycles.
-        last: Value in the last cycle.
-    """
-
-    min: float | None
-    max: float | None
-    last: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class AxisTelemetry:
-    """One axis in one interval.
-
-    Attributes:
-        position_um: Measured position, in µm.
-        command_um: Commanded position, in µm.
-        drive_v: Drive voltage, in V.
-        error_um: Command minus position, in µm.
-        target_um: Target of the movement, in µm.
-        mode: Mode of the compensator.
-        on_target: Whether in the last cycle the position had been within its tolerance for the
-            settling time.
-        motion: Number of the movement in the last cycle.
-    """
-
-    position_um: Range
-    command_um: Range
-    drive_v: Range
-    error_um: Range
-    target_um: float | None = None
-    mode: str = ""
-    on_target: bool = False
-    motion: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Telemetry(Result):
-    """All axes in one interval.
-
-    Attributes:
-        t_s: Time of the last cycle on the monotonic clock of the daemon, in s.
-        cycles: Number of cycles in the interval.
-        lost: Number of further cycles, lost because this client was too slow.
-        state: State in the last cycle.
-        shadow: Whether the stage is in shadow mode: everything is computed, nothing written.
-        faults: Ids of the faults that were present in any cycle or are latched.
-        skipped_cycles: Number of skipped cycles since the loop started.
-        late_max_us: Largest lateness of a cycle in the interval, in µs; None from an older daemon.
-        axes: Axes by name.
-    """
-
-    t_s: float
-    cycles: int
-    lost: int
-    state: str
-    shadow: bool = False
-    faults: tuple[str, ...]
-    skipped_cycles: int
-    late_max_us: float | None = None
-    axes: dict[str, AxisTelemetry]
-
-
-_read = reader(Telemetry)
+from piezod.client.reader import read
+from piezod.messages.telemetry import Telemetry
 
 
 class LineSplitter:
@@ -120,4 +48,4 @@ class TelemetryReader:
             raise unexpected(text, str(error)) from error
         if not isinstance(document, dict):
             raise unexpected(document, "must be an object")
-        return _read(document)
+        return read(Telemetry, document)

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypedDict, TypeVar
 from urllib.parse import quote, urlencode
 
-from piezod.client.calls import ANSWER_WITHIN_S, Call
+from piezod.client.calls import Call
 from piezod.client.errors import error_of, unexpected
 from piezod.client.place import Place
-from piezod.client.results import Document
-from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import RefusedError
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import ANSWER_WITHIN_S, ENDPOINTS
 
 if TYPE_CHECKING:
     import ssl
@@ -112,11 +112,12 @@ def http_request(
 def request_of(call: Call[Any], client: str, place: Place = _HERE) -> HttpRequest:
     """Return the request of a call."""
     connect_s, _, write_s, pool_s = TIMEOUT_S
-    timeout_s = connect_s, call.answer_within_s, write_s, pool_s
+    read_s = call.answer_within_s or call.endpoint.answer_within_s
+    timeout_s = connect_s, read_s, write_s, pool_s
     request = http_request(
         call.method, call.path, client, body=call.body, timeout_s=timeout_s, place=place
     )
-    if call.plain_text:
+    if call.endpoint.answer == "str":
         request["headers"].append(("Accept", "text/plain"))
     return request
 
@@ -170,10 +171,10 @@ def read_answer(call: Call[ResultT], response: "httpcore.Response") -> ResultT:
     Raises:
         ClientError: If the answer is an error, or has an unexpected form.
     """
-    if call.plain_text:
+    if call.endpoint.answer == "str":
         check(response)
-        return call.read({"text": response.content.decode(errors="replace")})
-    return call.read(read_document(response, call.also_fine))
+        return call.read(response.content.decode(errors="replace"))
+    return call.read(read_document(response, call.endpoint.also_fine))
 
 
 def read_document(response: "httpcore.Response", also_fine: int = 200) -> Document:

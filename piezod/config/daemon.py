@@ -20,8 +20,7 @@ from piezod.config.fields import (
     raise_rules,
 )
 from piezod.config.modes import SENSED, Mode
-from piezod.config.quantities import DriveV, Name, OneLine, Seed
-from piezod.config.requests import ModeName
+from piezod.config.quantities import DriveV, ModeName, Name, OneLine, Seed
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 

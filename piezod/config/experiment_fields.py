@@ -13,6 +13,7 @@ from piezod.config.modes import Mode
 from piezod.config.play import PlayConfig
 from piezod.config.quantities import (
     DurationS,
+    ModeName,
     Name,
     OneLine,
     PauseS,
@@ -20,7 +21,6 @@ from piezod.config.quantities import (
     RateHz,
     Seed,
 )
-from piezod.config.requests import ModeName
 from piezod.config.waveforms.combined import WaveformConfig
 from piezod.config.waveforms.waveform import Timed
 

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field, StringConstraints
 
 from piezod.config.fields import Quantity, broken_rule
 from piezod.config.messages import show
+from piezod.config.modes import Mode
 
 # Control characters, including Unicode's separators of lines and paragraphs.
 _CONTROL: Final = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
@@ -23,6 +24,9 @@ OneLine: TypeAlias = Annotated[str, AfterValidator(_one_line)]
 
 # Names of axes, devices and drivers: they become parts of paths, of file names and of commands.
 Name: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
+
+# Files and clients write a mode as text; strict validation would require the enumeration's member.
+ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
 
 RateHz: TypeAlias = Annotated[float, Quantity(10, 20_000, "Hz")]
 # All processes of a machine share this clock.

@@ -10,7 +10,6 @@ from math import nan
 from typing import NamedTuple
 
 from piezod.config.faults import Fault
-from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.cycle import CycleParts, run_cycle
 from piezod.control.faults.detection import Detection
@@ -21,6 +20,7 @@ from piezod.control.stage.requests import execute
 from piezod.control.stage.stage import Stage
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.hysteresis.memory import FloatArray
+from piezod.messages.requests import Request
 from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.units import NS_PER_S
 

@@ -5,7 +5,6 @@ from math import nan
 
 import numpy as np
 
-from piezod.config import requests
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import WaveformConfig
@@ -17,6 +16,7 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.devices.status import NO_FLAGS, Flags
 from piezod.hysteresis import RLSIdentifier, StopForm, SurfaceForm, SurfaceIdentifier
+from piezod.messages import requests
 from piezod.units import NS_PER_S
 
 _CYCLES = 50

@@ -8,7 +8,6 @@ from typing import Final, NamedTuple
 from piezod.config.axes import AxisConfig
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
-from piezod.config.groups import GroupsFile, load_groups
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.response_file import ResponseFile, load_response
@@ -23,6 +22,7 @@ from piezod.control.law.trim_gains import margins_text
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
 from piezod.experiment.warnings import rate_warnings
+from piezod.messages.groups import GroupsFile, load_groups
 from piezod.service_view import SERVICES, who_may_change, why_hidden
 
 _EXPERIMENT_KEYS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()

@@ -5,9 +5,9 @@ from typing import Final, NamedTuple
 from piezod.client.arrival import has_arrived
 from piezod.client.facts import AxisFacts
 from piezod.client.mirror import StageMirror
-from piezod.client.results import AxisStatus
 from piezod.config.states import State
 from piezod.gcs.errors import Code, GcsRefusal
+from piezod.messages.answers import AxisStatus
 
 STATUS_AGE_S: Final = 0.04
 """Age from which a status is asked again, in s: half of the daemon's limit of 50 requests per s."""

@@ -15,11 +15,11 @@ from piezod.client import request_bodies  # noqa: F401 - slow; no command shall 
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.mirror import StageMirror
 from piezod.client.mover import StageMover
-from piezod.client.results import Status
 from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.errors import PiezodError
 from piezod.gcs.readings import Readings
 from piezod.gcs.session import Session
+from piezod.messages.answers import Status
 
 MOST_CLIENTS: Final = 8
 """A daemon serves 16 connections of one user, who may have other programs."""

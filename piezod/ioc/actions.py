@@ -5,12 +5,12 @@ from itertools import count
 from typing import Any, Final
 
 from piezod.client.mover import StageMover
-from piezod.client.results import Document
 from piezod.config.waveforms.swings import SWINGS
 from piezod.errors import RefusedError
 from piezod.ioc.readings import FAULTY, OK, Reading
 from piezod.ioc.records import Names, Records
 from piezod.ioc.table import LONGEST_RECORD, MODES, TABLE, WAVES, wave_record
+from piezod.messages.documents import Document
 
 _KEEP: Final = 1
 """Value of the record LEASE for a lease that is kept."""

@@ -6,12 +6,12 @@ from math import isfinite
 
 from piezod.client.arrival import SAME_UM, has_arrived
 from piezod.client.facts import AxisFacts
-from piezod.client.results import Answer
-from piezod.client.telemetry import AxisTelemetry
 from piezod.config.states import State
 from piezod.ioc.readings import DOWN, FAULTY, OK, REFUSED, UNKNOWN, Alarm
 from piezod.ioc.records import Motor
 from piezod.ioc.values import alarm_of_state
+from piezod.messages.answers import Answer
+from piezod.messages.telemetry import AxisTelemetry
 
 
 class AxisMotor:

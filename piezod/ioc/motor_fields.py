@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from math import isfinite
 from typing import Final, NamedTuple
 
-from piezod.config.requests import Goto
 from piezod.ioc.bounds import range_of
+from piezod.messages.requests import Goto
 
 TYPE_NAME: Final = "motor"
 """Name of the record type, which clients read in the field RTYP."""

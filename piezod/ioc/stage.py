@@ -10,14 +10,14 @@ from typing import Final
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.mirror import StageMirror, steady
 from piezod.client.mover import StageMover
-from piezod.client.results import Status
-from piezod.client.telemetry import Telemetry
 from piezod.errors import ClientError, NotRunningError
 from piezod.ioc import values
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import DOWN, FAULTY, Reading
 from piezod.ioc.records import Motor, Names, Records
 from piezod.ioc.writes import Writes
+from piezod.messages.answers import Status
+from piezod.messages.telemetry import Telemetry
 
 SHOW_EACH_S: Final = 0.1
 """Time between two updates of the records, in s; a change of state is shown at once."""

@@ -10,11 +10,11 @@ from typing import Any, Final, NamedTuple, Self
 from pydantic import BaseModel
 
 from piezod.config.modes import Mode
-from piezod.config.requests import Play, Wave
 from piezod.config.states import State
 from piezod.config.waveforms.paths import Points
 from piezod.config.waveforms.swings import SWINGS
 from piezod.ioc.bounds import longest, range_of
+from piezod.messages.requests import Play, Wave
 
 HISTORY: Final = 64
 """Longest history, in points: a second at 50 Hz, and some for intervals of unequal length."""

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from math import nan
 from typing import Final
 
-from piezod.client.results import Fault, Recordings, Status
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.states import State
 from piezod.ioc.readings import FAULTY, OK, UNKNOWN, WARNING, Alarm, Reading
 from piezod.ioc.table import FAULT_GROUPS, HISTORY, LONGEST_TEXT, LONGEST_WORD, MODES, STATES
+from piezod.messages.answers import Fault, Holder, Status
+from piezod.messages.stores import Recordings
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 HISTORY_S: Final = 1.0
 _ALARMS_OF_STATES: Final = {
@@ -66,15 +67,14 @@ def of_status(status: Status) -> Readings:
         f"FAULT:{name}": _ids([each for each in faults if each.id.startswith(letter)])
         for name, letter in FAULT_GROUPS.items()
     }
-    held = status.document.get("lease")
-    holder = held["holder"] if held else {"user": "", "client": ""}
+    holder = status.lease.holder if status.lease else Holder()
     return {
         "LOOP:RATE": _number(status.rate_hz),
         "FAULTS": _ids(faults),
         "FAULT:COUNT": Reading(len(faults), _worst(faults)),
         "FAULT:TEXT": Reading(text(worst), _worst(faults)),
         **groups,
-        "LEASE:HOLDER": Reading(text(f"{holder['user']} {holder['client']}".strip(), LONGEST_WORD)),
+        "LEASE:HOLDER": Reading(text(f"{holder.user} {holder.client}".strip(), LONGEST_WORD)),
     }
 
 

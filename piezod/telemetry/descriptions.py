@@ -1,21 +1,18 @@
 """What the fields of a record mean, for files that explain themselves."""
 
-import inspect
-import re
 from typing import Final
 
 from piezod.config.faults import Fault
+from piezod.messages.documents import attributes
 from piezod.telemetry.record import AxisRecord, CycleHeader
 
 _MASK_BITS: Final = 64
-_ATTRIBUTE: Final = re.compile(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", re.MULTILINE)
-"""One entry of an "Attributes:" section, with its continued lines."""
 
 
 def descriptions() -> dict[str, str]:
     """Return the description of each field of a record, as its declaration has it."""
     own = {"seq": "Number of the record since the start of the loop; a jump is a lost record."}
-    return {**own, **_attributes(CycleHeader), **_attributes(AxisRecord)}
+    return {**own, **attributes(CycleHeader), **attributes(AxisRecord)}
 
 
 def mask_bits() -> dict[str, tuple[str, ...]]:
@@ -25,8 +22,3 @@ def mask_bits() -> dict[str, tuple[str, ...]]:
     return {
         f"{mask}_{half}": bits for mask in ("present", "latched") for half, bits in halves.items()
     }
-
-
-def _attributes(record: type) -> dict[str, str]:
-    section = (inspect.getdoc(record) or "").partition("Attributes:\n")[2]
-    return {name: " ".join(text.split()) for name, text in _ATTRIBUTE.findall(section)}

@@ -10,8 +10,9 @@ import json
 from dataclasses import asdict, dataclass
 from enum import Enum
 from itertools import accumulate
+from math import isfinite
 from struct import calcsize
-from typing import Final, NamedTuple, Self, get_type_hints
+from typing import Any, Final, NamedTuple, Self, get_type_hints
 
 from piezod.config.daemon import DaemonConfig
 from piezod.telemetry.record import AxisRecord, CycleHeader
@@ -46,7 +47,7 @@ EVENT_SLOTS: Final = 512
 EVENT_BYTES: Final = 512
 RING_S: Final = 16.0
 """Length of the ring, in s: 10 s for the flight recorder, and time to fetch them."""
-RING_MAX_BYTES: Final = 64 * 1024 * 1024
+RING_MAX_BYTES: Final = 80 * 1024 * 1024
 
 _CODES: Final = {int: ("<i8", "q"), float: ("<f8", "d"), bool: ("?", "?")}
 """Type of a field: its description for numpy and for `struct`."""
@@ -121,6 +122,21 @@ def enumerations() -> dict[str, tuple[Enum, ...]]:
     return {name: tuple(kind) for name, kind in hints.items() if issubclass(kind, Enum)}
 
 
+_WORDS: Final = {name: [str(each.value) for each in kind] for name, kind in enumerations().items()}
+
+
+def as_shown(name: str, value: Any) -> Any:
+    """Return the value of a field as answers have it: the word of a member, None in place of NaN.
+
+    Args:
+        name: Name of the field.
+        value: Its value as Python's own type, or the index of a member.
+    """
+    if name in _WORDS:
+        return _WORDS[name][value]
+    return value if not isinstance(value, float) or isfinite(value) else None
+
+
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Sizes of the shared memory of a stage.
@@ -139,8 +155,8 @@ class Layout:
 
     @classmethod
     def of(cls, config: DaemonConfig) -> Self:
-        """Return the layout for a stage: 16 s of records, or as many as fit into 64 MiB."""
-        # The 64 MiB bind only for fast loops with many axes.
+        """Return the layout for a stage: 16 s of records, or as many as fit into 80 MiB."""
+        # The 80 MiB bind only for fast loops with many axes.
         fitting = RING_MAX_BYTES // record_bytes(len(config.axes))
         capacity = min(max(round(RING_S * config.rate_hz), 64), fitting)
         period_ns = s_to_ns(1 / config.rate_hz)

@@ -32,6 +32,8 @@ class AxisRecord(NamedTuple):
         on_target: Whether the position has been reached and has stayed there.
         motion: Number of the movement; each accepted movement gets the next number.
         limited: What limits the requested drive.
+        remaining_s: Time until the command is at the target, in s; 0 from then on, NaN if the
+            movement does not end at a position.
     """
 
     sample_ns: int
@@ -49,6 +51,7 @@ class AxisRecord(NamedTuple):
     on_target: bool
     motion: int
     limited: DriveLimit
+    remaining_s: float = float("nan")
 
 
 class CycleRecord(NamedTuple):

@@ -6,18 +6,18 @@ else can write to the mapped file, and JSON takes too long for the loop.
 
 import marshal
 from array import array
-from typing import Any, Final
+from typing import Final, get_args
 
-from pydantic import TypeAdapter
-
-from piezod.config.requests import Goto, Identify, Play, Request, SelectMode, Wave
+from piezod.config.model_file import ModelFile
+from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import pack_waveforms, unpack_waveforms
+from piezod.messages.requests import Goto, Identify, Play, Request, Wave
 
-_ADAPTER: Final[TypeAdapter[Any]] = TypeAdapter(Request)
-_WITH_WAVEFORMS: Final[dict[str, tuple[type[Wave] | type[Identify], str]]] = {
-    "wave": (Wave, "command_um"),
-    "identify": (Identify, "drive_v"),
+_CLASSES: Final = {
+    each.model_fields["kind"].default: each for each in get_args(get_args(Request)[0])
 }
+"""Every request class, by its kind."""
+_WAVEFORMS: Final = {"wave": "command_um", "identify": "drive_v"}
 """Requests with waveforms, and the field of the waveforms."""
 _PLAY, _TABLES = "play", ("lead_in_v", "drive_v")
 
@@ -28,38 +28,38 @@ def encode(request: Request) -> bytes:
     Raises:
         WaveformCostError: If waveforms are too large for the loop.
     """
+    name = _WAVEFORMS.get(request.kind, "")
+    fields = request.model_dump(exclude={name})
     if isinstance(request, Wave | Identify):
-        _, name = _WITH_WAVEFORMS[request.kind]
-        fields = request.model_dump(exclude={name})
         fields[name] = pack_waveforms(getattr(request, name), request.duration_s)
-        return marshal.dumps(fields)
-    fields = request.model_dump()
     if isinstance(request, Play):
-        for name in _TABLES:
-            fields[name] = array("d", fields[name]).tobytes()
-    if isinstance(request, SelectMode):
-        fields["mode"] = request.mode.value  # marshal has no enumerations
+        for table in _TABLES:
+            fields[table] = array("d", fields[table]).tobytes()
+    if "mode" in fields:
+        fields["mode"] = fields["mode"].value  # marshal has no enumerations
     return marshal.dumps(fields)
 
 
 def decode(payload: bytes) -> Request:
     """Return the request that `encode` wrote. Real-time safe after `warm_up`.
 
-    The request is validated once more, except one with waveforms or a table: that takes too long.
+    It was validated before it was encoded.
 
     Raises:
         ValueError: If the bytes are no request.
     """
     try:
         fields = marshal.loads(payload)  # noqa: S302 - see above
-        if found := _WITH_WAVEFORMS.get(fields["kind"]):
-            request_class, name = found
+        kind = fields["kind"]
+        if name := _WAVEFORMS.get(kind):
             fields[name] = unpack_waveforms(fields[name])
-            return request_class.model_construct(**fields)
-        if fields["kind"] == _PLAY:
-            tables = {name: _doubles(fields[name]) for name in _TABLES}
-            return Play.model_construct(**(fields | tables))
-        request: Request = _ADAPTER.validate_python(fields)
+        if kind == _PLAY:
+            fields |= {table: _doubles(fields[table]) for table in _TABLES}
+        if "mode" in fields:
+            fields["mode"] = Mode(fields["mode"])
+        if "model" in fields:
+            fields["model"] = ModelFile.model_validate(fields["model"])
+        request: Request = _CLASSES[kind].model_construct(**fields)
     except (AttributeError, EOFError, KeyError, TypeError) as error:
         raise ValueError(f"no request: {error}") from error
     return request

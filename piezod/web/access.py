@@ -11,9 +11,9 @@ from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from piezod.config.endpoints import Role
 from piezod.config.origins import host_name, is_own_host, is_same_origin
 from piezod.config.private_files import kept_token
+from piezod.messages.endpoints import Role
 from piezod.own_folder import make_folder
 from piezod.web.public_url import PublicUrl
 

@@ -16,8 +16,8 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from piezod.client.wire import HttpRequest, http_request, recording_path
-from piezod.config.endpoints import ENDPOINTS, Endpoint, Role
-from piezod.config.requests import TABLE
+from piezod.messages.endpoints import ENDPOINTS, Endpoint, Role
+from piezod.messages.requests import TABLE
 from piezod.web.access import role_of
 from piezod.web.connected import while_connected
 from piezod.web.errors import (

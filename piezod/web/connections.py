@@ -12,7 +12,6 @@ from piezod.client.daemon_link import DaemonLink, ResultT
 from piezod.client.errors import translated
 from piezod.client.place import Place
 from piezod.client.places import check_socket
-from piezod.client.results import Document
 from piezod.client.wire import (
     HttpRequest,
     http_request,
@@ -21,8 +20,9 @@ from piezod.client.wire import (
     recording_path,
     request_of,
 )
-from piezod.config.requests import TABLE
 from piezod.errors import ClientError
+from piezod.messages.documents import Document
+from piezod.messages.requests import TABLE
 from piezod.web.errors import document_of, of_answer, of_connection
 
 _CALLS: Final = 6

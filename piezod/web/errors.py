@@ -9,9 +9,9 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.types import Scope
 
 from piezod.client.errors import OTHER_VERSION
-from piezod.client.results import Document
-from piezod.config.endpoints import Role
 from piezod.errors import ClientError, NotAllowedError, NotRunningError
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import Role
 
 if TYPE_CHECKING:
     import httpcore

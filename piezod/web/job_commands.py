@@ -9,8 +9,8 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from piezod.client.results import Document
 from piezod.home import user_folder
+from piezod.messages.documents import Document
 from piezod.own_folder import make_folder
 from piezod.web.message import Message, MessagePart
 

@@ -5,13 +5,11 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from piezod.client.calls import ANSWER_WITHIN_S
-from piezod.client.reports import RELOADED_WITHIN_S
-from piezod.client.results import Document
 from piezod.client.wire import TIMEOUT_S, HttpRequest, http_request
-from piezod.config.endpoints import LARGE_BODY, Endpoint
 from piezod.config.messages import describe
-from piezod.config.requests import TABLE
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import LARGE_BODY, Endpoint
+from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_FOUND, PageError
 from piezod.web.job_commands import Identify, Learn, LookAtJob, Replay
 from piezod.web.message import Message
@@ -138,7 +136,6 @@ def http_request_of(call: CallStage, row: Endpoint, client: str) -> HttpRequest:
         PageError: If the body has a number that is not finite.
     """
     connect_s, _, write_s, pool_s = TIMEOUT_S
-    read_s = RELOADED_WITHIN_S if row.name == "reload" else ANSWER_WITHIN_S
     body: Document | None = None if row.method in ("GET", "DELETE") else call.body or {}
     try:
         return http_request(
@@ -146,7 +143,7 @@ def http_request_of(call: CallStage, row: Endpoint, client: str) -> HttpRequest:
             call.path.removeprefix(_PREFIX),
             client,
             body=body,
-            timeout_s=(connect_s, read_s, write_s, pool_s),
+            timeout_s=(connect_s, row.answer_within_s, write_s, pool_s),
         )
     except ValueError as error:
         raise PageError("bad_json", f"the body is not JSON: {error}") from error

@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from typing import Final
 
-from piezod.client.results import Document
+from piezod.messages.documents import Document
 from piezod.web.errors import PageError
 
 WITHIN_S: Final = 120.0

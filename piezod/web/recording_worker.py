@@ -17,8 +17,8 @@ import numpy as np
 
 from piezod.bounds import bound
 from piezod.client import StageClient
-from piezod.client.results import Document
 from piezod.errors import ClientError, DataError, NotRunningError
+from piezod.messages.documents import Document
 from piezod.records.view import view
 from piezod.records.view_parts import contents, loop, marks
 from piezod.web.recording_cache import RecordingCache

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Final
 
-from piezod.client.results import Document
+from piezod.messages.documents import Document
 
 RATE_HZ: Final = 30.0
 """Rate of the telemetry that a stage sends; a page gets this rate or a lower one."""

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezod.client.mirror import STATUS_EACH_S, StageMirror
-from piezod.client.results import Document
-from piezod.client.telemetry import Telemetry
 from piezod.errors import ClientError
+from piezod.messages.documents import Document
+from piezod.messages.telemetry import Telemetry
 from piezod.web.connections import Connections, StatusLink
 from piezod.web.errors import GONE, of_connection
 from piezod.web.rows import RATE_HZ, Pacer, Row, encoded, with_time

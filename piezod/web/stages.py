@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from piezod.client.places import running_stages
-from piezod.client.results import Document
+from piezod.messages.documents import Document
 from piezod.web.connections import Connections
 from piezod.web.errors import AMBIGUOUS, NOT_FOUND, NOT_RUNNING, PageError
 from piezod.web.job_commands import LookAtJob

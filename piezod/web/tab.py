@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from piezod.client.results import Document
 from piezod.client.wire import http_request
-from piezod.config.endpoints import Role
-from piezod.config.requests import TABLE
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import Role
+from piezod.messages.requests import TABLE
 from piezod.web import messages
 from piezod.web.errors import NOT_FOUND, PageError, require
 from piezod.web.export import barriers

@@ -4,8 +4,8 @@ import pytest
 
 from piezod.cli.client_verbs import OWN_FUNCTIONS, client_verbs
 from piezod.cli.main import OWN_VERBS, SEVERAL
-from piezod.config.endpoints import Endpoint, Group
-from piezod.config.requests import TABLE
+from piezod.messages.endpoints import Endpoint, Group
+from piezod.messages.requests import TABLE
 from tests.cli.conftest import Command
 from tests.command_table import VERB_LIST, verb_list
 

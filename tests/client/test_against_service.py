@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from piezod.client import AsyncStageClient, StageClient
-from piezod.config import requests
-from piezod.config.endpoints import Role
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
+from piezod.messages import requests
+from piezod.messages.endpoints import Role
 from piezod.telemetry.arrays import record_dtype
 from tests.control.surface_rig import surface_file
 from tests.daemon.service.fakes import Served
@@ -89,7 +89,7 @@ def test_reports(served: Served, stage: StageClient) -> None:
     assert stage.status().axes["x"].position_um is None
     assert stage.faults().faults[0].id == "S5"
     assert stage.health().healthy is False
-    assert stage.realtime() == {"steps": []}
+    assert stage.realtime().steps == ()
     assert stage.config() == {"rate_hz": 1000.0}
     assert stage.metrics() == "lease 0\nopenmetrics 0\n"
     assert stage.params().sequence == 3
@@ -97,8 +97,8 @@ def test_reports(served: Served, stage: StageClient) -> None:
     assert stage.save_params().sequence == 4
     assert stage.load_params().sequence == 3
     assert stage.restore_params(2).sequence == 2
-    assert stage.reload().document == {"reloaded_by": "somebody"}
-    assert stage.audit()["audit"][0]["what"] == "reload"
+    assert stage.reload().changes == ("by somebody",)
+    assert stage.audit().audit[0].what == "reload"
 
 
 def test_recordings(served: Served, stage: StageClient, tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_refusals(served: Served, stage: StageClient) -> None:
         stage.renew_lease()
         other.goto(1.0)
     assert held.value.code == "lease_held"
-    assert stage.release_lease() == {"released": True}
+    assert stage.release_lease().released
 
     served.stage.refusal = "the stage is SAFE"
     with pytest.raises(RefusedError, match="the stage is SAFE; `piezod status` shows"):

@@ -3,7 +3,7 @@
 import pytest
 
 from piezod.client.arrival import too_late
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 
 def interval(
@@ -21,7 +21,7 @@ def interval(
         mode=mode,
     )
     return Telemetry(
-        document={}, t_s=1.0, cycles=50, lost=0, state="RUN", faults=faults, skipped_cycles=0,
+        t_s=1.0, cycles=50, lost=0, state="RUN", faults=faults, skipped_cycles=0,
         axes={"x": axis},
     )  # fmt: skip
 

@@ -10,13 +10,13 @@ import pytest
 
 from piezod.client import AsyncStageClient, StageClient, calls
 from piezod.client.calls import Call
-from piezod.client.results import Answer, Status
 from piezod.client.waveforms import tupled
-from piezod.config.endpoints import ENDPOINTS
 from piezod.config.model_file import ModelFile, load_model
-from piezod.config.requests import REQUESTS, TABLE
 from piezod.config.waveforms.paths import Points
 from piezod.errors import RefusedError
+from piezod.messages.answers import Answer, Status
+from piezod.messages.endpoints import ENDPOINTS
+from piezod.messages.requests import REQUESTS, TABLE
 
 ROOT = Path(__file__).parents[2]
 SINE = {"kind": "sine", "low": 0, "high": 10.0, "frequency_hz": 1.0}

@@ -12,9 +12,6 @@ import pytest
 
 from piezod.client import AsyncStageClient, StageClient
 from piezod.client.calls import Call
-from piezod.client.reader import reader
-from piezod.client.results import Status
-from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import (
     ClientError,
     NotAllowedError,
@@ -22,6 +19,7 @@ from piezod.errors import (
     NotRunningError,
     RefusedError,
 )
+from piezod.messages.endpoints import ENDPOINTS
 from tests.client.fake_daemon import ACCEPTED, STATUS, Asked, FakeDaemon, Raw, interval
 
 
@@ -149,7 +147,7 @@ def test_daemon_that_does_not_answer(stage: StageClient, daemon: FakeDaemon) -> 
     daemon.answering.clear()
 
     with pytest.raises(ClientError, match="the daemon does not answer in time; try again"):
-        stage.call(Call(ENDPOINTS["status"], reader(Status), answer_within_s=0.01))
+        stage.call(Call(ENDPOINTS["status"], answer_within_s=0.01))
 
 
 def test_closed_client_sends_nothing(daemon: FakeDaemon) -> None:

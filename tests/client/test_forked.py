@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from piezod.client import AsyncStageClient, StageClient, StageGroup
-from piezod.config import requests
 from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.messages import requests
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually

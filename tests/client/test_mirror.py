@@ -13,8 +13,8 @@ from piezod.client.arrival import SETTLE_S, Arrival
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.mirror import StageMirror
 from piezod.client.mover import StageMover
-from piezod.client.telemetry import Telemetry
 from piezod.errors import ClientError, NotReachedError, NotRunningError
+from piezod.messages.telemetry import Telemetry
 from tests.client.fake_daemon import FakeDaemon, Raw, interval
 from tests.gcs.fake_stage import FakeLink, FakeStage
 

@@ -1,13 +1,12 @@
 """How results look when they are printed or shown in a notebook."""
 
-from piezod.client.results import AxisStatus, Fault, Status
+from piezod.messages.answers import AxisStatus, Fault, Status
 
 
 def status() -> Status:
     """Return the status of a stage with a fault and an axis without a command."""
     axis = AxisStatus(position_um=1.23456, command_um=None, drive_v=20.0)
     return Status(
-        document={"axes": {"x": {"position_um": 1.23456}}},
         state="RUN",
         mode="adaptive",
         faults=(Fault(id="L2", name="late <often>"),),

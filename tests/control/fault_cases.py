@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms.shapes import Sine
 from piezod.control.watch.sensor import STUCK_SWING
+from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction

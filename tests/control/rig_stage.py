@@ -8,7 +8,6 @@ from typing import Any, cast
 
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.faults import Fault
-from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.assembly import make_stage
 from piezod.control.controller import StageController
@@ -20,6 +19,7 @@ from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device
 from piezod.devices.wiring import ChannelPair, construct, pairs_of
+from piezod.messages.requests import Request
 from piezod.telemetry.record import AxisRecord, CycleRecord, StageEvent
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
 from piezod.testing.injections import Injection, InjectionKind

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms.shapes import Sine, Triangle
+from piezod.messages import requests as rq
 from tests.conftest import Reaction
 from tests.control.rig_stage import (
     CONFIG,

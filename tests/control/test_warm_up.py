@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
-from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.control.law import step as stops
 from piezod.control.law import surface_step as surfaces
 from piezod.control.warm_up import warm_up
 from piezod.hysteresis import everett_memory, least_squares, rls_kernel, surface_rls_kernel
+from piezod.messages import requests as rq
 from tests.control.rig_stage import RigStage, shipped_config
 from tests.control.surface_rig import surface_file
 

@@ -5,19 +5,23 @@ import os
 from collections.abc import Awaitable, Callable
 from math import nan
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar, get_type_hints
 
 from piezod.config.daemon import DaemonConfig
-from piezod.config.endpoints import Role
+from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import Peer
-from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.stage_link import StageLink
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.peer import Peer
+from piezod.daemon.stage.running_stage import RunningStage
+from piezod.messages.endpoints import Role
+from piezod.messages.stores import Reloaded
+from piezod.telemetry.encoder import encode_axis
 from piezod.telemetry.layout import Layout
+from piezod.telemetry.record import AxisRecord
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word
@@ -40,9 +44,9 @@ class Bench:
 
     def new_link(
         self, *, shadow: bool = False, config_changed: Callable[[], bool] = bool
-    ) -> StageLink:
+    ) -> RunningStage:
         """Make a stage link."""
-        return StageLink(
+        return RunningStage(
             self.paths,
             self.loop,
             stop=self.stopped.append,
@@ -55,7 +59,7 @@ class Bench:
         """Make the shared memory of a loop."""
         return LoopConnection(self.config, create(self.paths.loop_map, Layout.of(self.config)))
 
-    def do(self, call: Callable[[StageLink], Awaitable[T]], answer: Answer | None = None) -> T:
+    def do(self, call: Callable[[RunningStage], Awaitable[T]], answer: Answer | None = None) -> T:
         """Call the link while a fake loop answers."""
 
         async def called() -> T:
@@ -78,8 +82,8 @@ class Bench:
         """Write a record like a loop; numbers that are not given are NaN."""
         write_record(self.loop.shared, state, present, latched=latched, shadow=shadow, **axis)
 
-    async def _reload(self, peer: Peer) -> dict[str, Any]:
-        return {"by": peer.user}
+    async def _reload(self, peer: Peer) -> Reloaded:
+        return Reloaded((f"by {peer.user}",))
 
 
 def write_record(
@@ -95,9 +99,15 @@ def write_record(
     shared.words[Word.LOOP_STATE] = list(State).index(state)
     cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64]
     cycle += [latched & (2**64 - 1), latched >> 64]
-    numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
-    numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
-    mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
-    values = [axis.get(name, nan) for name in numbers]
-    fields = [*cycle, list(State).index(state), shadow, True, 1, *values, mode, gate, 1, 4, 0]
+    numbers = [name for name, kind in get_type_hints(AxisRecord).items() if kind is float]
+    record = AxisRecord(
+        sample_ns=1,
+        mode=Mode.ADAPTIVE,
+        gate=GateReason.OPEN,
+        on_target=True,
+        motion=4,
+        limited=DriveLimit.NONE,
+        **{name: axis.get(name, nan) for name in numbers},
+    )
+    fields = [*cycle, list(State).index(state), shadow, True, *encode_axis(record)]
     RingWriter(shared).append(fields)

@@ -5,12 +5,12 @@ from math import nan
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
-from piezod.config.requests import Request, Shutdown
 from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.loop.timed_channels import TimedChannels
+from piezod.messages.requests import Request, Shutdown
 from piezod.telemetry.learned import LearnedValues
 from piezod.telemetry.record import AxisRecord, CycleRecord, StageEvent
 from piezod.testing.fake_clock import FakeClock

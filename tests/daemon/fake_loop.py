@@ -14,12 +14,12 @@ from types import TracebackType
 from typing import Any, Self
 
 from piezod import __version__
-from piezod.config.requests import Estop, Request, Shutdown
 from piezod.config.states import State
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.errors import ConfigError
+from piezod.messages.requests import Estop, Request, Shutdown
 from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap, attach

@@ -9,9 +9,9 @@ from types import TracebackType
 from typing import Self
 
 from piezod.config.daemon import load_daemon
-from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.devices import registry
+from piezod.messages.requests import Request
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from piezod.config import requests
 from piezod.config.modes import Mode
+from piezod.messages import requests
 from piezod.records.csv_file import write_csv
 from tests.docs.blocks import ROOT, blocks
 from tests.experiment.conftest import SHORT

@@ -13,10 +13,10 @@ from docs.site.reference.text import docstring
 from piezod.client import StageClient
 from piezod.config.daemon import DaemonConfig
 from piezod.config.experiment import ExperimentConfig
-from piezod.config.requests import TABLE
 from piezod.control.faults.table import FAULTS
 from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 from piezod.devices import registry
+from piezod.messages.requests import TABLE
 from piezod.telemetry.descriptions import descriptions
 from tests.command_table import CONNECTION, usage_of_verbs
 

@@ -8,12 +8,12 @@ from typing import Any, TypeVar
 from piezod.client import StageClient
 from piezod.client.calls import Call
 from piezod.client.place import Place
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.daemon import load_daemon
 from piezod.config.model_file import load_model
 from piezod.daemon import accepted_config
 from piezod.devices import registry
 from piezod.errors import RefusedError
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simulated.yaml"
@@ -135,7 +135,6 @@ class FakeStage(StageClient):
             motion=self.motion,
         )
         return Telemetry(
-            document={},
             t_s=self.t_s,
             cycles=50,
             lost=0,

@@ -117,7 +117,7 @@ def table() -> Reader:
 def groups() -> Reader:
     """YAML: the groups of a machine."""
     good = b"groups:\n  scanner: [fast, slow]\n  all: [fast, slow, focus]\n"
-    return Reader(_of("piezod.config.groups:load_groups"), good, _refusals("ConfigError"))
+    return Reader(_of("piezod.messages.groups:load_groups"), good, _refusals("ConfigError"))
 
 
 def drive() -> Reader:
@@ -143,13 +143,13 @@ def group_wave() -> Reader:
         b"  fast: {kind: triangle, low: 2, high: 10, frequency_hz: 2}\n"
         b"  slow: {axes: {x: {kind: sine, low: 0, high: 1, frequency_hz: 0.1}}}\nduration_s: 5\n"
     )
-    return _document("piezod.config.groups:GroupWaveFile", good)
+    return _document("piezod.messages.groups:GroupWaveFile", good)
 
 
 def group_play() -> Reader:
     """YAML: tables for the stages of a group."""
     good = b"stages:\n  fast: {drive_v: [0, 1, 2.5, 1], interval_s: 5.0e-6, cycles: 3}\n"
-    return _document("piezod.config.groups:GroupPlayFile", good)
+    return _document("piezod.messages.groups:GroupPlayFile", good)
 
 
 def play() -> Reader:
@@ -170,7 +170,7 @@ def points() -> Reader:
 def body() -> Reader:
     """JSON: the body of a request, then the request."""
     loads, adapter = _of("piezod.daemon.service.strict_json:loads"), _of("pydantic:TypeAdapter")
-    request = adapter(_of("piezod.config.requests:Request"))
+    request = adapter(_of("piezod.messages.requests:Request"))
     refusals = (_of("piezod.daemon.service.refusals:BadJsonError"), _of("pydantic:ValidationError"))
     good = b'{"kind": "goto", "position_um": 12.5, "speed_um_per_s": 190.0}'
     return Reader(

@@ -9,15 +9,15 @@ import typer
 
 import piezod
 from piezod.cli.gcs import gcs
-from piezod.client.results import Status
 from piezod.errors import PiezodError
 from piezod.gcs.server import MOST_CLIENTS, Plan, identity_of, refusal, serve
+from piezod.messages.answers import Status
 from tests.client.fake_daemon import FakeDaemon
 
 
 def status_of(stage: str) -> Status:
     """Return the status of a stage of this name."""
-    empty = {"document": {}, "state": "SAFE", "mode": "adaptive", "faults": ()}
+    empty = {"state": "SAFE", "mode": "adaptive", "faults": ()}
     return Status(**empty, skipped_cycles=0, axes={}, stage=stage)  # type: ignore[arg-type]
 
 

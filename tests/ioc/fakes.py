@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.ioc.motor_fields import FIELDS
 from piezod.ioc.readings import DOWN, Alarm, Reading
+from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
 
 class FakeMotor:
@@ -95,7 +95,6 @@ def axis(
 def interval(state: str = "RUN", t_s: float = 0.0, **axes: AxisTelemetry) -> Telemetry:
     """Return one interval of telemetry."""
     return Telemetry(
-        document={},
         t_s=t_s,
         cycles=4,
         lost=0,

@@ -3,10 +3,10 @@
 import pytest
 
 from piezod.client.facts import AxisFacts
-from piezod.client.results import Answer
 from piezod.errors import RefusedError
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import DOWN, FAULTY, OK, REFUSED, UNKNOWN, WARNING
+from piezod.messages.answers import Answer
 from tests.ioc.fakes import FakeMotor, axis
 
 LIMITS = AxisFacts((0.0, 20.0), 100.0, tolerance_um=0.1, longest_move_s=0.375)
@@ -31,7 +31,7 @@ def motor(record: FakeMotor) -> AxisMotor:
 
 def answer(motion: int) -> Answer:
     """Return the answer of the daemon to a movement."""
-    return Answer(document={}, motion=motion, state="RUN")
+    return Answer(motion=motion, state="RUN")
 
 
 def test_movement_goes_on_from_the_write_to_the_target(motor: AxisMotor, record: FakeMotor) -> None:

@@ -4,7 +4,6 @@ from math import isnan
 
 import pytest
 
-from piezod.client.results import Fault, RecordingFile, Recordings, Status
 from piezod.config.states import State
 from piezod.ioc.readings import FAULTY, OK, UNKNOWN, WARNING, Alarm, Reading
 from piezod.ioc.table import STATES
@@ -17,18 +16,20 @@ from piezod.ioc.values import (
     of_status,
     text,
 )
+from piezod.messages.answers import Fault, Holder, Lease, Status
+from piezod.messages.stores import Recordings, RunningRecording
 from tests.ioc.fakes import axis, interval
 
 
-def status(*faults: Fault, lease: object = None) -> Status:
+def status(*faults: Fault, lease: Lease | None = None) -> Status:
     """Return a status with some faults."""
     return Status(
-        document={"lease": lease},
         state="SAFE",
         mode="trimmed",
         faults=faults,
         skipped_cycles=0,
         axes={},
+        lease=lease,
     )
 
 
@@ -100,7 +101,7 @@ def test_worst_fault_is_named_with_its_remedy() -> None:
 
 def test_lease() -> None:
     """The holder is the user and the client; nobody is an empty text."""
-    held = {"holder": {"user": "ann", "uid": 1, "client": "ioc"}, "expires_in_s": 3}
+    held = Lease(holder=Holder(user="ann", uid=1, client="ioc"), expires_in_s=3.0)
 
     assert of_status(status(lease=held))["LEASE:HOLDER"].value == "ann ioc"
     assert of_status(status())["LEASE:HOLDER"].value == ""
@@ -108,9 +109,9 @@ def test_lease() -> None:
 
 def test_recording() -> None:
     """Lost cycles are MINOR; without a recording all is empty."""
-    running = RecordingFile(name="scan", records=7, lost=2)
-    readings = of_recordings(Recordings(document={}, running=running, recordings=()))
-    nothing = of_recordings(Recordings(document={}, running=None, recordings=()))
+    running = RunningRecording(name="scan", records=7, lost=2)
+    readings = of_recordings(Recordings(running=running, recordings=()))
+    nothing = of_recordings(Recordings(running=None, recordings=()))
 
     assert readings["REC:LOST"] == Reading(2, WARNING)
     assert (readings["REC:NAME"].value, readings["REC:RUNNING"].value) == ("scan", True)

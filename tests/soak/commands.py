@@ -9,10 +9,10 @@ from random import Random
 from typing import Final
 
 from piezod.client import AsyncStageClient
-from piezod.client.results import Status
 from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.errors import ClientError, RefusedError
+from piezod.messages.answers import Status
 from piezod.testing.injections import Injection
 from piezod.units import NS_PER_S, s_to_ns
 from tests.control.judged_device import SENSOR_LIES

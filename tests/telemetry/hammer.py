@@ -3,12 +3,13 @@
 import sys
 from pathlib import Path
 
+from piezod.telemetry.layout import AXIS_FIELDS, CYCLE_FIELDS
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import attach
 
 shared = attach(Path(sys.argv[1]), writable=True)
 writer = RingWriter(shared)
+codes = [each.code for each in (*CYCLE_FIELDS, *AXIS_FIELDS, *AXIS_FIELDS)]
 for number in range(1, int(sys.argv[2]) + 1):
-    cycle: list[float] = [*[number] * 11, number % 256, True, False]
-    axis: list[float] = [number, *[float(number)] * 9, number % 256, number % 256, True, number, 0]
-    writer.append(cycle + axis * 2)
+    made = {"q": number, "Q": number, "d": float(number), "B": number % 256, "?": True}
+    writer.append([made[code] for code in codes if code in made])

@@ -9,8 +9,16 @@ from hypothesis import strategies as st
 from piezod.config.daemon import load_daemon
 from piezod.devices import registry
 from piezod.telemetry.arrays import record_dtype
-from piezod.telemetry.layout import AXIS_FIELDS, PAGE, RING_MAX_BYTES, Layout, body_format
+from piezod.telemetry.layout import (
+    AXIS_FIELDS,
+    CYCLE_FIELDS,
+    PAGE,
+    RING_MAX_BYTES,
+    Layout,
+    body_format,
+)
 from piezod.telemetry.record import AxisRecord
+from tests.telemetry.conftest import values_of
 
 SIMULATED = Path(__file__).parents[2] / "config" / "simulated.yaml"
 LAYOUTS = st.builds(
@@ -25,8 +33,7 @@ LAYOUTS = st.builds(
 def test_struct_and_array_describe_the_same_record(axes: int) -> None:
     """A record packed by `struct` has the same fields as an array; the ends are aligned words."""
     dtype = record_dtype(axes)
-    cycle: list[float] = [*range(1, 12), 3, True, False]
-    axis: list[float] = [21, *(i / 7 for i in range(9)), 2, 4, True, 22, 1]
+    cycle, axis = values_of(CYCLE_FIELDS, 3), values_of(AXIS_FIELDS, 21)
     body = struct.pack(body_format(axes), *cycle, *axis * axes)
 
     record = np.frombuffer(bytes(8) + body + bytes(8), dtype)[0]

@@ -5,13 +5,13 @@ from typing import cast
 
 import pytest
 
-from piezod.config import requests
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import WaveformConfig
 from piezod.config.waveforms.paths import Points, Staircase
 from piezod.config.waveforms.shapes import Setpoint, Sine
 from piezod.config.waveforms.waveform import Waveform
+from piezod.messages import requests
 from piezod.telemetry.layout import REQUEST_BYTES
 from piezod.telemetry.requests_codec import decode, encode, warm_up
 

@@ -6,8 +6,8 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.frames import CloseCode
 
-from piezod.config.endpoints import Role
 from piezod.errors import PiezodError
+from piezod.messages.endpoints import Role
 from piezod.web.access import Access
 from piezod.web.messages import LONGEST
 from piezod.web.server import bind

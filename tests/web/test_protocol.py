@@ -9,7 +9,7 @@ import pytest
 from starlette.websockets import WebSocket
 from websockets.frames import Frame, Opcode
 
-from piezod.config.endpoints import Role
+from piezod.messages.endpoints import Role
 from piezod.web import protocol
 from piezod.web.stages import Stages
 from piezod.web.tab import Tab

@@ -15,8 +15,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from piezod.client import StageClient
-from piezod.config import requests
 from piezod.errors import PiezodError
+from piezod.messages import requests
 from piezod.web.encryption import Certificate
 from piezod.web.public_url import PublicUrl
 from tests.daemon.service.fakes import Served

@@ -7,7 +7,7 @@ from typing import Final
 
 import pytest
 
-from piezod.config import requests
+from piezod.messages import requests
 from tests.daemon.service.fakes import Served
 from tests.docs.blocks import ROOT
 from tests.web.browser import Web

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from piezod.client import AsyncStageClient, StageClient
-from piezod.config import requests
 from piezod.errors import (
     AmbiguousStageError,
     ClientError,
@@ -15,6 +14,7 @@ from piezod.errors import (
     NotRunningError,
     RefusedError,
 )
+from piezod.messages import requests
 from piezod.web.api import MOST
 from piezod.web.stages import Stages
 from tests.daemon.service.fakes import Served

@@ -1,6 +1,6 @@
 import json
 
-from piezod.client.results import Document
+from piezod.messages.documents import Document
 from piezod.web.metrics import joined
 from piezod.web.rows import RATE_HZ, Pacer, Row, merged, telemetry_event
 from tests.client.fake_daemon import interval

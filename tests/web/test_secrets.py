@@ -16,9 +16,9 @@ from websockets.typing import Origin
 
 from piezod.cli.web import web as web_command
 from piezod.client.place import Place, find_place
-from piezod.config.endpoints import Role
 from piezod.config.private_files import kept_token, read_token
 from piezod.errors import ClientError, DataError, PiezodError
+from piezod.messages.endpoints import Role
 from piezod.web.access import Access, kept_tokens
 from piezod.web.encryption import Certificate, check_certificate
 from piezod.web.server import WebPlan, bind, serve

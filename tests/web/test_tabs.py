@@ -5,6 +5,7 @@ import socket
 import threading
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -17,9 +18,10 @@ from websockets.sync.client import ClientConnection
 
 from piezod.client import StageClient
 from piezod.client.mirror import AT_MOST_EACH_S
-from piezod.config.endpoints import Role
 from piezod.control.stage.answer import Answer
 from piezod.errors import NotAllowedError, RefusedError
+from piezod.messages.endpoints import Role
+from piezod.messages.requests import TABLE
 from piezod.telemetry.arrays import record_dtype
 from piezod.web import connections, messages, protocol
 from piezod.web import tab as tab_module
@@ -191,7 +193,8 @@ def test_emergency_stop_with_six_busy_tabs(
     """Six tabs wait for all their calls and send messages without pause; a stop is answered."""
     hanging = HangingStage(daemon)
     monkeypatch.setattr(daemon.stage, "request", hanging.request)
-    monkeypatch.setattr(messages, "ANSWER_WITHIN_S", NEVER_S)
+    row = replace(TABLE["stop"], answer_within_s=NEVER_S)
+    monkeypatch.setattr(messages, "row_of", lambda _call: row)
     monkeypatch.setattr(messages, "TIMEOUT_S", (NEVER_S,) * 4)
     call = {"do": "call", "stage": "bench", "method": "POST", "path": "/v1/stop"}
     with ExitStack() as stack:

@@ -8,11 +8,11 @@ from typing import Any, Final
 
 from docs.site.reference.text import code, docstring, table
 from piezod import errors
-from piezod.client import StageClient, results
-from piezod.client import telemetry as telemetry_module
+from piezod.client import StageClient
 from piezod.client.arrival import Arrival
 from piezod.client.commands import StageCommands
 from piezod.client.reports import StageReports
+from piezod.messages import answers, stores, telemetry
 from tests.command_table import CONNECTION
 
 _WIDTH: Final = 84
@@ -81,11 +81,11 @@ def _results() -> list[type[Any]]:
     """Return the classes of results, without their base."""
     own = [
         each
-        for module in (results, telemetry_module)
+        for module in (answers, stores, telemetry)
         for each in vars(module).values()
         if is_dataclass(each) and isinstance(each, type) and each.__module__ == module.__name__
     ]
-    return [*(each for each in own if each is not results.Result and fields(each)), Arrival]
+    return [*(each for each in own if fields(each)), Arrival]
 
 
 def _errors() -> Iterator[tuple[str, str, str]]:

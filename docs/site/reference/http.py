@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from typing import Any, Final, cast
 
 from docs.site.reference.text import code, sentence, table
-from piezod.config.requests import TABLE
 from piezod.daemon.service.app import create_app
+from piezod.messages.requests import TABLE
 
 _ROWS: Final = {(row.method.lower(), f"/v1/{row.path}"): row for row in TABLE.values()}
 

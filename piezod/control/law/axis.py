@@ -4,6 +4,7 @@ Paper, section 3 and Fig. 4: reference, inverse compensator, identifier and swit
 """
 
 from math import nan
+from typing import Any, Final
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
@@ -20,6 +21,8 @@ from piezod.hysteresis import LearnedModel
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
+
+_NO_MOVEMENT: Final = {"target_um": nan, "on_target": False, "motion": 0}
 
 
 class CompensatedAxis:
@@ -231,10 +234,7 @@ class CompensatedAxis:
         output: AxisOutput,
         drive_v: float,
         read_back_v: float,
-        *,
-        target_um: float = nan,
-        on_target: bool = False,
-        motion: int = 0,
+        **movement: Any,
     ) -> AxisRecord:
         """Return the record of this cycle.
 
@@ -243,26 +243,22 @@ class CompensatedAxis:
             output: The output of the axis.
             drive_v: Voltage that was written, in V.
             read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
-            target_um: Position at which the movement ends, in µm; NaN if there is none.
-            on_target: Whether the position has been reached and has stayed there.
-            motion: Number of the movement.
+            movement: Fields of the record about the movement, by name; none without one.
         """
         return AxisRecord(
             sample.t_ns,
             sample.position_um if sample.valid else nan,
             output.command_um,
-            target_um,
-            output.uncompensated_v,
-            output.drive_v,
-            drive_v,
-            output.in_force_v,
-            read_back_v,
-            self.trim.value * self._position_um.width,
-            self.compensator.mode,
-            self.identifier.gate.reason,
-            on_target,
-            motion,
-            output.limited,
+            uncompensated_v=output.uncompensated_v,
+            asked_v=output.drive_v,
+            drive_v=drive_v,
+            in_force_v=output.in_force_v,
+            read_back_v=read_back_v,
+            trim_um=self.trim.value * self._position_um.width,
+            mode=self.compensator.mode,
+            gate=self.identifier.gate.reason,
+            limited=output.limited,
+            **(movement or _NO_MOVEMENT),
         )
 
     def _prove_model(self, command_um: float, sample: Sample) -> None:

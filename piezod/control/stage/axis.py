@@ -204,8 +204,7 @@ class StageAxis:
         Args:
             t_ns: Instant of the cycle, in ns.
         """
-        way_s = max(self._arrives_ns - t_ns, 0) / NS_PER_S
-        return way_s + self.config.on_target.settle_s
+        return self._way_s(t_ns) + self.config.on_target.settle_s
 
     def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> None:
         """Move to a position."""
@@ -312,4 +311,9 @@ class StageAxis:
             target_um=self._motion.target_um,
             on_target=self._is_on_target,
             motion=self.motion,
+            remaining_s=self._way_s(output.t_ns) if isfinite(self._motion.target_um) else nan,
         )
+
+    def _way_s(self, t_ns: int) -> float:
+        """Return the time until the movement is at its end, in s."""
+        return max(self._arrives_ns - t_ns, 0) / NS_PER_S

@@ -4,7 +4,6 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from piezod.config import requests
 from piezod.config.frequencies import too_fast
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.stage.answer import Answer
@@ -13,6 +12,7 @@ from piezod.control.stage.named import axes_named, axis_names, without_sensor
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event
 from piezod.devices.played_axis import AxisTable
+from piezod.messages import requests
 from piezod.units import NS_PER_S, s_to_ns
 
 

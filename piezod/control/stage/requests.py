@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from piezod.config import requests
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import SENSED, Mode
 from piezod.config.states import State
@@ -16,6 +15,7 @@ from piezod.control.stage.named import axes_named, axis_names, unknown_axis, wit
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
+from piezod.messages import requests
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 

@@ -5,7 +5,6 @@ from os import getppid
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
-from piezod.config.requests import Estop, Request, Shutdown
 from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
@@ -16,6 +15,7 @@ from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.pacer import Pacer
 from piezod.daemon.loop.publisher import LearnedSource, Publisher
 from piezod.daemon.loop.timed_channels import TimedChannels
+from piezod.messages.requests import Estop, Request, Shutdown
 from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.telemetry.requests_codec import decode

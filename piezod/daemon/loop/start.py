@@ -6,7 +6,6 @@ from types import MappingProxyType
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.config.requests import Shutdown
 from piezod.daemon.clock import Clock
 from piezod.daemon.lock import Lock, device_lock
 from piezod.daemon.loop.devices import DeviceOpener
@@ -15,6 +14,7 @@ from piezod.daemon.loop.publisher import Publisher
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
 from piezod.errors import AlreadyRunningError
+from piezod.messages.requests import Shutdown
 from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import decode

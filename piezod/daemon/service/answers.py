@@ -1,59 +1,26 @@
 """Answers to clients: JSON documents, and error documents that all have the same form."""
 
-import json
-import math
 from typing import Any, Final, cast
 
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse
 
 from piezod.config.messages import describe
-from piezod.daemon.service.stage_service import Document, StageError
+from piezod.daemon.stage.errors import StageError
+from piezod.messages.documents import Document, dump
 
 _NOT_ALLOWED: Final = 405
 
 
-class ErrorText(BaseModel):
-    """Code, text and remedy of an error; some errors have further keys."""
-
-    code: str
-    what: str
-    remedy: str
-
-
-class ErrorDocument(BaseModel):
-    """The answer to a request that failed."""
-
-    error: ErrorText
-
-
 class JsonAnswer(JSONResponse):
-    """A JSON document; NaN and infinities become null."""
+    """A message or a document as JSON; NaN and infinities become null."""
 
     def render(self, content: Any) -> bytes:
         """Return the document as bytes."""
         return dump(content)
-
-
-def dump(content: Any) -> bytes:
-    """Return compact JSON; NaN and infinities become null."""
-    try:
-        text = json.dumps(content, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
-    except ValueError:
-        return dump(_finite(content))
-    return text.encode(errors="backslashreplace")  # bytes of a path that are no text
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def error_answer(error: StageError) -> JsonAnswer:

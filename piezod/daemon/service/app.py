@@ -17,12 +17,12 @@ from piezod.daemon.service.rate_limit import RateLimit
 from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.route_table import methods_of
-from piezod.daemon.service.stage_service import StageService
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.stage.running_stage import RunningStage
 
 
 def create_app(
-    stage: StageService, roles: Roles, now_s: Callable[[], float] = time.monotonic
+    stage: RunningStage, roles: Roles, now_s: Callable[[], float] = time.monotonic
 ) -> FastAPI:
     """Return the application of a stage.
 

@@ -6,13 +6,13 @@ from typing import Final
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from piezod.config.requests import Stop
 from piezod.daemon.logging import logger
-from piezod.daemon.service.answers import dump
 from piezod.daemon.service.peer_process import closed_with_its_process
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.request_context import RequestContext
-from piezod.daemon.service.stage_service import Document, StageError
+from piezod.daemon.stage.errors import StageError
+from piezod.messages.documents import dump
+from piezod.messages.requests import Stop
 
 RETRY_S: Final = 0.2
 _TRIES: Final = 150
@@ -42,7 +42,7 @@ class SessionAnswer(Response):
         super().__init__(headers={"cache-control": "no-store"})
         del self.headers["content-length"]
         self._context, self._connection = context, connection
-        self._document: Document = context.state.lease.bind(context.peer)
+        self._lease = context.state.lease.bind(context.peer)
         context.note("session begun")
 
     async def __call__(self, _scope: Scope, _receive: Receive, send: Send) -> None:
@@ -51,7 +51,7 @@ class SessionAnswer(Response):
             await send(
                 {"type": "http.response.start", "status": 200, "headers": self.raw_headers},
             )
-            body = dump(self._document) + b"\n"
+            body = dump(self._lease) + b"\n"
             await send({"type": "http.response.body", "body": body, "more_body": True})
             with closed_with_its_process(self._connection):
                 await self._connection.closing.wait()
@@ -87,7 +87,7 @@ class SessionAnswer(Response):
 
     async def _stop_recording(self) -> None:
         context = self._context
-        running, _ = await context.stage.recordings()
-        started_by = context.state.recorders.get(running["name"]) if running else None
+        running = (await context.stage.recordings()).running
+        started_by = context.state.recorders.get(running.name) if running else None
         if started_by == (context.peer.pid, context.peer.client):
             await context.stage.stop_recording(context.peer)

@@ -8,7 +8,7 @@ from piezod.daemon.service.peer_protocol import PeerProtocol, connection_of
 from piezod.daemon.service.rate_limit import RateLimit
 from piezod.daemon.service.refusals import TooManyError
 from piezod.daemon.service.route_table import URGENT
-from piezod.daemon.service.stage_service import StageError
+from piezod.daemon.stage.errors import StageError
 
 _MALFORMED = (400, 413, 415, 422)
 

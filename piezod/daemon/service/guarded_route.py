@@ -12,7 +12,6 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
-from piezod.config.endpoints import SMALL_BODY, Access
 from piezod.daemon.logging import logger
 from piezod.daemon.service.answers import internal_error_answer
 from piezod.daemon.service.peer_protocol import connection_of
@@ -24,8 +23,10 @@ from piezod.daemon.service.refusals import (
 )
 from piezod.daemon.service.request_context import RequestContext, ServiceState
 from piezod.daemon.service.route_table import ROUTES
-from piezod.daemon.service.stage_service import BadValueError, Peer, StageError
 from piezod.daemon.service.strict_json import loads
+from piezod.daemon.stage.errors import BadValueError, StageError
+from piezod.daemon.stage.peer import Peer
+from piezod.messages.endpoints import SMALL_BODY, Access
 
 _LOG: Final = logger("service")
 _CLIENT: Final = re.compile(r"[A-Za-z0-9_.:@-]{0,64}")

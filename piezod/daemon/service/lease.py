@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from math import inf, isinf
+from math import inf, isfinite, isinf
 from typing import Final, NamedTuple
 
 from piezod.daemon.service.refusals import LeaseHeldError
-from piezod.daemon.service.stage_service import Document, Peer, StageError
+from piezod.daemon.stage.errors import StageError
+from piezod.daemon.stage.peer import Peer
+from piezod.messages.answers import Holder
+from piezod.messages.answers import Lease as HeldLease
 
 LEASE_S: Final = 30.0
 _NO_ANSWER: Final = 500
@@ -47,12 +50,12 @@ class Lease:
         return self._held is not None and self._held.until_s > self._now_s()
 
     @property
-    def document(self) -> Document | None:
+    def present(self) -> HeldLease | None:
         """The holder, and the time until it expires; None if the lease is free."""
         held = self._held
         if held is None or not self.held:
             return None
-        return _document(held.peer, held.until_s - self._now_s())
+        return _answer(held.peer, held.until_s - self._now_s())
 
     def check(self, peer: Peer) -> Holding | None:
         """Return the holding that is in force; None if the lease is free.
@@ -67,13 +70,13 @@ class Lease:
             left_s = held.until_s - now_s
             how_long = "until its session ends" if held.bound else f"for another {left_s:.0f} s"
             raise LeaseHeldError(
-                f"{_name(held.peer)} holds the lease {how_long}",
+                f"{_holder(held.peer)} holds the lease {how_long}",
                 "wait until it is released or expires; hold, stop, estop and disarm need no lease",
-                _document(held.peer, left_s),
+                vars(_answer(held.peer, left_s)),
             )
         return held
 
-    def claim(self, peer: Peer) -> Document:
+    def claim(self, peer: Peer) -> HeldLease:
         """Take the lease or renew it, for 30 s from now.
 
         Returns:
@@ -84,9 +87,9 @@ class Lease:
         """
         held = self.check(peer)
         if held is not None and held.bound:
-            return _document(held.peer, inf)
+            return _answer(held.peer, inf)
         self._held = Holding(peer, self._now_s() + LEASE_S)
-        return _document(peer, LEASE_S)
+        return _answer(peer, LEASE_S)
 
     @contextmanager
     def claimed(self, peer: Peer) -> Iterator[None]:
@@ -107,7 +110,7 @@ class Lease:
                 self._held = None
             raise
 
-    def bind(self, peer: Peer) -> Document:
+    def bind(self, peer: Peer) -> HeldLease:
         """Take the lease for a session: it does not expire before `unbind`.
 
         Raises:
@@ -118,10 +121,10 @@ class Lease:
             raise LeaseHeldError(
                 f"process {held.peer.pid} has a session on this stage",
                 "wait for its end, or end that process",
-                _document(held.peer, inf),
+                vars(_answer(held.peer, inf)),
             )
         self._held = Holding(peer, inf)
-        return _document(peer, inf)
+        return _answer(peer, inf)
 
     def unbind(self, peer: Peer) -> None:
         """End the session of a client, and release its lease."""
@@ -147,10 +150,9 @@ def _same(one: Peer, other: Peer) -> bool:
     return (one.uid, one.client) == (other.uid, other.client)
 
 
-def _name(peer: Peer) -> str:
-    return f"{peer.user} ({peer.client})" if peer.client else peer.user
+def _holder(peer: Peer) -> Holder:
+    return Holder(user=peer.user, uid=peer.uid, client=peer.client)
 
 
-def _document(holder: Peer, left_s: float) -> Document:
-    who = {"user": holder.user, "uid": holder.uid, "client": holder.client}
-    return {"holder": who, "expires_in_s": left_s}
+def _answer(peer: Peer, left_s: float) -> HeldLease:
+    return HeldLease(holder=_holder(peer), expires_in_s=left_s if isfinite(left_s) else None)

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
-from piezod.config.endpoints import Group
-from piezod.config.requests import TABLE, Request
 from piezod.daemon.service.refusals import SupersededError
+from piezod.messages.endpoints import Group
+from piezod.messages.requests import TABLE, Request
 
 
 class OpenStream:

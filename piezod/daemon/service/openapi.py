@@ -1,16 +1,26 @@
 """The OpenAPI description: that of FastAPI, made as strict as the daemon is."""
 
+import inspect
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from typing import Any, Final
 
 import pydantic.dataclasses  # noqa: F401 - the first document needs it; an upgrade may come before
 from fastapi import FastAPI
 
-from piezod.daemon.service.stage_service import Document
+from piezod.messages import answers, stores
+from piezod.messages.documents import Document, attributes
 
 _REFUSED: Final = ("Csv",)
 """Waveforms that files may have and requests may not: the daemon reads no files of clients."""
 _JSON: Final = "application/json"
+_ANSWERS: Final = {
+    name: each
+    for module in (answers, stores)
+    for name, each in vars(module).items()
+    if is_dataclass(each) and isinstance(each, type)
+}
+"""Classes of answers and of their parts."""
 
 
 class DescribedApp(FastAPI):
@@ -28,6 +38,8 @@ def _tighten(document: Document) -> None:
     schemas = document["components"]["schemas"]
     for name in _REFUSED:
         schemas.pop(name, None)
+    for name in schemas.keys() & _ANSWERS.keys():
+        _describe(schemas[name], _ANSWERS[name])
     for part in _mappings(document):
         if "patternProperties" in part:  # names of axes: no others
             part.setdefault("additionalProperties", False)
@@ -39,6 +51,13 @@ def _tighten(document: Document) -> None:
     for path in document["paths"].values():
         for operation in path.values():
             _tighten_operation(operation, schemas)
+
+
+def _describe(schema: Document, answer: type) -> None:
+    """Give an answer and its fields the words of its class, in place."""
+    schema["description"] = inspect.cleandoc(answer.__doc__ or "").partition("\n\nAttributes:")[0]
+    for name, text in attributes(answer).items():
+        schema["properties"][name]["description"] = text
 
 
 def _tighten_operation(operation: Document, schemas: Document) -> None:

@@ -11,7 +11,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from piezod.daemon.service.peer_protocol import PeerProtocol
-from piezod.daemon.service.stage_service import UnknownNameError
+from piezod.daemon.stage.errors import UnknownNameError
 
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 _CHUNK: Final = 256 * 1024

@@ -1,6 +1,6 @@
-"""Errors of the service itself; `stage_service` has the errors of a stage."""
+"""Errors of the service itself; `piezod.daemon.stage.errors` has the errors of a stage."""
 
-from piezod.daemon.service.stage_service import StageError
+from piezod.daemon.stage.errors import StageError
 
 
 class BadRequestError(StageError):

@@ -7,22 +7,17 @@ from typing import Annotated, Any, Final, NamedTuple, TypeVar
 from fastapi import Depends
 from fastapi import Request as HttpRequest
 
-from piezod.config.endpoints import Access
-from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.open_streams import OpenStreams, commanded_axes
 from piezod.daemon.service.roles import Roles
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    BadValueError,
-    NotNowError,
-    Peer,
-    StageError,
-    StageService,
-)
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.stage.errors import BadValueError, NotNowError, StageError
+from piezod.daemon.stage.peer import AuditEntry, Peer
+from piezod.daemon.stage.running_stage import RunningStage
+from piezod.messages.endpoints import Access
+from piezod.messages.requests import Request
 
 ResultT = TypeVar("ResultT")
 _SHOWN: Final = 300
@@ -44,7 +39,7 @@ class ServiceState(NamedTuple):
             `piezod web` are one process.
     """
 
-    stage: StageService
+    stage: RunningStage
     roles: Roles
     lease: Lease
     downloads: set[int]
@@ -67,7 +62,7 @@ class RequestContext(NamedTuple):
     access: Access
 
     @property
-    def stage(self) -> StageService:
+    def stage(self) -> RunningStage:
         """The stage."""
         return self.state.stage
 
@@ -120,8 +115,8 @@ class RequestContext(NamedTuple):
 
     def _remedy(self) -> str:
         """Return the remedy of a refused request: that of the faults which stop the stage."""
-        if self.stage.status()["state"] in _STOPPED and (faults := self.stage.faults()):
-            return "; ".join(f"{each['id']}, {each['name']}: {each['remedy']}" for each in faults)
+        if self.stage.state in _STOPPED and (faults := self.stage.faults().faults):
+            return "; ".join(f"{each.id}, {each.name}: {each.remedy}" for each in faults)
         return "`piezod status` shows the state and the faults"
 
     def note(self, what: str, why: str = "") -> None:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NamedTuple, Protocol
 
-from piezod.config.endpoints import Role
 from piezod.daemon.service.peer_protocol import Credentials
+from piezod.messages.endpoints import Role
 
 GROUPS: Final = {"piezod-eng": Role.ENGINEER, "piezod": Role.OPERATOR}
 """Groups and the roles of their members; every other user of the socket is a viewer."""

@@ -1,14 +1,16 @@
 """The table of commands for the HTTP service: rows by method and path, and routes of rows."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import is_dataclass
 from typing import Any, Final
 
 from fastapi import APIRouter
 from starlette.routing import compile_path
 
-from piezod.config.endpoints import Endpoint
-from piezod.config.requests import TABLE
-from piezod.daemon.service.answers import ErrorDocument
+from piezod.daemon.service.answers import JsonAnswer
+from piezod.messages.answers import ErrorDocument
+from piezod.messages.endpoints import Endpoint
+from piezod.messages.requests import TABLE
 
 PREFIX: Final = "/v1"
 ROUTES: Final[Mapping[tuple[str, str], Endpoint]] = {
@@ -17,7 +19,7 @@ ROUTES: Final[Mapping[tuple[str, str], Endpoint]] = {
 """Every endpoint by method and path; the application has no others."""
 URGENT: Final = frozenset(route for route, row in ROUTES.items() if row.access.urgent)
 """The endpoints that are served at any rate and on any connection."""
-ERRORS: Final[dict[int | str, dict[str, Any]]] = {"default": {"model": ErrorDocument}}
+_ERRORS: Final[dict[int | str, dict[str, Any]]] = {"default": {"model": ErrorDocument}}
 
 
 _PATTERNS: Final = [(compile_path(path)[0], method) for method, path in ROUTES]
@@ -42,5 +44,21 @@ def endpoint(
         options: Further arguments of `APIRouter.api_route`.
     """
     row = TABLE[name]
-    settings = {"responses": ERRORS, "response_model": None, "description": row.help, **options}
+    settings = {
+        "responses": _responses(row),
+        "response_model": None,
+        "response_class": JsonAnswer,
+        "description": row.help,
+        **options,
+    }
     return router.api_route(f"/{row.path}", methods=[row.method], **settings)
+
+
+def _responses(row: Endpoint) -> dict[int | str, dict[str, Any]]:
+    answer = row.answer_class
+    if answer is None or not is_dataclass(answer) or row.name == "telemetry":
+        return _ERRORS
+    fine: dict[int | str, dict[str, Any]] = {200: {"model": answer}}
+    if row.also_fine != 200:
+        fine[row.also_fine] = {"model": answer, "description": row.help}
+    return {**fine, **_ERRORS}

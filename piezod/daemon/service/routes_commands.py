@@ -7,34 +7,22 @@ from typing import Any, Final
 
 from fastapi import APIRouter
 from fastapi import Request as HttpRequest
-from pydantic import BaseModel
 
-from piezod.config.endpoints import Endpoint, Role
 from piezod.config.fields import ConfigModel
-from piezod.config.requests import TABLE, Request, Reset
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.client_session import SessionAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.refusals import ForbiddenError
 from piezod.daemon.service.request_context import ContextOf, RequestContext, describe
-from piezod.daemon.service.route_table import ERRORS, PREFIX, endpoint
+from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.setpoint_stream import SetpointStream
+from piezod.messages.answers import Answer as Accepted
+from piezod.messages.answers import Released
+from piezod.messages.endpoints import Endpoint, Role
+from piezod.messages.requests import TABLE, Request, Reset
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
-
-
-class Accepted(BaseModel):
-    """The loop carries out the request.
-
-    `motion` is the number of the new movement, or 0; `duration_s` is the time until it can be on
-    target, 0 without a movement; `state` is the state of the stage then.
-    """
-
-    accepted: bool = True
-    motion: int
-    duration_s: float
-    state: str
 
 
 class Nothing(ConfigModel):
@@ -44,14 +32,11 @@ class Nothing(ConfigModel):
 def _add_command(row: Endpoint) -> None:
     async def command_endpoint(command: Any, context: ContextOf) -> JsonAnswer:
         answer = await context.ask(_allowed(command, context))
-        state = context.stage.status()["state"]
-        started = {"motion": answer.motion, "duration_s": answer.duration_s}
-        return JsonAnswer({"accepted": True, **started, "state": state})
+        motion, duration_s = answer.motion, answer.duration_s
+        return JsonAnswer(Accepted(motion=motion, duration_s=duration_s, state=context.stage.state))
 
     command_endpoint.__annotations__["command"] = row.request
-    responses = {200: {"model": Accepted}, **ERRORS}
-    options = {"response_class": JsonAnswer, "responses": responses}
-    endpoint(router, row.name, name=row.path, **options)(command_endpoint)
+    endpoint(router, row.name, name=row.path)(command_endpoint)
 
 
 def _allowed(command: Request, context: RequestContext) -> Request:
@@ -68,13 +53,6 @@ for _row in TABLE.values():
         _add_command(_row)
 
 
-class Followed(BaseModel):
-    """A stream that has ended, with the number of its setpoints."""
-
-    accepted: bool = True
-    setpoints: int
-
-
 _LINES: Final = {
     "requestBody": {
         "required": False,
@@ -84,7 +62,7 @@ _LINES: Final = {
 }
 
 
-@endpoint(router, "stream", responses={200: {"model": Followed}, **ERRORS}, openapi_extra=_LINES)
+@endpoint(router, "stream", openapi_extra=_LINES)
 async def stream(request: HttpRequest, context: ContextOf) -> JsonAnswer:
     """Follow the setpoints of the body until it ends."""
     stream = SetpointStream(context, connection_of(request.scope))
@@ -106,4 +84,4 @@ async def renew_lease(_body: Nothing, context: ContextOf) -> JsonAnswer:
 @endpoint(router, "release_lease")
 async def release_lease(context: ContextOf) -> JsonAnswer:
     """Release the lease."""
-    return JsonAnswer({"released": context.state.lease.release(context.peer)})
+    return JsonAnswer(Released(released=context.state.lease.release(context.peer)))

@@ -1,21 +1,23 @@
 """Endpoints that report the state of the stage and of the daemon."""
 
 import asyncio
+from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Final
+from inspect import isawaitable
+from typing import Annotated, Final
 
 from fastapi import APIRouter, Query
 from fastapi import Request as HttpRequest
-from pydantic import BaseModel, ConfigDict
 from starlette.responses import Response
 
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.request_context import ContextOf
-from piezod.daemon.service.route_table import ERRORS, PREFIX, endpoint
-from piezod.daemon.service.stage_service import UnknownNameError
+from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.telemetry_stream import TelemetryAnswer
+from piezod.daemon.stage.errors import UnknownNameError
+from piezod.messages.requests import TABLE
 
 PLAIN_TEXT: Final = "text/plain; version=0.0.4"
 
@@ -32,43 +34,39 @@ router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 @endpoint(router, "status")
 async def status(context: ContextOf) -> JsonAnswer:
     """Return state, mode, faults, each axis in the newest cycle, the lease, and the user's role."""
-    lease, role = context.state.lease.document, context.peer.role.name.lower()
-    return JsonAnswer({**context.stage.status(), "lease": lease, "role": role})
+    lease, role = context.state.lease.present, context.peer.role.name.lower()
+    return JsonAnswer(replace(context.stage.status(), lease=lease, role=role))
 
 
-class HealthDocument(BaseModel):
-    """Whether the loop runs on schedule, and the time since its last healthy cycle, in s."""
-
-    model_config = ConfigDict(extra="allow")
-
-    healthy: bool
-    cycle_age_s: float
-
-
-_HEALTH: Final[dict[int | str, dict[str, Any]]] = {
-    200: {"model": HealthDocument},
-    503: {"model": HealthDocument, "description": "The loop does not run on schedule"},
-    **ERRORS,
-}
-
-
-@endpoint(router, "health", responses=_HEALTH)
+@endpoint(router, "health")
 async def health(context: ContextOf) -> JsonAnswer:
     """Return whether the loop runs cycles; HTTP status 503 if not."""
-    healthy, document = context.stage.health()
-    return JsonAnswer({"healthy": healthy, **document}, 200 if healthy else 503)
+    health = context.stage.health()
+    return JsonAnswer(health, 200 if health.healthy else TABLE["health"].also_fine)
 
 
-@endpoint(router, "faults")
-async def faults(context: ContextOf) -> JsonAnswer:
-    """Return the faults that are present or latched."""
-    return JsonAnswer({"faults": context.stage.faults()})
+_REPORTS: Final = (
+    "faults",
+    "realtime",
+    "config",
+    "played",
+    "params",
+    "params_history",
+    "recordings",
+)
+"""Endpoints that return what the method of the stage with their name returns."""
 
 
-@endpoint(router, "realtime")
-async def realtime(context: ContextOf) -> JsonAnswer:
-    """Return the real-time settings of the loop."""
-    return JsonAnswer(context.stage.realtime())
+def _add_report(name: str) -> None:
+    async def report(context: ContextOf) -> JsonAnswer:
+        found = getattr(context.stage, name)()
+        return JsonAnswer(await found if isawaitable(found) else found)
+
+    endpoint(router, name, name=name)(report)
+
+
+for _name in _REPORTS:
+    _add_report(_name)
 
 
 @endpoint(router, "metrics", response_class=MetricsAnswer, status_code=200)
@@ -83,24 +81,12 @@ async def metrics(request: HttpRequest, context: ContextOf) -> MetricsAnswer:
     return MetricsAnswer(text, media_type=None if openmetrics else PLAIN_TEXT)
 
 
-@endpoint(router, "config")
-async def config(context: ContextOf) -> JsonAnswer:
-    """Return the configuration in force."""
-    return JsonAnswer(context.stage.config())
-
-
-@endpoint(router, "played")
-async def played(context: ContextOf) -> JsonAnswer:
-    """Return the record of the last play."""
-    return JsonAnswer(await context.stage.played())
-
-
 @endpoint(router, "audit")
 async def audit(
     context: ContextOf, limit: Annotated[int, Query(ge=1, le=1000)] = 100
 ) -> JsonAnswer:
     """Return the newest `limit` entries of the audit, newest first."""
-    return JsonAnswer({"audit": await context.stage.audit_log(limit)})
+    return JsonAnswer(await context.stage.audit_log(limit))
 
 
 @endpoint(router, "openapi", responses=None)

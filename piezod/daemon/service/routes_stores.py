@@ -17,7 +17,8 @@ from piezod.daemon.service.refusals import TooManyError
 from piezod.daemon.service.request_context import ContextOf
 from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.routes_commands import Nothing
-from piezod.daemon.service.stage_service import NotNowError
+from piezod.daemon.stage.errors import NotNowError
+from piezod.messages.requests import TABLE
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
@@ -50,23 +51,18 @@ class KeepRecording(ConfigModel):
     kept: bool = Field(default=True, description="Whether it is marked as kept.")
 
 
-@endpoint(router, "params")
-async def params(context: ContextOf) -> JsonAnswer:
-    """Return the parameters in use."""
-    return JsonAnswer(await context.stage.params())
+def _add_action(name: str) -> None:
+    what = TABLE[name].path.replace("/", " ")
+
+    async def action(_body: Nothing, context: ContextOf) -> JsonAnswer:
+        act = getattr(context.stage, name)
+        return JsonAnswer(await context.perform(what, lambda: act(context.peer)))
+
+    endpoint(router, name, name=name)(action)
 
 
-@endpoint(router, "params_history")
-async def params_history(context: ContextOf) -> JsonAnswer:
-    """Return the saved parameters, newest first."""
-    return JsonAnswer({"history": await context.stage.params_history()})
-
-
-@endpoint(router, "save_params")
-async def save_params(_body: Nothing, context: ContextOf) -> JsonAnswer:
-    """Save the parameters in use."""
-    saving = context.perform("params save", lambda: context.stage.save_params(context.peer))
-    return JsonAnswer(await saving)
+for _name in ("save_params", "reload", "stop_recording"):  # the method of the stage does all
+    _add_action(_name)
 
 
 @endpoint(router, "load_params")
@@ -84,20 +80,6 @@ async def restore_params(body: Restore, context: ContextOf) -> JsonAnswer:
     return JsonAnswer(await loading)
 
 
-@endpoint(router, "reload")
-async def reload(_body: Nothing, context: ContextOf) -> JsonAnswer:
-    """Read the configuration again; an invalid one changes nothing."""
-    return JsonAnswer(await context.perform("reload", lambda: context.stage.reload(context.peer)))
-
-
-@endpoint(router, "recordings")
-async def recordings(context: ContextOf) -> JsonAnswer:
-    """Return the recording in progress, the finished recordings, and their folder."""
-    running, finished = await context.stage.recordings()
-    folder = str(context.stage.recordings_folder)
-    return JsonAnswer({"running": running, "recordings": finished, "folder": folder})
-
-
 @endpoint(router, "start_recording")
 async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswer:
     """Start recording every cycle."""
@@ -107,17 +89,8 @@ async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswe
     )
     recorders = context.state.recorders
     recorders.clear()  # there is one recording at a time
-    recorders[started["name"]] = context.peer.pid, context.peer.client
+    recorders[started.name] = context.peer.pid, context.peer.client
     return JsonAnswer(started)
-
-
-@endpoint(router, "stop_recording")
-async def stop_recording(_body: Nothing, context: ContextOf) -> JsonAnswer:
-    """End the recording and close its file."""
-    stopping = context.perform(
-        "recordings stop", lambda: context.stage.stop_recording(context.peer)
-    )
-    return JsonAnswer(await stopping)
 
 
 @endpoint(router, "keep_recording")
@@ -134,8 +107,8 @@ async def keep_recording(body: KeepRecording, context: ContextOf) -> JsonAnswer:
 async def recording(name: str, request: HttpRequest, context: ContextOf) -> RecordingAnswer:
     """Return the HDF5 file of a finished recording; one download at a time for each user."""
     downloads, uid = context.state.downloads, context.peer.uid
-    running, _ = await context.stage.recordings()
-    if running is not None and running["file"] == name:
+    running = (await context.stage.recordings()).running
+    if running is not None and running.file == name:
         raise NotNowError(f"{name} is still in progress", "stop the recording first")
     if uid in downloads:
         raise TooManyError("this user already downloads a recording", "wait for its end")

@@ -6,14 +6,15 @@ from typing import Any, Final
 
 from starlette.requests import ClientDisconnect, Request
 
-from piezod.config.requests import Stream
 from piezod.config.states import State
 from piezod.daemon.service.open_streams import OpenStream
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.refusals import SilentError, TooLargeError
 from piezod.daemon.service.request_context import RequestContext
-from piezod.daemon.service.stage_service import BadValueError, Document, StageError
 from piezod.daemon.service.strict_json import loads
+from piezod.daemon.stage.errors import BadValueError, StageError
+from piezod.messages.answers import StreamEnd
+from piezod.messages.requests import Stream
 
 MAX_LINE: Final = 1024
 _REMEDY: Final = 'each line must be like {"x": 12.5}, in µm, with the axes of the first line'
@@ -38,7 +39,7 @@ class SetpointStream:
         self._stream = OpenStream(())
         self.count = 0
 
-    async def run(self, request: Request) -> Document:
+    async def run(self, request: Request) -> StreamEnd:
         """Take setpoints until the client ends the stream.
 
         Returns:
@@ -66,7 +67,7 @@ class SetpointStream:
         finally:
             self._context.state.streams.close(self._stream)
             self._context.note(f"stream ended after {self.count} setpoints", why)
-        return {"accepted": True, "setpoints": self.count}
+        return StreamEnd(setpoints=self.count)
 
     async def _wait_for_hold(self) -> None:
         """Wait until the stage holds after the last setpoint, if nothing else moves it."""
@@ -74,7 +75,7 @@ class SetpointStream:
         period_s = 1.0 / stage.config()["rate_hz"]
         waits = round((_QUIET_S + _QUIET_CYCLES * period_s) / _POLL_S)
         for _ in range(waits if self.count else 0):
-            if stage.status()["state"] != State.RUN:
+            if stage.state != State.RUN:
                 return
             await asyncio.sleep(_POLL_S)
 

@@ -8,10 +8,10 @@ from typing import Final
 from starlette.responses import Response
 from starlette.types import Message, Receive, Scope, Send
 
-from piezod.daemon.service.answers import dump
 from piezod.daemon.service.peer_protocol import PeerProtocol
-from piezod.daemon.service.stage_service import RecordReader
 from piezod.daemon.service.summary import summarise
+from piezod.daemon.stage.following_reader import FollowingReader
+from piezod.messages.documents import dump
 
 _MOST_RECORDS: Final = 40_000
 """Most records in one event, 2 s of the fastest loop; further records go to the next event."""
@@ -35,7 +35,7 @@ class TelemetryAnswer(Response):
 
     def __init__(
         self,
-        records: RecordReader,
+        records: FollowingReader,
         fault_ids: Callable[[int], Sequence[str]],
         axes: Mapping[str, int],
         rate_hz: float,

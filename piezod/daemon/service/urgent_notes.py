@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from piezod.daemon.service.rate_limit import TokenBucket
-from piezod.daemon.service.stage_service import AuditEntry
+from piezod.daemon.stage.peer import AuditEntry
 
 RATE_HZ: Final = 2.0
 BURST: Final = 20.0

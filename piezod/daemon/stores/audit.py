@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from itertools import chain, islice
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from piezod.daemon.logging import logger
+from piezod.messages.stores import AuditLine
 from piezod.own_folder import make_folder
 
 MAX_BYTES: Final = 4 << 20
@@ -18,28 +19,6 @@ KEPT: Final = 5
 """Number of files that are kept, including the present one."""
 
 _MAX_TEXT: Final = 1000
-
-
-class AuditLine(NamedTuple):
-    """One request and its answer.
-
-    Attributes:
-        when: ISO 8601 with the offset from UTC.
-        uid: User id of the client.
-        user: Name of that user; empty if it has none.
-        client: Name that the client gives itself.
-        what: The request, as in "goto x 12.5 µm".
-        accepted: Whether it was accepted.
-        why: Why not; empty if it was accepted.
-    """
-
-    when: str
-    uid: int
-    user: str
-    client: str
-    what: str
-    accepted: bool
-    why: str = ""
 
 
 def _utc_now() -> datetime:
@@ -101,7 +80,7 @@ class AuditLog:
         at = (when or self._now()).isoformat(timespec="milliseconds")
         user, client, what, why = (text[:_MAX_TEXT] for text in (user, client, what, why))
         entry = AuditLine(at, uid, user, client, what, accepted, why)
-        line = (json.dumps(entry._asdict()) + "\n").encode()
+        line = (json.dumps(vars(entry)) + "\n").encode()
         try:
             self._append(line)
         except OSError as error:

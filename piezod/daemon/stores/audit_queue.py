@@ -8,7 +8,8 @@ from typing import Final
 
 from piezod.daemon.background import Background
 from piezod.daemon.logging import logger
-from piezod.daemon.stores.audit import AuditLine, AuditLog
+from piezod.daemon.stores.audit import AuditLog
+from piezod.messages.stores import AuditLine
 
 READ_S: Final = 1.0
 """Longest time for which a reader waits for the entries before it, in s."""

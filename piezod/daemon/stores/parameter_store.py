@@ -16,6 +16,7 @@ from piezod.daemon.stores.parameter_document import (
     encode,
 )
 from piezod.errors import DataError
+from piezod.messages.stores import HistoryEntry, Rejected
 from piezod.own_folder import make_folder
 
 KEPT: Final = 20
@@ -26,18 +27,6 @@ _FILE_NAME: Final = re.compile(r"([0-9]{9})\.json")
 
 def _utc_now() -> datetime:
     return datetime.now(UTC)
-
-
-class Rejected(NamedTuple):
-    """A file that was not used.
-
-    Attributes:
-        file: Its name.
-        why: What is wrong with it.
-    """
-
-    file: str
-    why: str
 
 
 class Loaded(NamedTuple):
@@ -53,24 +42,6 @@ class Loaded(NamedTuple):
     document: ParameterDocument | None
     copy: str
     rejected: tuple[Rejected, ...]
-
-
-class Stored(NamedTuple):
-    """A file of the history.
-
-    Attributes:
-        sequence: Its number, which increases with each save.
-        saved_at: Instant of the save, ISO 8601 with the offset from UTC; empty if it is not valid.
-        saved_by: User who saved it; empty if it is not valid.
-        axes: Names of its axes; none if it is not valid.
-        why: What is wrong with it; empty if it is valid.
-    """
-
-    sequence: int
-    saved_at: str = ""
-    saved_by: str = ""
-    axes: tuple[str, ...] = ()
-    why: str = ""
 
 
 class ParameterStore:
@@ -143,16 +114,16 @@ class ParameterStore:
                 return Loaded(document, copy, tuple(rejected))
         return Loaded(None, "", tuple(rejected))
 
-    def history(self) -> tuple[Stored, ...]:
+    def history(self) -> tuple[HistoryEntry, ...]:
         """Return the stored files, newest first, including invalid ones."""
         return tuple(self._stored(number) for number in self._newest_first())
 
-    def _stored(self, number: int) -> Stored:
+    def _stored(self, number: int) -> HistoryEntry:
         try:
             document = self._read(number)
         except DataError as error:
-            return Stored(number, why=str(error))
-        return Stored(number, document.saved_at, document.saved_by, tuple(document.axes))
+            return HistoryEntry(number, why=str(error))
+        return HistoryEntry(number, document.saved_at, document.saved_by, tuple(document.axes))
 
     def _read(self, number: int) -> ParameterDocument:
         try:

@@ -2,6 +2,7 @@
 
 import errno
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Lock, Thread
@@ -12,6 +13,7 @@ from piezod.daemon.stores.recorded_files import RecordedFiles, RecordedStage
 from piezod.daemon.stores.recording_limits import RecordingLimits, no_room
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.errors import PiezodError
+from piezod.messages.stores import Recording
 from piezod.records.telemetry_header import TelemetryHeader
 
 DRAIN_S: Final = 0.025
@@ -26,28 +28,6 @@ _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 class RecorderError(PiezodError):
     """Raised when a recording cannot be started or ended now."""
-
-
-class RecorderStatus(NamedTuple):
-    """Status of a recording.
-
-    Attributes:
-        recording: Whether it is running.
-        name: Name of the running or the last recording; empty before the first.
-        records: Number of records.
-        lost: Number of records that were overwritten before the disk took them.
-        why: Why it ended by itself; empty if it did not.
-        disk_full: Whether it ended by itself because the disk was full.
-        files: Number of files; the names of all but the first one end in their number.
-    """
-
-    recording: bool
-    name: str
-    records: int
-    lost: int
-    why: str
-    disk_full: bool = False
-    files: int = 1
 
 
 class Recorder:
@@ -74,10 +54,10 @@ class Recorder:
         self._ending = Event()
         self._thread: Thread | None = None
         self._lock = Lock()
-        self._status = RecorderStatus(False, "", 0, 0, "")
+        self._status = Recording()
 
     @property
-    def status(self) -> RecorderStatus:
+    def status(self) -> Recording:
         """Status of the running recording, or of the last one."""
         with self._lock:
             return self._status
@@ -115,13 +95,13 @@ class Recorder:
             files = RecordedFiles(self._stage, self.folder, path, header, limits, begins_ns)
         except OSError as error:
             raise RecorderError(f"the recording cannot be started: {error}") from error
-        self._set_status(RecorderStatus(True, path.stem, 0, 0, ""))
+        self._set_status(Recording(True, path.stem))
         self._ending.clear()  # the last `stop` has set it
         self._thread = Thread(target=self._record, args=(files,), name="recorder")
         self._thread.start()
         return path.stem
 
-    def stop(self) -> RecorderStatus:
+    def stop(self) -> Recording:
         """End the recording after the records that have come so far, and close its file.
 
         Without a running recording, return the status of the last one; why it ended by itself is
@@ -130,7 +110,7 @@ class Recorder:
         self._ending.set()
         self._join()
         ended = self.status
-        self._set_status(ended._replace(why="", disk_full=False))
+        self._set_status(replace(ended, why="", disk_full=False))
         return ended
 
     def _join(self) -> None:
@@ -142,7 +122,7 @@ class Recorder:
         failure = _failure_of(lambda: self._copy_until_end(files))
         not_closed = _failure_of(files.close)  # also after a failure: it keeps what is there
         why, disk_full = failure if failure.why else not_closed
-        status = self.status._replace(recording=False, why=why, disk_full=disk_full)
+        status = replace(self.status, recording=False, why=why, disk_full=disk_full)
         self._set_status(_with_counts(status, files))
         if why:
             logger("recorder").error("recording ended", name=status.name, why=why)
@@ -172,13 +152,13 @@ class Recorder:
             self.folder.path
         )
 
-    def _set_status(self, status: RecorderStatus) -> None:
+    def _set_status(self, status: Recording) -> None:
         with self._lock:
             self._status = status
 
 
-def _with_counts(status: RecorderStatus, files: RecordedFiles) -> RecorderStatus:
-    return status._replace(records=files.records, lost=files.lost, files=files.files)
+def _with_counts(status: Recording, files: RecordedFiles) -> Recording:
+    return replace(status, records=files.records, lost=files.lost, files=files.files)
 
 
 class _Failure(NamedTuple):

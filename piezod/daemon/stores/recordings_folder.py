@@ -4,8 +4,9 @@ import re
 from datetime import UTC, datetime
 from math import inf
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
+from piezod.messages.stores import RecordingFile
 from piezod.own_folder import make_folder
 from piezod.records.part_names import RECORDING_NAME, without_part
 
@@ -13,20 +14,6 @@ _LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 _SUFFIX: Final = ".h5"
 _KEPT: Final = ".keep"
 """Ending of the empty file that marks a recording as kept."""
-
-
-class StoredRecording(NamedTuple):
-    """A file in the folder.
-
-    Attributes:
-        name: Its name, without the suffix.
-        size_bytes: Its size.
-        kept: Whether it is marked as kept.
-    """
-
-    name: str
-    size_bytes: int
-    kept: bool = False
 
 
 class RecordingsFolder:
@@ -78,13 +65,13 @@ class RecordingsFolder:
         found = RECORDING_NAME.fullmatch(name) and path.is_file() and not path.is_symlink()
         return path if found else None
 
-    def files(self) -> tuple[StoredRecording, ...]:
+    def files(self) -> tuple[RecordingFile, ...]:
         """Return the files, newest first."""
         # Names begin with the time, so that their order is that of time.
         names = sorted((path.stem for path in self.path.glob(f"*{_SUFFIX}")), reverse=True)
         found = [(name, path) for name in names if (path := self.find(name))]
         return tuple(
-            StoredRecording(name, path.stat().st_size, self._is_kept(name)) for name, path in found
+            RecordingFile(name, path.stat().st_size, self._is_kept(name)) for name, path in found
         )
 
     def keep(self, name: str, kept: bool) -> bool:

@@ -4,7 +4,7 @@ import threading
 import time
 from typing import Final
 
-from piezod.daemon.supervisor.connection import LoopConnection
+from piezod.daemon.stage.connection import LoopConnection
 from piezod.units import s_to_ns
 
 BEAT_S: Final = 0.1

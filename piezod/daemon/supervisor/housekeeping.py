@@ -4,7 +4,7 @@ import asyncio
 from typing import Final
 
 from piezod.daemon.logging import logger
-from piezod.daemon.supervisor.stage_link import StageLink
+from piezod.daemon.stage.running_stage import RunningStage
 
 PERIOD_S: Final = 0.5
 
@@ -18,7 +18,7 @@ class Housekeeping:
         link: The stage.
     """
 
-    def __init__(self, link: StageLink) -> None:
+    def __init__(self, link: RunningStage) -> None:
         self._link = link
 
     def log_events(self) -> None:

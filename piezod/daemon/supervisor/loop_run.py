@@ -11,17 +11,17 @@ from select import select
 from typing import Any, Final
 
 from piezod import __version__
-from piezod.config.requests import Shutdown
 from piezod.daemon import accepted_config
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import UnavailableError
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import UnavailableError
 from piezod.daemon.supervisor import processes
-from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.rescuer import Rescuer
 from piezod.daemon.supervisor.source_files import SourceFiles
 from piezod.errors import ConfigError, PiezodError, Problem
+from piezod.messages.requests import Shutdown
 from piezod.service_view import who_may_change
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create

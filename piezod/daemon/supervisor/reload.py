@@ -16,7 +16,7 @@ from piezod.config.states import State
 from piezod.daemon.logging import logger
 from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import BadValueError, NotNowError
+from piezod.daemon.stage.errors import BadValueError, NotNowError
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.errors import ConfigError, PiezodError
 

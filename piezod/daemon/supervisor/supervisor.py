@@ -12,14 +12,15 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Final
 
-from piezod.config.endpoints import Role
 from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
-from piezod.daemon.service.stage_service import Document, NotNowError, Peer, StageError
+from piezod.daemon.stage.errors import NotNowError, StageError
+from piezod.daemon.stage.peer import Peer
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.daemon.supervisor.api_server import ApiServer
 from piezod.daemon.supervisor.compiling import CompilingReport
 from piezod.daemon.supervisor.heartbeat import Heartbeat
@@ -34,8 +35,9 @@ from piezod.daemon.supervisor.reload import (
     prepare,
 )
 from piezod.daemon.supervisor.signals import Signals
-from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
+from piezod.messages.endpoints import Role
+from piezod.messages.stores import Reloaded
 
 PERIOD_S: Final = 0.1
 """Period of `_watch`, in s."""
@@ -80,7 +82,7 @@ class Supervisor:
         self._stopping = self._ready = self._reloading = self._exchanging = False
         self._state: State | None = None
         self.loop_run, self.loop_hung = run, False
-        self._link = StageLink(
+        self._link = RunningStage(
             paths,
             self.loop_run.loop,
             stop=self.stop,
@@ -208,7 +210,7 @@ class Supervisor:
         self._tasks.add(task)  # the event loop keeps only a weak reference
         task.add_done_callback(self._tasks.discard)
 
-    async def reload(self, peer: Peer) -> Document:
+    async def reload(self, peer: Peer) -> Reloaded:
         """Read the configuration again; if it has changed, exchange the loop.
 
         Latched faults, the identities of the devices and the learned parameters go on, as far as
@@ -230,7 +232,7 @@ class Supervisor:
         finally:
             self._reloading = False
         lost = await self._lost_parameters() if different else []
-        return {"changes": different, "lost": lost}
+        return Reloaded(tuple(different), tuple(lost))
 
     async def _reload(self, peer: Peer) -> list[str]:
         run, strict_rt = self.loop_run, self._options.strict_rt

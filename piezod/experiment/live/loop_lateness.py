@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from piezod.client.telemetry import Telemetry
 from piezod.config.faults import Fault
 from piezod.experiment.lateness import Lateness
+from piezod.messages.telemetry import Telemetry
 
 _HOLDING: Final = frozenset({Fault.L2, Fault.L5})
 """Lateness that holds a stage."""

@@ -10,7 +10,6 @@ from piezod.config.experiment_fields import CaseConfig
 from piezod.config.frequencies import too_fast
 from piezod.config.modes import Mode
 from piezod.config.play import PlayConfig
-from piezod.config.requests import TABLE
 from piezod.config.rules import MIN_JUDGED_SAMPLES
 from piezod.config.waveforms.combined import pack_waveforms
 from piezod.config.waveforms.waveform import WaveformCostError
@@ -19,6 +18,7 @@ from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.experiment.live.setup import LiveAxis, LiveSetup, no_model
 from piezod.experiment.play.command import command_of
 from piezod.experiment.virtual.case import RANGE_MARGIN
+from piezod.messages.requests import TABLE
 
 LARGEST_REQUEST_BYTES: Final = TABLE["wave"].access.most_bytes
 """Largest request that a daemon accepts, in bytes."""

@@ -7,7 +7,6 @@ from pydantic import ValidationError
 
 from piezod.client import StageClient
 from piezod.client.errors import unexpected
-from piezod.client.results import Document
 from piezod.client.waveforms import tupled
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
@@ -16,6 +15,7 @@ from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import from_model_file
 from piezod.control.reference.motion import Motion, lead_in, motion_limits, waveform_motion
 from piezod.errors import DataError
+from piezod.messages.documents import Document
 
 AT_REST_V = 1e-3
 """Largest difference of a safe voltage and the rest voltage that counts as equal, in V."""

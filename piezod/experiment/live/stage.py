@@ -9,8 +9,6 @@ from typing import Final, Self, TypeVar
 from piezod.client import StageClient
 from piezod.client.arrival import because_of
 from piezod.client.calls import Waveforms
-from piezod.client.results import Document
-from piezod.client.telemetry import Telemetry as Interval
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -26,6 +24,8 @@ from piezod.experiment.lateness import until_punctual
 from piezod.experiment.live.loop_lateness import LoopLateness
 from piezod.experiment.live.recorder import StageRecorder
 from piezod.experiment.live.setup import LiveSetup
+from piezod.messages.documents import Document
+from piezod.messages.telemetry import Telemetry as Interval
 
 RATE_HZ: Final = 20.0
 """Rate of the telemetry, in Hz."""

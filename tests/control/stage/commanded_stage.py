@@ -8,8 +8,6 @@ from collections.abc import Callable, Coroutine
 from math import isfinite
 from typing import Any, Final, cast
 
-from piezod.config import requests as rq
-from piezod.config.endpoints import Role
 from piezod.config.states import State
 from piezod.control.guard import Limits
 from piezod.control.in_force import OUTPUT_WAIT_S
@@ -23,10 +21,15 @@ from piezod.daemon.service.open_streams import OpenStreams
 from piezod.daemon.service.refusals import LeaseHeldError
 from piezod.daemon.service.request_context import RequestContext, ServiceState
 from piezod.daemon.service.roles import Roles
-from piezod.daemon.service.stage_service import Document, Peer, StageError, StageService
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.stage.errors import StageError
+from piezod.daemon.stage.peer import Peer
+from piezod.daemon.stage.running_stage import RunningStage
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
+from piezod.messages.answers import Faults
+from piezod.messages.endpoints import Role
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from piezod.units import NS_PER_S
@@ -79,7 +82,7 @@ class CommandedStage(FaultyStage):
         now_s: Callable[[], float] = lambda: self.t_ns / NS_PER_S  # noqa: E731 - a clock
         self.lease = Lease(now_s)
         self._service = ServiceState(
-            cast("StageService", _Service(self)),
+            cast("RunningStage", _Service(self)),
             cast("Roles", None),  # who may send what is checked before the context is made
             self.lease,
             set(),
@@ -93,8 +96,8 @@ class CommandedStage(FaultyStage):
         before, row = self.controller.state, rq.TABLE[request.kind]
         # A fault that was latched in SAFE leads to FAULT at the next event of any kind.
         blocked = before is State.SAFE and bool(self.stage.register.blocking)
-        holder = self.lease.document
-        mine = holder is None or holder["holder"]["uid"] == person.uid
+        holder = self.lease.present
+        mine = holder is None or holder.holder.uid == person.uid
         try:
             _finished(RequestContext(self._service, person, row.access).ask(request))
         except StageError as error:
@@ -233,8 +236,8 @@ class CommandedStage(FaultyStage):
         return max(low_v - drive_v, drive_v - high_v, 0.0)
 
     def _mine_now(self, person: Peer) -> bool:
-        holder = self.lease.document
-        return holder is not None and holder["holder"]["uid"] == person.uid
+        holder = self.lease.present
+        return holder is not None and holder.holder.uid == person.uid
 
 
 class _Service:
@@ -243,14 +246,15 @@ class _Service:
     def __init__(self, stage: CommandedStage) -> None:
         self._stage, self.axes = stage, tuple(stage.config.axes)
 
+    @property
+    def state(self) -> str:
+        return self._stage.state
+
     async def request(self, request: rq.Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
         return self._stage.controller.execute(request, self._stage.t_ns)
 
-    def status(self) -> Document:
-        return {"state": self._stage.state}
-
-    def faults(self) -> list[Document]:
-        return []
+    def faults(self) -> Faults:
+        return Faults(faults=())
 
     def audit(self, entry: object) -> None:
         """Keep nothing."""

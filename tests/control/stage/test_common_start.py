@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from piezod.config import requests as rq
+from piezod.messages import requests as rq
 from tests.control.rig_stage import RigStage, shipped_config
 from tests.control.stage.test_stage_play import PLAY, PlayedByHand, PlayingStage
 

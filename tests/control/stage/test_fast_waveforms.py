@@ -1,8 +1,8 @@
 """Waveforms that a loop cannot make."""
 
-from piezod.config import requests
 from piezod.config.states import State
 from piezod.config.waveforms.shapes import Sine
+from piezod.messages import requests
 from tests.control.rig_stage import RigStage
 
 

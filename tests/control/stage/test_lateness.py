@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.watch.loop import CycleTiming
 from piezod.hysteresis.memory import FloatArray
+from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction

@@ -6,11 +6,11 @@ from math import isfinite
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import ids
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction

@@ -7,7 +7,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -15,6 +14,7 @@ from piezod.config.trim import TrimConfig
 from piezod.control.faults.detection import Detection
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.interface import Device, Sample
+from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
 from piezod.testing.injections import InjectionKind

@@ -3,10 +3,10 @@
 import pytest
 
 from piezod.config.modes import Mode
-from piezod.config.requests import Arm, Goto, Hold, SelectMode, Wave
 from piezod.config.states import State
 from piezod.config.waveforms.shapes import Sine
 from piezod.control.stage.answer import Answer
+from piezod.messages.requests import Arm, Goto, Hold, SelectMode, Wave
 from piezod.units import NS_PER_S
 from tests.control.rig_stage import RigStage
 

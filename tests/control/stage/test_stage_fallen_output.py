@@ -4,11 +4,11 @@ from math import nan
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.control.fault_cases import SwingingStage
 

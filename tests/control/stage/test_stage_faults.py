@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -16,6 +15,7 @@ from piezod.control.faults.table import ids
 from piezod.control.guard import Admitted, Guard
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction

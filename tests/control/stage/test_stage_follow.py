@@ -7,7 +7,7 @@ import pytest
 
 from piezod.config.channels import InputConfig, LineCalibration
 from piezod.config.daemon import DaemonConfig
-from piezod.config.requests import Arm, Follow, Goto, Hold, Resume, Stream
+from piezod.messages.requests import Arm, Follow, Goto, Hold, Resume, Stream
 from piezod.testing.injections import Injection, InjectionKind
 from tests.control.rig_stage import FaultyStage, RigStage, shipped_config
 

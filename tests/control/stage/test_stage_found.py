@@ -4,11 +4,11 @@ from math import nan
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
 from piezod.control.faults.table import mask
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.control.rig_stage import FaultyStage, RigStage
 

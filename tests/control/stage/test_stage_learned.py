@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.axes import CompensatorConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
@@ -17,6 +16,7 @@ from piezod.control.law.identifier import LearningGate
 from piezod.control.law.learned_models import LEAST_ERROR
 from piezod.errors import ModelError
 from piezod.hysteresis import even_thresholds
+from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.rig_stage import FaultyStage, RigStage, shipped_config

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
 from piezod.config.waveforms.shapes import Sine
+from piezod.messages import requests as rq
 from tests.control.rig_stage import RigStage, shipped_config
 
 RATES_AND_MODES = [

@@ -7,11 +7,11 @@ from typing import Any, cast
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.control.watch.sensor import SensorWatch
 from piezod.devices.interface import Device
+from piezod.messages import requests as rq
 from piezod.testing.faulty import SensorAmplifier
 from tests.control.rig_stage import RigStage, quick_config, shipped_config
 

@@ -6,7 +6,6 @@ from math import isnan, nan
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.control.stage.playing import PlayOutcome
@@ -14,6 +13,7 @@ from piezod.devices.interface import Device, Identity
 from piezod.devices.played_axis import AxisTable
 from piezod.devices.player import AtEnd, PlayerCapabilities
 from piezod.devices.wrapper import DeviceWrapper
+from piezod.messages import requests as rq
 from piezod.units import s_to_ns
 from tests.control.rig_stage import RigStage, quick_config
 

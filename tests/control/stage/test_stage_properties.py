@@ -14,12 +14,12 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.config.waveforms.shapes import Sine, Triangle
 from piezod.control.watch.loop import CycleTiming
-from piezod.daemon.service.stage_service import Peer
+from piezod.daemon.stage.peer import Peer
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind as Kind
 from tests.control.own_output import OutputKind
 from tests.control.rig_stage import ON_TIME

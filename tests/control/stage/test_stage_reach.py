@@ -4,7 +4,6 @@ from math import isnan
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.axes import LimitsConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.drive_limits import DriveLimit
@@ -13,6 +12,7 @@ from piezod.config.waveforms.shapes import Sine
 from piezod.control.assembly import check_stage, stage_warnings
 from piezod.errors import ModelError
 from piezod.hysteresis import LearnedModel
+from piezod.messages import requests as rq
 from tests.control.rig_stage import RigStage, quick_config
 from tests.control.surface_rig import EACH_MODEL, with_model
 

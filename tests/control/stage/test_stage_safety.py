@@ -6,7 +6,6 @@ from math import nan
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.gate_reasons import GateReason
 from piezod.config.model_file import load_model
@@ -16,6 +15,7 @@ from piezod.config.waveforms.shapes import Sine
 from piezod.control import controller as stage_controller
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.rig_stage import CONFIG, FaultyStage, RigStage, cycles_until, shipped_config

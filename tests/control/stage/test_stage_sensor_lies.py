@@ -6,7 +6,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.gate_reasons import GateReason
@@ -19,6 +18,7 @@ from piezod.control.law.learned_models import ModelDrift
 from piezod.control.law.model_files import read_model
 from piezod.devices.interface import Device, Sample
 from piezod.hysteresis import LearnedModel
+from piezod.messages import requests as rq
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
 from tests.control.rig_stage import RigStage, quick_config
 from tests.control.surface_rig import CLASSES, with_model

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.axes import CompensatorConfig
 from piezod.config.modes import Mode
 from piezod.control.law.model_files import read_model
 from piezod.experiment.replay.comparison import replay_recording
 from piezod.hysteresis.everett_bounds import least_surface_slope
+from piezod.messages import requests as rq
 from piezod.records.figures.run import mode_figure
 from piezod.records.telemetry_reader import read_telemetry
 from tests.control.rig_stage import RigStage, quick_config, shipped_config

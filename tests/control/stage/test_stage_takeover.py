@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import ids
 from piezod.devices.status import DeviceFlag
+from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.control.fault_cases import SwingingStage
 from tests.control.rig_stage import FaultyStage

@@ -4,7 +4,6 @@ from typing import Any
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.first_mode import FoundModeConfig
 from piezod.config.model_file import load_model
@@ -12,6 +11,7 @@ from piezod.config.modes import Mode
 from piezod.config.trim import TrimConfig
 from piezod.control.assembly import check_stage
 from piezod.errors import ModelError
+from piezod.messages import requests as rq
 from tests.control.rig_stage import RigStage, shipped_config
 
 GREEDY = {"gain_per_s": 5000.0, "authority_pct": 20.0}

@@ -6,11 +6,11 @@ from typing import Any, cast
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.control.in_force import OUTPUT_WAIT_S
 from piezod.devices.interface import Capabilities, Device
+from piezod.messages import requests as rq
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
 from piezod.testing.injections import Injection, InjectionKind
 from tests.control.rig_stage import RigStage, quick_config

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms.shapes import Setpoint, Sine
+from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.control.rig_stage import FaultyStage, RigStage, quick_config, shipped_config
 

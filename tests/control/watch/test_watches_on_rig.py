@@ -5,12 +5,12 @@ from itertools import product
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import WaveformConfig
 from piezod.config.waveforms.paths import Staircase
 from piezod.config.waveforms.shapes import Sine, Triangle
 from piezod.devices.interface import Amplifier, Device, Sensor
+from piezod.messages import requests as rq
 from piezod.testing.faulty import FaultyDevice
 from piezod.testing.injections import Injection, InjectionKind
 from tests.conftest import Reaction

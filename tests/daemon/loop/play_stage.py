@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.control.guard import Limits
 from piezod.control.stage.playing import PlayOutcome
@@ -16,6 +15,7 @@ from piezod.devices.interface import Device, Identity
 from piezod.devices.played_axis import AxisTable, PlayedAxis
 from piezod.devices.reconnecting import ReconnectingDevice
 from piezod.devices.wiring import pairs_of
+from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S
 from tests.control.rig_stage import ON_TIME, RigStage

@@ -7,7 +7,6 @@ import pytest
 
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
-from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
 from piezod.config.states import State
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop.device_counters import DeviceCounters
@@ -19,6 +18,7 @@ from piezod.devices.channels import Channels
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.devices.wiring import ChannelPair
+from piezod.messages.requests import Estop, Goto, Hold, Shutdown, Stop
 from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.cycle_counts import counts_of
 from piezod.telemetry.device_counts import DeviceCounts, device_counts_of

@@ -7,8 +7,8 @@ from threading import Event
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.control.stage.playing import PlayOutcome
+from piezod.messages import requests as rq
 from tests.daemon.loop.play_stage import BENCHES, MS, PLAY, PlayStage
 from tests.daemon.waiting import eventually
 

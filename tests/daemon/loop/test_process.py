@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from piezod.config.requests import Arm, Goto, Shutdown
 from piezod.config.states import State
 from piezod.daemon.last_output import read_last_output
 from piezod.daemon.noted_identities import noted_identities
+from piezod.messages.requests import Arm, Goto, Shutdown
 from piezod.telemetry.words import HUNG, Word
 from tests.daemon.loop_child import LoopChild
 from tests.daemon.waiting import eventually

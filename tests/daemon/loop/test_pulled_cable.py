@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from piezod.config.states import State
-from piezod.daemon.supervisor.documents import STATES
+from piezod.daemon.stage.status import STATES
 from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from piezod.config.daemon import load_daemon
-from piezod.config.requests import Arm, Request, Shutdown
 from piezod.config.states import State
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.last_output import LastOutputWriter
@@ -31,6 +30,7 @@ from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, Wiring
 from piezod.devices.wiring import ChannelPair
 from piezod.errors import AlreadyRunningError, DeviceUnavailableError
+from piezod.messages.requests import Arm, Request, Shutdown
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter

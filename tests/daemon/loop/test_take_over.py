@@ -8,10 +8,10 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.daemon.loop.process import take_over
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Identity
+from piezod.messages import requests as rq
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 from tests.control.rig_stage import RigStage, shipped_config

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 
-from piezod.config import requests as rq
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -13,6 +12,7 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.loop.worker import STUCK_NS, DeviceWorker
 from piezod.devices.interface import Device, Identity, Sample
 from piezod.devices.wrapper import DeviceWrapper
+from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.fake_clock import FakeClock
 from piezod.units import NS_PER_S

@@ -12,8 +12,7 @@ import httpx
 import numpy as np
 from numpy.typing import NDArray
 
-from piezod.config.endpoints import Role
-from piezod.config.requests import Request
+from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
@@ -22,15 +21,30 @@ from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
 from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import User
 from piezod.daemon.service.server import bind, make_server
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    Document,
-    NotNowError,
-    Peer,
-    UnavailableError,
-    UnknownNameError,
-)
 from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNameError
+from piezod.daemon.stage.following_reader import FollowingReader
+from piezod.daemon.stage.peer import AuditEntry, Peer
+from piezod.daemon.stage.running_stage import RunningStage
+from piezod.messages.answers import AxisStatus, Fault, Faults, Health, Realtime, Status
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import Role
+from piezod.messages.requests import Request
+from piezod.messages.stores import (
+    Audit,
+    AuditLine,
+    History,
+    HistoryEntry,
+    KeptRecording,
+    Loaded,
+    Parameters,
+    Recording,
+    RecordingFile,
+    Recordings,
+    Reloaded,
+    RunningRecording,
+    Saved,
+)
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.daemons import NO_TLS
 from tests.daemon.waiting import join
@@ -38,7 +52,7 @@ from tests.daemon.waiting import join
 NAN = float("nan")
 
 
-class FakeReader:
+class FakeReader(FollowingReader):
     """Returns the records that a test has put into `waiting`, then `else_`."""
 
     def __init__(self) -> None:
@@ -51,22 +65,24 @@ class FakeReader:
         return records[:limit], self.lost
 
 
-class FakeStage:
+class FakeStage(RunningStage):
     """Accepts everything, unless a test sets a refusal."""
 
+    axes: Sequence[str] = ("x", "y")
+    recordings_folder = Path()
+
     def __init__(self, folder: Path) -> None:
-        self.axes: Sequence[str] = ("x", "y")
         self.recordings_folder = folder
         self.requests: list[Request] = []
         self.setpoints: list[Mapping[str, float]] = []
         self.audited: list[AuditEntry] = []
         self.refusal = ""
-        self.state = "SAFE"
+        self.state_then = "SAFE"
         self.next_states: list[str] = []
         self.lost_link = False
         self.unanswered = self.recordings_stopped = 0
         self.stream_refusal = ""
-        self.running: Document | None = None
+        self.running: RunningRecording | None = None
         self.healthy = True
         self.more_faults: list[str] = []
         self.configuration: Document = {"rate_hz": 1000.0}
@@ -86,27 +102,31 @@ class FakeStage:
             raise NotNowError(self.stream_refusal)
         self.setpoints.append(setpoints_um)
 
-    def status(self) -> Document:
-        axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
-        return {
-            "state": self.next_states.pop(0) if self.next_states else self.state,
-            "mode": "adaptive",
-            "faults": [],
-            "skipped_cycles": 0,
-            "axes": axes,
-        }
+    @property
+    def state(self) -> State:
+        return State(self.next_states.pop(0) if self.next_states else self.state_then)
 
-    def health(self) -> tuple[bool, Document]:
-        return self.healthy, {"cycle_age_s": 0.01}
+    @state.setter
+    def state(self, state: str) -> None:
+        self.state_then = state
 
-    def faults(self) -> list[Document]:
-        return [{"id": "S5", "name": "stuck", "present": True, "latched": False, "remedy": "look"}]
+    def status(self) -> Status:
+        axis = AxisStatus(position_um=NAN, command_um=1.5, drive_v=20.0)
+        return Status(
+            state=self.state, mode="adaptive", faults=(), skipped_cycles=0, axes={"x": axis}
+        )
+
+    def health(self) -> Health:
+        return Health(healthy=self.healthy, cycle_age_s=0.01)
+
+    def faults(self) -> Faults:
+        return Faults(faults=(Fault(id="S5", name="stuck", remedy="look"),))
 
     def fault_ids(self, mask: int) -> Sequence[str]:
         return [f"F{bit}" for bit in range(128) if mask >> bit & 1] + self.more_faults
 
-    def realtime(self) -> Document:
-        return {"steps": []}
+    def realtime(self) -> Realtime:
+        return Realtime()
 
     def metrics(self, *, lease_held: bool, openmetrics: bool) -> bytes:
         return f"lease {lease_held:d}\nopenmetrics {openmetrics:d}\n".encode()
@@ -114,25 +134,25 @@ class FakeStage:
     def config(self) -> Document:
         return self.configuration
 
-    async def reload(self, peer: Peer) -> Document:
-        return {"reloaded_by": peer.user}
+    async def reload(self, peer: Peer) -> Reloaded:
+        return Reloaded(changes=(f"by {peer.user}",))
 
     def open_reader(self) -> FakeReader:
         return self.reader
 
-    async def params(self) -> Document:
-        return {"axes": {}, "sequence": 3}
+    async def params(self) -> Parameters:
+        return Parameters(axes={}, sequence=3)
 
-    async def params_history(self) -> list[Document]:
-        return [{"sequence": 3}]
+    async def params_history(self) -> History:
+        return History(history=(HistoryEntry(3),))
 
-    async def save_params(self, peer: Peer) -> Document:
-        return {"sequence": 4, "saved_by": peer.user}
+    async def save_params(self, peer: Peer) -> Saved:  # noqa: ARG002 - a protocol
+        return Saved(4)
 
-    async def load_params(self, sequence: int | None, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+    async def load_params(self, sequence: int | None, peer: Peer) -> Loaded:  # noqa: ARG002 - a protocol
         if sequence == 99:
             raise UnknownNameError("no parameters of number 99")
-        return {"sequence": sequence or 3}
+        return Loaded(sequence or 3)
 
     async def start_recording(
         self,
@@ -140,19 +160,22 @@ class FakeStage:
         peer: Peer,  # noqa: ARG002 - a protocol
         *,
         start_s: float | None = None,
-    ) -> Document:
+    ) -> Recording:
         self.recording_starts_s = start_s
-        return {"name": f"20261121T120000Z-{label}"}
+        return Recording(True, f"20261121T120000Z-{label}")
 
-    async def stop_recording(self, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+    async def stop_recording(self, peer: Peer) -> Recording:  # noqa: ARG002 - a protocol
         self.recordings_stopped += 1
-        return {"name": "20261121T120000Z", "records": 5, "lost": 0}
+        return Recording(False, "20261121T120000Z", records=5)
 
-    async def recordings(self) -> tuple[Document | None, list[Document]]:
-        return self.running, [{"name": path.stem} for path in self.recordings_folder.glob("*.h5")]
+    async def recordings(self) -> Recordings:
+        files = tuple(RecordingFile(path.stem) for path in self.recordings_folder.glob("*.h5"))
+        return Recordings(
+            running=self.running, recordings=files, folder=str(self.recordings_folder)
+        )
 
-    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> Document:  # noqa: ARG002 - a protocol
-        return {"name": name, "kept": kept}
+    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> KeptRecording:  # noqa: ARG002 - a protocol
+        return KeptRecording(name, kept)
 
     def audit(self, entry: AuditEntry) -> None:
         self.audited.append(entry)
@@ -160,8 +183,11 @@ class FakeStage:
     async def played(self) -> Document:
         return {"number": 3, "position_um": [1.0, None]}
 
-    async def audit_log(self, limit: int) -> list[Document]:
-        return [{"what": entry.what} for entry in self.audited[::-1][:limit]]
+    async def audit_log(self, limit: int) -> Audit:
+        newest = self.audited[::-1][:limit]
+        return Audit(
+            audit=tuple(AuditLine("", 0, "", "", each.what, each.accepted) for each in newest)
+        )
 
 
 class FakeRoles:

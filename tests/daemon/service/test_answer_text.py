@@ -3,7 +3,7 @@
 import json
 import os
 
-from piezod.daemon.service.answers import dump
+from piezod.messages.documents import dump
 
 
 def test_path_that_is_no_text_survives_as_json() -> None:

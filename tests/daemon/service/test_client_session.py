@@ -6,11 +6,12 @@ import pytest
 
 from piezod.daemon.service.client_session import RETRY_S
 from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.messages.stores import RunningRecording
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
 
-RUNNING = {"name": "20261121T120000Z-mine", "records": 1}
+RUNNING = RunningRecording(True, "20261121T120000Z-mine", 1)
 
 
 def kinds(served: Served) -> list[str]:
@@ -52,7 +53,7 @@ def test_recording_of_another_client_continues(served: Served, other: tuple[int,
     with served.client() as client:
         client.post("recordings/start", json={"label": "mine"}).raise_for_status()
         served.stage.running = RUNNING
-        served.app.state.service.recorders[RUNNING["name"]] = other
+        served.app.state.service.recorders[RUNNING.name] = other
         with client.stream("POST", "session", json={}):
             pass
         eventually(lambda: client.post("arm").status_code == 200)

@@ -1,10 +1,10 @@
 import httpx
 import pytest
 
-from piezod.config import requests
-from piezod.config.endpoints import Endpoint, Role
 from piezod.config.modes import Mode
-from piezod.config.requests import TABLE
+from piezod.messages import requests
+from piezod.messages.endpoints import Endpoint, Role
+from piezod.messages.requests import TABLE
 from tests.daemon.service.bodies import BODIES
 from tests.daemon.service.fakes import Served
 

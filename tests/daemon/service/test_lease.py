@@ -3,11 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.config.endpoints import Role
 from piezod.daemon.service.lease import LEASE_S, Lease
 from piezod.daemon.service.refusals import LeaseHeldError
 from piezod.daemon.service.route_table import ROUTES
-from piezod.daemon.service.stage_service import NotNowError, Peer
+from piezod.daemon.stage.errors import NotNowError
+from piezod.daemon.stage.peer import Peer
+from piezod.messages.endpoints import Role
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 

@@ -8,7 +8,6 @@ import httpx
 import numpy as np
 import pytest
 
-from piezod.config.endpoints import LARGE_BODY, SMALL_BODY, Role
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.rate_limit import (
     CLIENT_BURST,
@@ -19,6 +18,7 @@ from piezod.daemon.service.rate_limit import (
 )
 from piezod.daemon.service.route_table import ROUTES, URGENT
 from piezod.daemon.service.urgent_notes import BURST
+from piezod.messages.endpoints import LARGE_BODY, SMALL_BODY, Role
 from piezod.telemetry.arrays import record_dtype
 from tests.conftest import Reaction
 from tests.daemon.service.conftest import Serve

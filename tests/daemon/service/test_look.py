@@ -6,25 +6,20 @@ from pathlib import Path
 import httpx
 import pytest
 
-from piezod.config.endpoints import Role
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.route_table import ROUTES
 from piezod.daemon.service.server import bind, make_server
+from piezod.messages.endpoints import Role
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
 
 
 def test_status_has_null_where_there_is_no_number(client: httpx.Client) -> None:
     """NaN becomes null in an answer."""
-    assert client.get("status").json() == {
-        "state": "SAFE",
-        "mode": "adaptive",
-        "faults": [],
-        "skipped_cycles": 0,
-        "axes": {"x": {"position_um": None, "command_um": 1.5, "drive_v": 20.0}},
-        "lease": None,
-        "role": "engineer",
-    }
+    status = client.get("status").json()
+
+    assert (status["state"], status["lease"], status["role"]) == ("SAFE", None, "engineer")
+    assert [status["axes"]["x"][key] for key in ("position_um", "drive_v")] == [None, 20.0]
 
 
 def test_status_tells_the_role_of_the_client(client: httpx.Client, served: Served) -> None:
@@ -36,7 +31,7 @@ def test_status_tells_the_role_of_the_client(client: httpx.Client, served: Serve
 def test_documents_of_the_stage_are_passed_on(client: httpx.Client) -> None:
     """Faults, real-time settings and configuration are the documents of the stage."""
     assert client.get("faults").json()["faults"][0]["id"] == "S5"
-    assert client.get("realtime").json() == {"steps": []}
+    assert client.get("realtime").json()["steps"] == []
     assert client.get("config").json() == {"rate_hz": 1000.0}
 
 
@@ -69,7 +64,9 @@ def test_audit_is_newest_first(client: httpx.Client) -> None:
     for path in ("arm", "hold", "stop"):
         client.post(path)
 
-    assert client.get("audit?limit=2").json() == {"audit": [{"what": "stop"}, {"what": "hold"}]}
+    newest = client.get("audit?limit=2").json()["audit"]
+
+    assert [each["what"] for each in newest] == ["stop", "hold"]
 
 
 def test_description_has_every_endpoint(client: httpx.Client) -> None:

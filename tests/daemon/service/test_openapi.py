@@ -1,10 +1,12 @@
 """The description of the interface: it must allow what the daemon allows, and no more."""
 
+from dataclasses import is_dataclass
 from typing import Any
 
 import httpx
 import pytest
 
+from piezod.messages.requests import TABLE
 from tests.daemon.service.fakes import Served
 
 
@@ -28,7 +30,7 @@ def test_health_has_its_document_with_either_status(
     served.stage.healthy = False
     answer = client.get("health")
     declared = _operation(document, "GET health")["responses"]
-    schema = document["components"]["schemas"]["HealthDocument"]
+    schema = document["components"]["schemas"]["Health"]
 
     assert declared["200"]["content"] == declared["503"]["content"]
     assert answer.status_code == 503
@@ -100,3 +102,16 @@ def test_other_methods_are_refused_with_the_allowed_ones(
     answer = client.request(method, path)
 
     assert (answer.status_code, answer.headers["allow"]) == (405, allowed)
+
+
+def test_every_answer_is_described(document: dict[str, Any]) -> None:
+    """Each answer with a class has its schema, and each field of it the words of the class."""
+    for row in TABLE.values():
+        if not is_dataclass(row.answer_class) or row.name == "telemetry":
+            continue
+        described = _operation(document, f"{row.method} {row.path}")["responses"]["200"]
+        name = described["content"]["application/json"]["schema"]["$ref"].rpartition("/")[2]
+        properties = document["components"]["schemas"][name]["properties"]
+
+        assert name == row.answer
+        assert all(each["description"] for each in properties.values()), name

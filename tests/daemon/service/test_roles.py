@@ -9,11 +9,11 @@ import httpx
 import pytest
 from fastapi.routing import APIRoute
 
-from piezod.config.endpoints import LOOK, Role
 from piezod.daemon.service import routes_commands, routes_look, routes_stores
 from piezod.daemon.service.peer_protocol import Credentials
 from piezod.daemon.service.roles import GroupRoles
 from piezod.daemon.service.route_table import ROUTES
+from piezod.messages.endpoints import LOOK, Role
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from piezod.config.requests import Stream
 from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.messages.requests import Stream
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import Served
 from tests.daemon.service.raw import HEAD, connected, read_to_end

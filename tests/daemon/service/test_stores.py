@@ -6,7 +6,8 @@ import pytest
 
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.recording_files import open_recording
-from piezod.daemon.service.stage_service import UnknownNameError
+from piezod.daemon.stage.errors import UnknownNameError
+from piezod.messages.stores import RunningRecording
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import Served
 from tests.daemon.service.raw import connected, wait_for_hang_up
@@ -18,10 +19,10 @@ GET = b"GET /v1/recordings/big HTTP/1.1\r\nhost: piezod\r\n\r\n"
 def test_parameters_are_saved_and_restored(served: Served, client: httpx.Client) -> None:
     """The numbers of the stage are returned, and the audit has every request."""
     assert client.get("params").json() == {"axes": {}, "sequence": 3}
-    assert client.get("params/history").json() == {"history": [{"sequence": 3}]}
-    assert client.post("params/save").json() == {"sequence": 4, "saved_by": "somebody"}
-    assert client.post("params/load").json() == {"sequence": 3}
-    assert client.post("params/restore", json={"sequence": 2}).json() == {"sequence": 2}
+    assert client.get("params/history").json()["history"][0]["sequence"] == 3
+    assert client.post("params/save").json() == {"sequence": 4}
+    assert client.post("params/load").json()["sequence"] == 3
+    assert client.post("params/restore", json={"sequence": 2}).json()["sequence"] == 2
     assert [entry.what for entry in served.stage.audited] == [
         "params save",
         "params load",
@@ -38,15 +39,16 @@ def test_parameters_that_do_not_exist_are_not_found(client: httpx.Client) -> Non
 
 def test_configuration_is_read_again(client: httpx.Client) -> None:
     """The document of the stage is the answer."""
-    assert client.post("reload").json() == {"reloaded_by": "somebody"}
+    assert client.post("reload").json() == {"changes": ["by somebody"], "lost": []}
 
 
 def test_recording_is_started_and_stopped(client: httpx.Client) -> None:
     """The label becomes part of the name."""
-    assert client.post("recordings/start", json={"label": "Run-1"}).json() == {
-        "name": f"{NAME}-Run-1"
-    }
-    assert client.post("recordings/stop").json() == {"name": NAME, "records": 5, "lost": 0}
+    started = client.post("recordings/start", json={"label": "Run-1"}).json()
+    stopped = client.post("recordings/stop").json()
+
+    assert (started["name"], started["recording"]) == (f"{NAME}-Run-1", True)
+    assert (stopped["name"], stopped["records"], stopped["lost"]) == (NAME, 5, 0)
 
 
 @pytest.mark.fault("C7")
@@ -66,7 +68,7 @@ def test_recording_arrives_as_it_is(served: Served, client: httpx.Client) -> Non
     assert answer.headers["content-type"] == "application/x-hdf5"
     assert client.get("recordings").json() == {
         "running": None,
-        "recordings": [{"name": NAME}],
+        "recordings": [{"name": NAME, "size_bytes": 0, "kept": False}],
         "folder": str(served.stage.recordings_folder),
     }
 
@@ -75,7 +77,7 @@ def test_recording_that_is_being_made_is_not_sent(served: Served, client: httpx.
     """The file that is being written cannot be downloaded; earlier files of a recording can."""
     for name in (NAME, f"{NAME}-0002"):
         served.stage.recordings_folder.joinpath(f"{name}.h5").write_bytes(b"HDF")
-    served.stage.running = {"name": NAME, "file": f"{NAME}-0002"}
+    served.stage.running = RunningRecording(True, NAME, file=f"{NAME}-0002")
 
     assert client.get(f"recordings/{NAME}-0002").status_code == 409
     assert client.get(f"recordings/{NAME}").content == b"HDF"

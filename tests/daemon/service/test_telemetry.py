@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.stage_service import Document
+from piezod.messages.documents import Document
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import NAN, Served

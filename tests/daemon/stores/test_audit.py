@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
-from piezod.daemon.stores.audit import KEPT, AuditLine, AuditLog
+from piezod.daemon.stores.audit import KEPT, AuditLog
+from piezod.messages.stores import AuditLine
 
 WHEN = datetime(2024, 5, 1, 12, tzinfo=UTC)
 STAMP = "2024-05-01T12:00:00.000+00:00"

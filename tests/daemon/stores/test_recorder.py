@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from piezod.daemon.stores import recorded_files
-from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus
+from piezod.daemon.stores.recorder import Recorder, RecorderError
 from piezod.daemon.stores.recording_limits import no_room
+from piezod.messages.stores import Recording
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from tests.daemon.fake_ring import FakeRing
@@ -73,7 +74,7 @@ def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
     recorded = read(recorder)
 
     assert name.endswith("Z-all")
-    assert status == RecorderStatus(False, name, 7790, 0, "")
+    assert status == Recording(False, name, 7790, 0, "")
     assert recorded.lost == 0
     assert recorded.header == replace(header(), weights={"x": 2})
     np.testing.assert_array_equal(recorded.cycles["seq"], np.arange(300, 8090))
@@ -145,7 +146,7 @@ def test_one_recording_at_a_time(recorder: Recorder) -> None:
 
 def test_stop_without_a_start(recorder: Recorder) -> None:
     """A stop without a recording does nothing."""
-    assert recorder.stop() == RecorderStatus(False, "", 0, 0, "")
+    assert recorder.stop() == Recording(False, "", 0, 0, "")
 
 
 def test_label_that_is_not_allowed(recorder: Recorder) -> None:
@@ -186,7 +187,7 @@ def test_recording_ends_before_the_disk_is_full(
     disk.why = "12 MB are free"
     eventually(lambda: not recorder.status.recording)
 
-    assert recorder.status[2:] == (100, 0, "12 MB are free", True, 1)
+    assert recorder.status == Recording(False, recorder.status.name, 100, 0, "12 MB are free", True)
     assert read(recorder).cycles["seq"].size == 100
     disk.why = ""
     assert recorder.start(header()) == recorder.status.name
@@ -254,7 +255,7 @@ def test_stalled_disk_costs_records_that_are_counted(
     status = recorder.stop()
     recorded = read(recorder)
 
-    assert status == RecorderStatus(False, status.name, 5100, 2000, "")
+    assert status == Recording(False, status.name, 5100, 2000, "")
     assert recorded.lost == 2000
     assert recorded.gaps.tolist() == [[100, 2000]]
     np.testing.assert_array_equal(np.diff(recorded.cycles["seq"]).max(), 2001)

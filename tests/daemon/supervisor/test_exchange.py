@@ -13,7 +13,7 @@ from piezod.control.faults.table import FAULTS, mask
 from piezod.daemon import accepted_config
 from piezod.daemon.loop import accept
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import BadValueError, NotNowError
+from piezod.daemon.stage.errors import BadValueError, NotNowError
 from piezod.daemon.supervisor import loop_run, processes
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.reload import changes, exchange, kept_axes, prepare

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from piezod.daemon.loop import accept
-from piezod.daemon.supervisor.connection import LoopConnection
+from piezod.daemon.stage.connection import LoopConnection
 from piezod.daemon.supervisor.heartbeat import BUSY_S, Heartbeat
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create

@@ -4,6 +4,7 @@ import asyncio
 import io
 import shutil
 import time
+from dataclasses import replace
 from datetime import datetime, timedelta
 from math import nan
 from pathlib import Path
@@ -16,11 +17,11 @@ from piezod.config.states import State
 from piezod.daemon.lean_structlog import structlog
 from piezod.daemon.logging import MAX_LINES, WINDOW_S, EventRateLimit, set_up_logging
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import NotNowError
+from piezod.daemon.stage import recordings
+from piezod.daemon.stage.errors import NotNowError
 from piezod.daemon.stores import recorder
-from piezod.daemon.stores.recorder import RecorderStatus
-from piezod.daemon.supervisor import recordings
 from piezod.daemon.supervisor.housekeeping import Housekeeping
+from piezod.messages.stores import Recording
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
@@ -113,7 +114,7 @@ def test_recording_that_the_disk_ends_is_a_fault(
 ) -> None:
     """P6 is reported until a client asks for the end of the recording, which has the reason."""
     monkeypatch.setattr(recorder, "DRAIN_S", 0.0)
-    name = bench.do(lambda link: link.start_recording(None, PEER))["name"]
+    name = bench.do(lambda link: link.start_recording(None, PEER)).name
     usage = shutil.disk_usage(bench.paths.recordings)._replace(free=0)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     eventually(lambda: not bench.link.stage_recordings.running_name)
@@ -122,8 +123,8 @@ def test_recording_that_the_disk_ends_is_a_fault(
     stopped = bench.do(lambda link: link.stop_recording(PEER))
 
     assert before == [Fault.P6]
-    assert (stopped["name"], stopped["disk_full"]) == (name, True)
-    assert "0 MB are free" in stopped["why"]
+    assert (stopped.name, stopped.disk_full) == (name, True)
+    assert "0 MB are free" in stopped.why
     assert _reported(bench) == []
     with pytest.raises(NotNowError, match="nothing is being recorded"):
         bench.do(lambda link: link.stop_recording(PEER))
@@ -136,9 +137,9 @@ def test_recording_that_loses_cycles_is_a_fault(
 ) -> None:
     """P7 is reported as long as further cycles are lost, also by the next recording."""
     found = []
-    status = RecorderStatus(True, "one", 100, 0, "")
+    status = Recording(True, "one", 100, 0, "")
     for name, lost in [("one", 0), ("one", 7), ("one", 7), ("one", 9), ("two", 3), ("two", 3)]:
-        now = status._replace(name=name, lost=lost)
+        now = replace(status, name=name, lost=lost)
         monkeypatch.setattr(recorder.Recorder, "status", now)
         found.append(_reported(bench))
 
@@ -212,13 +213,13 @@ def _reported(bench: Bench) -> list[Fault]:
 def test_recording_on_request(bench: Bench) -> None:
     """A recording is listed as running, and after its end as finished."""
     started = bench.do(lambda link: link.start_recording(None, PEER))
-    running_name, finished = bench.do(lambda link: link.recordings())
+    before = bench.do(lambda link: link.recordings())
     stopped = bench.do(lambda link: link.stop_recording(PEER))
-    none, files = bench.do(lambda link: link.recordings())
+    after = bench.do(lambda link: link.recordings())
     asyncio.run(Housekeeping(bench.link).close())
 
-    assert running_name is not None
-    assert (running_name["name"], finished) == (started["name"], [])
-    assert (stopped["name"], stopped["records"]) == (started["name"], 0)
-    assert none is None
-    assert [file["name"] for file in files] == [started["name"]]
+    assert before.running is not None
+    assert (before.running.name, before.recordings) == (started.name, ())
+    assert (stopped.name, stopped.records) == (started.name, 0)
+    assert after.running is None
+    assert [file.name for file in after.recordings] == [started.name]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from piezod.config.endpoints import ENDPOINTS
+from piezod.messages.endpoints import ENDPOINTS
 from tests.daemon.daemons import StartedDaemon, configuration
 from tests.hosted_rig import hosted
 

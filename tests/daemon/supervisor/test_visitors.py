@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from piezod.config.endpoints import LARGE_BODY
 from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS
+from piezod.messages.endpoints import LARGE_BODY
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S

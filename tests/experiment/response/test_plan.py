@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piezod.config.axes import LimitsConfig
-from piezod.config.requests import Identify
 from piezod.config.waveforms.combined import pack_waveforms
 from piezod.errors import DataError
 from piezod.experiment.response.plan import ResponsePlan, Wanted, plan_response
+from piezod.messages.requests import Identify
 
 LIMITS = LimitsConfig(drive_min_v=0.0, drive_max_v=150.0, slew_v_per_s=20_000.0, rest_v=0.0)
 OFFSETS_V, SLEWS_V_PER_S = st.floats(30.0, 120.0), st.floats(50.0, 1e5)

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Final
 
 from piezod.client import StageClient
-from piezod.client.results import Status
 from piezod.errors import ClientError
+from piezod.messages.answers import Status
 from tests.vm.guest.shell import PIEZOD, CheckError, attempt, need, run, shows, wait_until
 
 EXAMPLES: Final = Path("/root/examples")

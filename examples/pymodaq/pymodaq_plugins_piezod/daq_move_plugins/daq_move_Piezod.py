@@ -12,8 +12,7 @@ from pymodaq.control_modules.move_utility_classes import (
 from pymodaq.utils.data import DataActuator
 from pymodaq_utils.utils import ThreadCommand
 
-from piezod.client import StageClient
-from piezod.client.results import AxisStatus
+from piezod.client import AxisStatus, StageClient
 from piezod.config.modes import Mode
 from piezod.errors import PiezodError
 

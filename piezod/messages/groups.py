@@ -10,10 +10,10 @@ from pydantic import Field, StringConstraints, model_validator
 from piezod.config.commands import Command
 from piezod.config.fields import BrokenRule, ConfigModel, Context, raise_rules
 from piezod.config.quantities import DurationS, Name
-from piezod.config.requests import Play
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 from piezod.errors import ConfigError, Problem
+from piezod.messages.requests import Play
 
 # The stem of the name of a configuration file.
 StageName: TypeAlias = Annotated[

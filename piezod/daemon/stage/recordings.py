@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache, partial
 from math import inf
-from typing import Any
 
 from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import ModelFile, dump_model
@@ -15,17 +14,14 @@ from piezod.control.stage.common_start import start_ns, start_refusal
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import (
-    BadValueError,
-    NotNowError,
-    UnknownNameError,
-)
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
 from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.stores.recorded_files import EventSource, RecordedStage, RecordSource
-from piezod.daemon.stores.recorder import Recorder, RecorderError, RecorderStatus
+from piezod.daemon.stores.recorder import Recorder, RecorderError
 from piezod.daemon.stores.recording_limits import RecordingLimits
-from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.errors import DataError
+from piezod.messages.stores import KeptRecording, Recording, Recordings, RunningRecording
 from piezod.records.part_names import part_name
 from piezod.records.repair import repair
 from piezod.records.telemetry_header import TelemetryHeader
@@ -35,8 +31,6 @@ from piezod.telemetry.layout import enumerations
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
-
-Document = dict[str, Any]
 
 _log = logger("recorder")
 
@@ -68,7 +62,7 @@ class StageRecordings:
         learned: Callable[[], Mapping[str, LearnedAxis]],
         models: Callable[[], Mapping[str, ModelFile | None]],
     ) -> None:
-        self._name = paths.name
+        self._name, self.folder = paths.name, paths.recordings
         stage = RecordedStage(
             open_reader, open_events, partial(record_dtype, axes), learned, lambda: _texts(models())
         )
@@ -78,7 +72,7 @@ class StageRecordings:
         self._one_at_a_time = asyncio.Lock()  # `Recorder.start` and `stop` must not overlap
 
     @property
-    def status(self) -> RecorderStatus:
+    def status(self) -> Recording:
         """Status of the running or the last recording."""
         return self._recorder.status
 
@@ -101,7 +95,7 @@ class StageRecordings:
 
     async def start(
         self, loop: LoopConnection, label: str | None, start_s: float | None = None
-    ) -> Document:
+    ) -> Recording:
         """Start recording every cycle.
 
         Args:
@@ -131,9 +125,9 @@ class StageRecordings:
                 await asyncio.to_thread(self._recorder.stop)
                 what = f"the file was ready {late_s:.3g} s after start_s"
                 raise NotNowError(what, "start later; the first recording takes longest")
-        return {"name": name}
+        return Recording(True, name)
 
-    async def stop(self) -> Document:
+    async def stop(self) -> Recording:
         """End the recording, or return that it has ended by itself, and why.
 
         Raises:
@@ -142,19 +136,19 @@ class StageRecordings:
         if not self.running_name and not self._recorder.status.why:
             raise NotNowError("nothing is being recorded", "start a recording first")
         async with self._one_at_a_time:
-            status = await asyncio.to_thread(self._recorder.stop)
-        return status._asdict()
+            return await asyncio.to_thread(self._recorder.stop)
 
-    async def list(self) -> tuple[Document | None, list[Document]]:
-        """Return the running recording, or None, and the finished ones."""
+    async def list(self) -> Recordings:
+        """Return the running recording, the finished ones, and their folder."""
         status = self._recorder.status
-        running = {**status._asdict(), "file": part_name(status.name, status.files)}
+        running = None
+        if status.recording:
+            running = RunningRecording(**vars(status), file=part_name(status.name, status.files))
         files = await asyncio.to_thread(self._recorder.folder.files)
-        if not status.recording:
-            return None, [each._asdict() for each in files]
-        return running, [each._asdict() for each in files if each.name != running["file"]]
+        finished = tuple(each for each in files if running is None or each.name != running.file)
+        return Recordings(running=running, recordings=finished, folder=str(self.folder))
 
-    async def keep(self, name: str, *, kept: bool) -> Document:
+    async def keep(self, name: str, *, kept: bool) -> KeptRecording:
         """Mark a recording as kept, or remove the mark.
 
         Raises:
@@ -168,7 +162,7 @@ class StageRecordings:
         if not found:
             what = f"no recording {name[:100]!r}"
             raise UnknownNameError(what, "`piezod record list` shows them")
-        return {"name": name, "kept": kept}
+        return KeptRecording(name, kept)
 
     async def repair(self) -> None:
         """Make the files of a daemon that was killed open plainly; call it before all else."""

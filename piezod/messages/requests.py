@@ -12,7 +12,11 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from piezod.config.endpoints import (
+from piezod.config.fields import ConfigModel, Quantity
+from piezod.config.model_file import ModelFile
+from piezod.config.quantities import DriveV, DurationS, ModeName, Name, PositionUm, StartS
+from piezod.config.waveforms.combined import WaveformConfig
+from piezod.messages.endpoints import (
     CHANGE,
     CHANGE_BY_POINTS,
     EMERGENCY,
@@ -25,14 +29,7 @@ from piezod.config.endpoints import (
     Endpoint,
     Group,
 )
-from piezod.config.fields import ConfigModel, Quantity
-from piezod.config.model_file import ModelFile
-from piezod.config.modes import Mode
-from piezod.config.quantities import DriveV, DurationS, Name, PositionUm, StartS
-from piezod.config.waveforms.combined import WaveformConfig
 
-# Files and clients write a mode as text; strict validation would require the enumeration's member.
-ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
 AxisName: TypeAlias = Name | None
 TableV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=16_000)]
@@ -260,7 +257,8 @@ def _row(
     kind: str = request.model_fields["kind"].default
     help = cleandoc(request.__doc__ or "")
     verb = kind if group else ""
-    return Endpoint(kind, "POST", path or kind, access, help, group, verb, done, request)
+    at = path or kind
+    return Endpoint(kind, "POST", at, access, help, group, verb, done, request, answer="Answer")
 
 
 _ROWS: Final = (

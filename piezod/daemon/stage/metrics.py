@@ -23,12 +23,13 @@ from prometheus_client.registry import Collector, CollectorRegistry
 import piezod
 from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile
-from piezod.daemon.stores.recorder import RecorderStatus
-from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.documents import GATES, LIMITED_BY, MODES, STATES, masks, state_of
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.status import STATES, masks, state_of
 from piezod.devices.status import DeviceFlag
+from piezod.messages.stores import Recording
 from piezod.telemetry.cycle_counts import LIMITS, Histogram, counts_of
 from piezod.telemetry.device_counts import device_counts_of
+from piezod.telemetry.layout import enumerations
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
@@ -58,7 +59,7 @@ class StageFacts(NamedTuple):
     healthy: bool
     cycle_age_s: float
     detections: Mapping[Fault, int]
-    recording: RecorderStatus
+    recording: Recording
     lease_held: bool
 
 
@@ -192,13 +193,8 @@ class _Families(Collector):
             yield self._gauge(f"axis_{what}_volts", text, rows, "axis")
         rows = [((axis,), one["on_target"]) for axis, one in axes.items()]
         yield self._gauge("axis_on_target", "Whether the target was reached.", rows, "axis")
-        modes = [((a, m.value), MODES[one["mode"]] is m) for a, one in axes.items() for m in MODES]
+        modes, limited = self._chosen("mode"), self._chosen("limited")
         yield self._gauge("axis_mode", "1 for the mode of an axis.", modes, "axis", "mode")
-        limited = [
-            ((a, each.value), LIMITED_BY[one["limited"]] is each)
-            for a, one in axes.items()
-            for each in LIMITED_BY
-        ]
         text = "1 for what limits the drive."
         yield self._gauge("axis_drive_limited", text, limited, "axis", "limit")
         errors = counts_of(self._loop.shared).errors
@@ -206,14 +202,21 @@ class _Families(Collector):
         text = "Absolute value of command minus position, of all cycles."
         yield self._histogram("axis_error_meters", text, histograms, _METERS, "axis")
 
+    def _chosen(self, name: str) -> Rows:
+        """Return a row for each axis and member of the enumeration of a field of its record."""
+        return [
+            ((axis, str(member.value)), one[name] == i)
+            for axis, one in self._axis_records().items()
+            for i, member in enumerate(enumerations()[name])
+        ]
+
     def _learning(self) -> Iterator[Metric]:
-        axes, learned = self._axis_records(), {}
+        learned = {}
         for place, axis in enumerate(self._loop.axes):
             if (found := self._loop.learned.read(place)) is not None:
                 learned[axis] = found
-        gates = [((a, g.value), GATES[one["gate"]] is g) for a, one in axes.items() for g in GATES]
         text = "1 for the reason why an axis learns or pauses."
-        yield self._gauge("axis_gate", text, gates, "axis", "gate")
+        yield self._gauge("axis_gate", text, self._chosen("gate"), "axis", "gate")
         models = self._loop.models
         moved = [((a,), _moved(models[a], each.weights)) for a, each in learned.items()]
         text = "Change of the weights since the model, relative to the model."

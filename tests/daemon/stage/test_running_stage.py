@@ -3,14 +3,23 @@
 import asyncio
 from collections.abc import Iterator
 from functools import partial
-from math import isnan, nan
+from math import nan
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from piezod.config.daemon import DaemonConfig
-from piezod.config.requests import (
+from piezod.config.states import State
+from piezod.control.faults.table import FAULTS
+from piezod.control.stage.answer import Answer
+from piezod.daemon.loop import accept
+from piezod.daemon.stage import running_stage
+from piezod.daemon.stage.errors import BadValueError, NotNowError, UnavailableError
+from piezod.daemon.stage.peer import AuditEntry
+from piezod.daemon.stage.running_stage import RunningStage
+from piezod.messages.answers import Processor
+from piezod.messages.requests import (
     Arm,
     Disarm,
     Estop,
@@ -20,18 +29,7 @@ from piezod.config.requests import (
     Shutdown,
     Stop,
 )
-from piezod.config.states import State
-from piezod.control.faults.table import FAULTS
-from piezod.control.stage.answer import Answer
-from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    BadValueError,
-    NotNowError,
-    UnavailableError,
-)
-from piezod.daemon.supervisor import stage_link
-from piezod.daemon.supervisor.stage_link import StageLink
+from piezod.messages.stores import Reloaded
 from piezod.telemetry.stream import StreamReader
 from piezod.telemetry.words import Word
 from tests.daemon.bench import PEER, Bench
@@ -52,13 +50,13 @@ def bench(tmp_path: Path, config: DaemonConfig) -> Iterator[Bench]:
 
 
 def test_status_before_the_first_cycle_has_no_numbers(bench: Bench) -> None:
-    """Before the first cycle the state is BOOT, and the axes have NaN."""
+    """Before the first cycle the state is BOOT, and the axes have no numbers."""
     status = bench.link.status()
 
-    assert (status["stage"], status["state"], status["mode"]) == ("rig", "BOOT", "feedforward")
-    assert (status["faults"], status["skipped_cycles"]) == ([], 0)
-    assert isnan(status["axes"]["x"]["position_um"])
-    assert bench.link.faults() == []
+    assert (status.stage, status.state, status.mode) == ("rig", "BOOT", "feedforward")
+    assert (status.faults, status.skipped_cycles) == ((), 0)
+    assert status.axes["x"].position_um is None
+    assert bench.link.faults().faults == ()
 
 
 @pytest.mark.parametrize(
@@ -77,33 +75,36 @@ def test_state_and_faults_are_of_one_cycle(
         bench.record(recorded)
     bench.loop.shared.words[Word.LOOP_STATE] = list(State).index(newer)
 
-    assert bench.link.status()["state"] == shown
+    assert bench.link.status().state == shown
 
 
 def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
     """Status has position, command and drive of each axis, mode, and faults with a remedy."""
     last = len(FAULTS) - 1
-    bench.record(State.RUN, 1 << last, position_um=3.0, command_um=3.1, drive_v=20.0)
+    bench.record(
+        State.RUN, 1 << last, position_um=3.0, command_um=3.1, drive_v=20.0, remaining_s=1.5
+    )
 
     status = bench.link.status()
 
-    axis = status["axes"]["x"]
-    assert (axis["position_um"], axis["command_um"], axis["drive_v"]) == (3.0, 3.1, 20.0)
-    assert (axis["motion"], axis["on_target"], axis["gate"]) == (4, True, "learning")
-    assert (status["state"], status["mode"]) == ("RUN", "adaptive")
-    assert [fault["id"] for fault in status["faults"]] == [FAULTS[last].id]
-    assert status["faults"] == bench.link.faults()
+    axis = status.axes["x"]
+    assert (axis.position_um, axis.command_um, axis.drive_v) == (3.0, 3.1, 20.0)
+    assert (axis.motion, axis.on_target, axis.gate) == (4, True, "learning")
+    assert (axis.remaining_s, axis.target_um) == (1.5, None)
+    assert (status.state, status.mode) == ("RUN", "adaptive")
+    assert [fault.id for fault in status.faults] == [FAULTS[last].id]
+    assert status.faults == bench.link.faults().faults
     assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
 
 
 def test_voltage_is_unknown_in_blind(bench: Bench) -> None:
-    """In BLIND status has the read-back voltage, NaN without one, not the last written voltage."""
+    """In BLIND status has the read-back voltage, None without one, not the last written voltage."""
     bench.record(State.BLIND, drive_v=80.0)
-    without = bench.link.status()["axes"]["x"]["drive_v"]
+    without = bench.link.status().axes["x"].drive_v
     bench.record(State.BLIND, drive_v=80.0, read_back_v=79.0)
 
-    assert isnan(without)
-    assert bench.link.status()["axes"]["x"]["drive_v"] == 79.0
+    assert without is None
+    assert bench.link.status().axes["x"].drive_v == 79.0
 
 
 @pytest.mark.fault("L9")
@@ -112,20 +113,20 @@ def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
     steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
     bench.loop.shared.set_report({"steps": steps, "devices": [{"name": "rig"}]})
 
-    assert bench.link.status()["not_realtime"] == ["memory"]
-    assert bench.link.realtime()["steps"] == steps
-    assert bench.link.realtime()["devices"] == [{"name": "rig"}] == bench.link.status()["devices"]
+    assert bench.link.status().not_realtime == ("memory",)
+    assert bench.link.realtime().steps == tuple(steps)
+    assert bench.link.realtime().devices == ({"name": "rig"},) == bench.link.status().devices
 
 
 def test_status_names_the_processor(bench: Bench) -> None:
     """It is unknown until the loop has reported it."""
-    before = bench.link.status()["processor"]
+    before = bench.link.status().processor
     processor = {"number": 3, "shared_with": 1}
     bench.loop.shared.set_report({"steps": [], "devices": [], "processor": processor})
 
     assert before is None
-    assert bench.link.status()["processor"] == processor
-    assert bench.link.status()["rate_hz"] == bench.loop.config.rate_hz
+    assert bench.link.status().processor == Processor(**processor)
+    assert bench.link.status().rate_hz == bench.loop.config.rate_hz
 
 
 def test_request_reaches_the_loop_and_its_answer_comes_back(bench: Bench) -> None:
@@ -154,12 +155,12 @@ def test_shutdown_is_for_the_supervisor(bench: Bench) -> None:
     assert bench.stopped == ["requested by somebody"]
 
 
-async def _during_an_exchange(link: StageLink, request: Request) -> Answer:
+async def _during_an_exchange(link: RunningStage, request: Request) -> Answer:
     """Send a request while there is no loop, and make the loop available later."""
     link.available = False
     asking = asyncio.create_task(link.request(request, PEER))
     await asyncio.sleep(0)  # the request has begun
-    assert not link.health()[0]
+    assert not link.health().healthy
     link.available = True
     return await asking
 
@@ -177,7 +178,7 @@ def test_requests_are_refused_if_an_exchange_takes_too_long(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The client gets the reason before it gives up."""
-    monkeypatch.setattr(stage_link, "EXCHANGED_WITHIN_S", 0.0)
+    monkeypatch.setattr(running_stage, "EXCHANGED_WITHIN_S", 0.0)
     bench.link.available = False
 
     with pytest.raises(UnavailableError, match="being exchanged"):
@@ -228,14 +229,14 @@ def test_audit_is_read_newest_first(bench: Bench) -> None:
     bench.link.audit(AuditEntry(PEER, "arm", accepted=True))
     bench.link.audit(AuditEntry(PEER, "goto", accepted=False, why="cannot"))
 
-    entries = asyncio.run(bench.link.audit_log(10))
+    entries = asyncio.run(bench.link.audit_log(10)).audit
 
-    assert [(entry["what"], entry["why"]) for entry in entries] == [("goto", "cannot"), ("arm", "")]
+    assert [(entry.what, entry.why) for entry in entries] == [("goto", "cannot"), ("arm", "")]
 
 
 def test_configuration_and_reload_are_passed_on(bench: Bench) -> None:
     """The configuration in force is returned as JSON."""
     assert bench.link.config()["rate_hz"] == 20
     assert bench.link.config()["longest_move_s"]["x"] == 0.5  # ten cycles, longer than its way
-    assert asyncio.run(bench.link.reload(PEER)) == {"by": "somebody"}
-    assert bench.link.realtime()["rate_hz"] == 20
+    assert asyncio.run(bench.link.reload(PEER)) == Reloaded(("by somebody",))
+    assert bench.link.realtime().rate_hz == 20

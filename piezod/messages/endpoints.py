@@ -1,14 +1,16 @@
 """The table of commands: its columns, and the rows of endpoints that need no request class.
 
-The rows of requests stand beside the request classes in `piezod.config.requests`, which joins all
+The rows of requests stand beside the request classes in `piezod.messages.requests`, which joins all
 rows to `TABLE`. Routes, roles, clients, the command line and docs/client.md derive from it. This
 module imports nothing heavy, because clients and `piezod --help` import it.
 """
 
+import builtins
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
-from typing import TYPE_CHECKING, Final, NamedTuple
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -16,6 +18,10 @@ if TYPE_CHECKING:
 SMALL_BODY: Final = 1024
 LARGE_BODY: Final = 256 * 1024
 """For points of a waveform and for models."""
+_ANSWERS: Final = ("answers", "stores", "telemetry")
+"""Modules of the classes of answers."""
+ANSWER_WITHIN_S: Final = 10.0
+"""How long clients wait for most answers, in s."""
 
 
 class Role(IntEnum):
@@ -81,6 +87,10 @@ class Endpoint:
         done: What the command line prints when the request is accepted.
         request: Model of the body of a request to the loop; None for all other endpoints.
         streamed: Whether the body is a stream of lines, which the endpoint reads itself.
+        answer: Name of the class of the answer, of each event for telemetry; "dict" for a document
+            without a class, "str" for a text, empty for a file.
+        also_fine: HTTP status that is no error.
+        answer_within_s: Longest time that a client waits for the answer, in s.
     """
 
     name: str
@@ -93,23 +103,44 @@ class Endpoint:
     done: str = ""
     request: "type[BaseModel] | None" = None
     streamed: bool = False
+    answer: str = ""
+    also_fine: int = 200
+    answer_within_s: float = ANSWER_WITHIN_S
+
+    @property
+    def answer_class(self) -> type | None:
+        """Class of the answer; None for a file."""
+        # Imported at the first use: `piezod --help` has no time for classes that it does not need.
+        modules = (import_module(f"piezod.messages.{name}") for name in _ANSWERS)
+        found = (getattr(each, self.answer, None) for each in (builtins, *modules))
+        return next(filter(None, found), None) if self.answer else None
 
 
 def _get(
-    name: str, help: str, group: Group | None = None, verb: str = "", *, path: str = ""
+    name: str,
+    answer: str,
+    help: str,
+    group: Group | None = None,
+    verb: str = "",
+    **more: Any,
 ) -> Endpoint:
-    return Endpoint(name, "GET", path or name, LOOK, help, group, verb)
+    shown = {"help": help, "group": group, "verb": verb, "answer": answer}
+    return Endpoint(name, "GET", **{"path": name, "access": LOOK, **shown, **more})
 
 
-def _post(name: str, path: str, access: Access, help: str, verb: str = "") -> Endpoint:
-    return Endpoint(name, "POST", path, access, help, Group.STORES if verb else None, verb)
+def _post(
+    name: str, path: str, answer: str, access: Access, help: str, verb: str = "", **more: Any
+) -> Endpoint:
+    group = Group.STORES if verb else None
+    return Endpoint(name, "POST", path, access, help, group, verb, answer=answer, **more)
 
 
 _ROWS: Final = (
-    _get("status", "Show state, mode, faults and each axis.", Group.LOOK, "status"),
-    _get("faults", "List the faults, with their remedies.", Group.LOOK, "faults"),
+    _get("status", "Status", "Show state, mode, faults and each axis.", Group.LOOK, "status"),
+    _get("faults", "Faults", "List the faults, with their remedies.", Group.LOOK, "faults"),
     _get(
         "telemetry",
+        "Telemetry",
         "Show a stage as it moves.\n\nEach update has the minimum, the maximum and the last value "
         "of all cycles since the update before, so that no spike is lost. `piezod watch` shows "
         "error and drive of the last 30 s, timing, and faults with their remedies. It prints one "
@@ -119,6 +150,7 @@ _ROWS: Final = (
     ),
     _get(
         "metrics",
+        "str",
         "Print the metrics for Prometheus.\n\nThe text is in the format of the textfile collector "
         "of node_exporter. Over HTTP it is OpenMetrics, or that format for a client that accepts "
         "only `text/plain`.",
@@ -138,26 +170,57 @@ _ROWS: Final = (
         Group.MOVE,
         "stream",
         streamed=True,
+        answer="StreamEnd",
     ),
-    _get("health", "Return whether the loop runs cycles, with HTTP status 503 if not."),
-    _get("realtime", "Return the real-time settings that the loop requested and obtained."),
-    _get("played", "Return the record of the last play.", path="play"),
-    _get("config", "Return the configuration in force."),
-    Endpoint("audit", "GET", "audit", KEEP, "Return who requested what, newest first."),
-    _get("openapi", "Return this description."),
-    _post("renew_lease", "lease", MOVE, "Take or renew the lease for 30 s, as each command does."),
+    _get(
+        "health",
+        "Health",
+        "Return whether the loop runs cycles, with HTTP status 503 if not.",
+        also_fine=503,
+    ),
+    _get(
+        "realtime",
+        "Realtime",
+        "Return the real-time settings that the loop requested and obtained.",
+    ),
+    _get("played", "dict", "Return the record of the last play.", path="play"),
+    _get(
+        "config",
+        "dict",
+        "Return the configuration in force.\n\nIt is followed by what the daemon makes of it: each "
+        "axis has the positions that may be commanded as `command_range_um`, and `longest_move_s` "
+        "has for each axis how long a movement over all of them takes, in s.",
+    ),
+    _get("audit", "Audit", "Return who requested what, newest first.", access=KEEP),
+    _get("openapi", "dict", "Return this description."),
+    _post(
+        "renew_lease",
+        "lease",
+        "Lease",
+        MOVE,
+        "Take or renew the lease for 30 s, as each command does.",
+    ),
     _post(
         "session",
         "session",
+        "Lease",
         MOVE,
         "Take the lease until this connection closes.\n\nThen the daemon stops the stage and ends "
         "a recording that this client has started.",
     ),
-    Endpoint("release_lease", "DELETE", "lease", KEEP, "Release the lease for other clients."),
-    _get("params", "Show the parameters in use.", Group.STORES, "params list"),
+    Endpoint(
+        "release_lease",
+        "DELETE",
+        "lease",
+        KEEP,
+        "Release the lease for other clients.",
+        answer="Released",
+    ),
+    _get("params", "Parameters", "Show the parameters in use.", Group.STORES, "params list"),
     _post(
         "save_params",
         "params/save",
+        "Saved",
         KEEP,
         "Save the parameters in use, for the next start too.\n\nOffset and scale are saved for "
         "inspection only and not restored, because they drift within a day.",
@@ -166,6 +229,7 @@ _ROWS: Final = (
     _post(
         "load_params",
         "params/load",
+        "Loaded",
         CHANGE,
         "Use the newest saved parameters; only while disarmed.",
         "params load",
@@ -173,31 +237,40 @@ _ROWS: Final = (
     _post(
         "restore_params",
         "params/restore",
+        "Loaded",
         CHANGE,
         "Use earlier saved parameters; only while disarmed.",
         "params restore",
     ),
     _get(
         "params_history",
+        "History",
         "List the saved parameters, newest first.",
         Group.STORES,
         "params history",
         path="params/history",
     ),
     _post(
-        "start_recording", "recordings/start", KEEP, "Start recording every cycle.", "record start"
+        "start_recording",
+        "recordings/start",
+        "Recording",
+        KEEP,
+        "Start recording every cycle.",
+        "record start",
     ),
     _post(
         "stop_recording",
         "recordings/stop",
+        "Recording",
         KEEP,
         "End the recording, close its file.",
         "record stop",
     ),
-    _get("recordings", "List the recordings.", Group.STORES, "record list"),
+    _get("recordings", "Recordings", "List the recordings.", Group.STORES, "record list"),
     _post(
         "keep_recording",
         "recordings/keep",
+        "KeptRecording",
         KEEP,
         "Keep a recording when old ones are removed.\n\nThe daemon removes the oldest files if the "
         "configuration limits their size with `recordings.max_total_mb`.",
@@ -205,6 +278,7 @@ _ROWS: Final = (
     ),
     _get(
         "fetch_recording",
+        "",
         "Copy a finished recording, an HDF5 file.",
         Group.STORES,
         "record get",
@@ -213,12 +287,14 @@ _ROWS: Final = (
     _post(
         "reload",
         "reload",
+        "Reloaded",
         CHANGE,
         "Make the daemon read its configuration again.\n\n"
         "If the configuration is not valid, nothing changes. Sensor zeros and learned weights "
         "stay, except the weights of an axis whose model file has changed. Offset and scale begin "
         "at zero.",
         "reload",
+        answer_within_s=150.0,  # it compiles and starts a loop, and the old one again if that fails
     ),
 )
 ENDPOINTS: Final[Mapping[str, Endpoint]] = {row.name: row for row in _ROWS}

@@ -9,16 +9,13 @@ import pytest
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
-from piezod.config.requests import (
-    AdoptModel,
-)
 from piezod.config.states import State
 from piezod.control.faults.table import mask
 from piezod.control.stage.answer import Answer
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import (
-    NotNowError,
-    UnknownNameError,
+from piezod.daemon.stage.errors import NotNowError, UnknownNameError
+from piezod.messages.requests import (
+    AdoptModel,
 )
 from piezod.telemetry.learned_writer import LearnedWriter
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
@@ -58,12 +55,12 @@ def test_saved_parameters_are_loaded(bench: Bench) -> None:
     (request,) = bench.requests
     assert isinstance(request, AdoptModel)
     assert request.zero_um == 0.25
-    assert saved["sequence"] == loaded["sequence"] == 1
-    assert [entry["saved_by"] for entry in history] == ["somebody"]
+    assert saved.sequence == loaded.sequence == 1
+    assert [entry.saved_by for entry in history.history] == ["somebody"]
     model = bench.loop.models["x"]
     assert model is not None
     assert [*model.left_stop_weights, *model.right_stop_weights] == pytest.approx(weights)
-    assert asyncio.run(bench.link.params())["axes"]["x"]["zero_um"] == 0.25
+    assert asyncio.run(bench.link.params()).axes["x"]["zero_um"] == 0.25
 
 
 def test_parameters_beyond_their_range_are_not_saved(bench: Bench) -> None:
@@ -97,8 +94,8 @@ def test_corrupt_parameters_are_skipped_and_reported(bench: Bench) -> None:
 
     loaded = bench.do(lambda link: link.load_params(None, PEER))
 
-    assert (loaded["sequence"], loaded["copy"]) == (1, "number 1")
-    assert [each["file"] for each in loaded["rejected"]] == [newest.name]
+    assert (loaded.sequence, loaded.copy) == (1, "number 1")
+    assert [each.file for each in loaded.rejected] == [newest.name]
 
 
 def _reported(bench: Bench) -> list[Fault]:

@@ -11,10 +11,10 @@ from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS, Reaction
 from piezod.control.guard import read_back_tolerance_v
-from piezod.daemon.service.stage_service import BadValueError, NotNowError
-from piezod.daemon.supervisor.documents import STATES, masks
-from piezod.daemon.supervisor.health import LoopHealth
-from piezod.daemon.supervisor.requests import LoopRequests
+from piezod.daemon.stage.errors import BadValueError, NotNowError
+from piezod.daemon.stage.health import LoopHealth
+from piezod.daemon.stage.requests import LoopRequests
+from piezod.daemon.stage.status import STATES, masks
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.learned import LearnedReader
 from piezod.telemetry.ring import Record, RecordReader

@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from piezod.config.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
 from piezod.config.waveforms.waveform import WaveformCostError
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.stage_service import BadValueError, NoAnswerError, UnavailableError
+from piezod.daemon.stage.errors import BadValueError, NoAnswerError, UnavailableError
+from piezod.messages.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
 from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.shared_map import SharedMap

@@ -13,7 +13,7 @@ from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.states import State
 from piezod.daemon.loop import accept
-from piezod.daemon.service.stage_service import BadValueError, NotNowError, UnknownNameError
+from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
 from piezod.records.telemetry_reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.events import EventWriter
@@ -34,7 +34,7 @@ def test_a_recording_has_everything_to_understand_it(bench: Bench, tmp_path: Pat
     """The file has meanings, bits, the configuration, and the model in use as a model file."""
 
     async def record() -> str:
-        name = str((await bench.link.start_recording(None, PEER))["name"])
+        name = str((await bench.link.start_recording(None, PEER)).name)
         await bench.link.stop_recording(PEER)
         return name
 
@@ -57,7 +57,7 @@ def test_events_and_adopted_models_are_recorded(bench: Bench) -> None:
     event = StageEvent(1, "info", "state", "SAFE to READY", "", "", 0.0, 0.0)
 
     async def record() -> str:
-        name = str((await bench.link.start_recording(None, PEER))["name"])
+        name = str((await bench.link.start_recording(None, PEER)).name)
         EventWriter(bench.loop.shared).append(event)
         bench.loop.models["x"] = other
         bench.record(State.SAFE)
@@ -77,7 +77,7 @@ def test_recording_begins_at_its_instant(bench: Bench) -> None:
     start_s = time.monotonic() + 20.0
 
     async def record() -> str:
-        name = str((await bench.link.start_recording(None, PEER, start_s=start_s))["name"])
+        name = str((await bench.link.start_recording(None, PEER, start_s=start_s)).name)
         await bench.link.stop_recording(PEER)
         return name
 
@@ -94,7 +94,7 @@ def test_recording_that_was_ready_too_late_is_refused(
 ) -> None:
     """A file without its first cycles would look complete."""
     instants_ns = chain([0, 0], repeat(2 * 10**9))
-    clock = "piezod.daemon.supervisor.recordings.time.monotonic_ns"
+    clock = "piezod.daemon.stage.recordings.time.monotonic_ns"
     monkeypatch.setattr(clock, lambda: next(instants_ns))
 
     with pytest.raises(NotNowError, match=r"the file was ready 1 s after start_s"):
@@ -115,10 +115,10 @@ def test_configuration_limits_the_recordings(bench: Bench) -> None:
     async def record() -> tuple[str, list[str]]:
         await bench.link.keep_recording(kept, PEER, kept=True)
         await bench.link.start_recording(None, PEER)
-        running, finished = await bench.link.recordings()
+        found = await bench.link.recordings()
         await bench.link.stop_recording(PEER)
-        assert running is not None
-        return running["file"], [each["name"] for each in finished]
+        assert found.running is not None
+        return found.running.file, [each.name for each in found.recordings]
 
     running, finished = asyncio.run(record())
 

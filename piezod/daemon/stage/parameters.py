@@ -3,23 +3,22 @@
 import asyncio
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pydantic import ValidationError
 
 import piezod
 from piezod.config.model_file import ModelFile
-from piezod.config.requests import AdoptModel
 from piezod.control.stage.answer import Answer
 from piezod.daemon.logging import logger
-from piezod.daemon.service.stage_service import NotNowError, StageError, UnknownNameError
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import NotNowError, StageError, UnknownNameError
 from piezod.daemon.stores.parameter_document import AxisParameters
 from piezod.daemon.stores.parameter_store import ParameterStore
-from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.errors import DataError
+from piezod.messages.requests import AdoptModel
+from piezod.messages.stores import History, Loaded, Parameters, Saved
 from piezod.telemetry.learned import LearnedAxis
-
-Document = dict[str, Any]
 
 _log = logger("parameters")
 
@@ -54,20 +53,20 @@ class LearnedParameters:
         # The store is for one thread at a time, and weights must belong to the model in use.
         self._one_at_a_time = asyncio.Lock()
 
-    async def now(self, loop: LoopConnection) -> Document:
+    async def now(self, loop: LoopConnection) -> Parameters:
         """Return the parameters in use, and the number under which they were saved or loaded."""
         async with self._one_at_a_time:
             found = await asyncio.to_thread(_in_use, loop)
         axes = {name: axis.model_dump(mode="json") for name, axis in found.items()}
-        return {"sequence": self._sequence, "axes": axes}
+        return Parameters(sequence=self._sequence, axes=axes)
 
-    async def history(self) -> list[Document]:
+    async def history(self) -> History:
         """Return the saved parameters, newest first."""
         async with self._one_at_a_time:
             stored = await asyncio.to_thread(self._store.history)
-        return [{**each._asdict(), "axes": list(each.axes)} for each in stored]
+        return History(history=stored)
 
-    async def save(self, loop: LoopConnection, who: str) -> Document:
+    async def save(self, loop: LoopConnection, who: str) -> Saved:
         """Save the parameters in use.
 
         Raises:
@@ -78,12 +77,13 @@ class LearnedParameters:
                 axes = await asyncio.to_thread(_in_use, loop)
                 if not axes:
                     raise NotNowError("nothing has been learned yet", "wait until the loop runs")
-                self._sequence = await asyncio.to_thread(self._store.save, axes, who)
+                saved = await asyncio.to_thread(self._store.save, axes, who)
             except (DataError, OSError, ValidationError) as error:
                 raise NotNowError(f"not saved: {error}", "older ones are kept") from error
-        return {"sequence": self._sequence}
+        self._sequence = saved
+        return Saved(saved)
 
-    async def load(self, loop: LoopConnection, sequence: int | None) -> Document:
+    async def load(self, loop: LoopConnection, sequence: int | None) -> Loaded:
         """Load the parameters with a number, or the newest valid ones, into the loop.
 
         Raises:
@@ -92,12 +92,11 @@ class LearnedParameters:
         """
         async with self._one_at_a_time:
             loaded = await asyncio.to_thread(self._store.load, sequence)
-        rejected = [each._asdict() for each in loaded.rejected]
         for each in loaded.rejected:
             _log.error("parameters rejected", file=each.file, why=each.why)
         if loaded.document is None:
             why = "; ".join(f"{each.file}: {each.why}" for each in loaded.rejected)
-            details = {"rejected": rejected} if rejected else None
+            details = {"rejected": loaded.rejected} if loaded.rejected else None
             nothing = "nothing is saved" + (f" as {sequence}" if sequence else "")
             raise UnknownNameError(why or nothing, "see `piezod params history`", details)
         _check_axes(loaded.document.axes, loop)  # all of them, before the first is changed
@@ -108,7 +107,7 @@ class LearnedParameters:
                 if not answer.accepted:
                     raise NotNowError(f"axis {name}: {answer.why}")
         self._sequence = loaded.document.sequence
-        return {"sequence": self._sequence, "copy": loaded.copy, "rejected": rejected}
+        return Loaded(self._sequence, loaded.copy, loaded.rejected)
 
     async def keep(self, loop: LoopConnection, axes: Collection[str]) -> None:
         """Keep the parameters in use for the loop that a reload starts after this one.
@@ -158,7 +157,7 @@ class LearnedParameters:
     async def _restore_saved(self, loop: LoopConnection) -> list[str]:
         """Load the newest saved parameters, if there are any; return why they are not used."""
         try:
-            document = await self.load(loop, None)
+            loaded = await self.load(loop, None)
         except UnknownNameError as error:
             self.rejected = bool(error.details)
             return []  # nothing was saved, or `load` has logged the rejected files
@@ -166,8 +165,8 @@ class LearnedParameters:
             self.rejected = True
             _log.error("saved parameters not loaded", why=str(error))
             return [f"the saved parameters: {error}"]
-        self.rejected = bool(document["rejected"])
-        _log.info("saved parameters loaded", sequence=document["sequence"])
+        self.rejected = bool(loaded.rejected)
+        _log.info("saved parameters loaded", sequence=loaded.sequence)
         return []
 
     async def adopt(self, loop: LoopConnection, request: AdoptModel) -> Answer:

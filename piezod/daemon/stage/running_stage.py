@@ -1,4 +1,8 @@
-"""The stage as the HTTP service sees it: posts requests to the loop, reads the shared memory."""
+"""The stage as the HTTP service sees it: posts requests to the loop, reads the shared memory.
+
+Only the service knows HTTP, roles and the lease. No method may block for more than a few
+milliseconds unless it is `async`: all clients share one thread.
+"""
 
 import asyncio
 import json
@@ -8,32 +12,39 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Final
 
-from piezod.config.endpoints import TOWARDS_SAFETY
 from piezod.config.faults import Fault
-from piezod.config.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
+from piezod.config.states import State
 from piezod.control.reference.motion import motion_limits, moving_s
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import drops_lines, logger
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import (
-    AuditEntry,
-    Document,
-    NotNowError,
-    Peer,
-    RecordReader,
-    UnavailableError,
-    UnknownNameError,
-)
+from piezod.daemon.stage import status as told
+from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNameError
+from piezod.daemon.stage.following_reader import FollowingReader
+from piezod.daemon.stage.metrics import StageFacts, metrics_text
+from piezod.daemon.stage.parameters import LearnedParameters
+from piezod.daemon.stage.peer import AuditEntry, Peer
+from piezod.daemon.stage.recordings import StageRecordings
 from piezod.daemon.stores.audit import AuditLog
 from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore
-from piezod.daemon.supervisor import documents as stage_documents
-from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.following_reader import FollowingReader
-from piezod.daemon.supervisor.metrics import StageFacts, metrics_text
-from piezod.daemon.supervisor.parameters import LearnedParameters
-from piezod.daemon.supervisor.recordings import StageRecordings
+from piezod.messages.answers import Faults, Health, Realtime, Status
+from piezod.messages.documents import Document
+from piezod.messages.endpoints import TOWARDS_SAFETY
+from piezod.messages.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
+from piezod.messages.stores import (
+    Audit,
+    History,
+    KeptRecording,
+    Loaded,
+    Parameters,
+    Recording,
+    Recordings,
+    Reloaded,
+    Saved,
+)
 from piezod.telemetry.arrays import Records, RingReader
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.learned import LearnedAxis
@@ -48,8 +59,8 @@ _POLL_S: Final = 0.02
 _log = logger("service")
 
 
-class StageLink:
-    """Implements `StageService` with the memory that is shared with the loop.
+class RunningStage:
+    """A stage with its loop, recordings, parameters and audit.
 
     Args:
         paths: The files of the stage; their folders exist.
@@ -68,7 +79,7 @@ class StageLink:
         loop: LoopConnection,
         *,
         stop: Callable[[str], None],
-        reload: Callable[[Peer], Awaitable[Document]],
+        reload: Callable[[Peer], Awaitable[Reloaded]],
         shadow: bool,
         config_changed: Callable[[], bool] = bool,
         can_rescue: Callable[[], bool] = lambda: True,
@@ -105,7 +116,14 @@ class StageLink:
         return self._paths.recordings
 
     async def request(self, request: Request, peer: Peer) -> Answer:
-        """Execute a request and return the answer."""
+        """Send a request to the loop, and wait for its answer.
+
+        The service has checked role and lease; `Reset.engineer` is set only for an engineer.
+
+        Raises:
+            UnavailableError: If there is no loop, or its mailbox is full.
+            NoAnswerError: If it does not answer in time.
+        """
         # Only the supervisor shuts down: a loop that ends without its request counts as lost.
         if isinstance(request, Shutdown):
             self._stop(f"requested by {peer.user}")
@@ -121,33 +139,46 @@ class StageLink:
         return await loop.requests.ask(request)
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
-        """Set the newest setpoint of each given axis, in µm."""
+        """Set the newest setpoint of a stream, in µm, for each axis in the mapping.
+
+        Called after a `Stream` request for these axes was accepted, up to some thousand times per
+        second.
+
+        Raises:
+            BadValueError: If a value is out of the command range of its axis; no axis is set then.
+            NotNowError: If the stage no longer follows the stream.
+            UnavailableError: If there is no loop.
+        """
         self._running().stream_setpoint(setpoints_um)
 
-    def status(self) -> Document:
-        """Return state, mode, faults and axes of the newest cycle."""
-        loop = self.loop
-        document = stage_documents.status(loop.config, loop.shared, loop.latest(), loop.learned)
-        return {"stage": self._paths.name, **document}
+    @property
+    def state(self) -> State:
+        """State in the newest cycle."""
+        return told.state_of(self.loop.shared, self.loop.latest())
 
-    def health(self) -> tuple[bool, Document]:
+    def status(self) -> Status:
+        """Return the status of the newest cycle, without lease and role."""
+        loop, name = self.loop, self._paths.name
+        return told.status(name, loop.config, loop.shared, loop.latest(), loop.learned)
+
+    def health(self) -> Health:
         """Return whether the loop runs cycles, with the age of its last cycle."""
         # Before its first cycle a loop neither hangs nor is healthy.
         health, now_ns = self.loop.health, time.monotonic_ns()
         healthy = self.available and health.started and not health.hung(now_ns)
-        return healthy, {"healthy": healthy, "cycle_age_s": health.age_s(now_ns)}
+        return Health(healthy=healthy, cycle_age_s=health.age_s(now_ns))
 
-    def faults(self) -> list[Document]:
+    def faults(self) -> Faults:
         """Return the faults that are present or latched."""
-        return stage_documents.faults_of(self.loop.shared, self.loop.latest())
+        return Faults(faults=told.faults_of(self.loop.shared, self.loop.latest()))
 
     def fault_ids(self, mask: int) -> Sequence[str]:
         """Return the ids of the faults in a mask of a record."""
-        return stage_documents.fault_ids(mask)
+        return told.fault_ids(mask)
 
-    def realtime(self) -> Document:
+    def realtime(self) -> Realtime:
         """Return what the loop obtained from the operating system, and its counters."""
-        return stage_documents.realtime(self.loop.config, self.loop.shared)
+        return told.realtime(self.loop.config, self.loop.shared)
 
     def count_fault(self, event: StageEvent) -> None:
         """Count an event if it is the detection of a fault."""
@@ -155,14 +186,19 @@ class StageLink:
             self._detections[Fault(event.fault)] += 1
 
     def metrics(self, *, lease_held: bool, openmetrics: bool) -> bytes:
-        """Return the metrics as text."""
-        healthy, health = self.health()
+        """Return the metrics as text; called in a thread.
+
+        Args:
+            lease_held: Whether a client has the lease.
+            openmetrics: Whether as OpenMetrics; otherwise in the older text format of Prometheus.
+        """
+        health = self.health()
         recording = self.stage_recordings.status
         facts = StageFacts(
             self._paths.name,
             self.loop,
-            healthy,
-            health["cycle_age_s"],
+            health.healthy,
+            health.cycle_age_s,
             self._detections,
             recording,
             lease_held,
@@ -184,31 +220,41 @@ class StageLink:
                 longest_s[name] = moving_s(range_um[1] - range_um[0], limits)
         return {**document, "longest_move_s": longest_s}
 
-    async def reload(self, peer: Peer) -> Document:
-        """Read the configuration again; exchange all of it, or keep the present one."""
+    async def reload(self, peer: Peer) -> Reloaded:
+        """Read the configuration again; exchange all of it, or keep the present one.
+
+        Raises:
+            BadValueError: If the file is not valid; the text lists every problem.
+            NotNowError: If the present state does not allow it.
+        """
         return await self._reload(peer)
 
-    def open_reader(self) -> RecordReader:
+    def open_reader(self) -> FollowingReader:
         """Return a new reader of the ring; it begins with the next record."""
         return FollowingReader(lambda: self.loop.shared)
 
-    async def params(self) -> Document:
+    async def params(self) -> Parameters:
         """Return the parameters that the loop uses now."""
         return await self.parameters.now(self.loop)
 
-    async def params_history(self) -> list[Document]:
+    async def params_history(self) -> History:
         """Return the saved parameters, newest first."""
         return await self.parameters.history()
 
-    async def save_params(self, peer: Peer) -> Document:
+    async def save_params(self, peer: Peer) -> Saved:
         """Save the parameters in use."""
         return await self.parameters.save(self._running(), peer.user)
 
-    async def load_params(self, sequence: int | None, peer: Peer) -> Document:
-        """Load saved parameters into the loop."""
-        document = await self.parameters.load(self._running(), sequence)
-        _log.info("parameters loaded", user=peer.user, sequence=document["sequence"])
-        return document
+    async def load_params(self, sequence: int | None, peer: Peer) -> Loaded:
+        """Load saved parameters into the loop; the newest if there is no number.
+
+        Raises:
+            UnknownNameError: If no parameters have that number.
+            NotNowError: If the loop does not accept them now, or they are of another stage.
+        """
+        loaded = await self.parameters.load(self._running(), sequence)
+        _log.info("parameters loaded", user=peer.user, sequence=loaded.sequence)
+        return loaded
 
     async def restore_params(self) -> list[str]:
         """Restore the parameters of a loop that has just started; return what has been lost."""
@@ -217,7 +263,7 @@ class StageLink:
     def report_faults(self) -> None:
         """Report the faults of this process to the loop, which shows them with its own."""
         record = self.loop.latest()
-        if record is not None and Fault.D8 in self.fault_ids(stage_documents.masks(record)[1]):
+        if record is not None and Fault.D8 in self.fault_ids(told.masks(record)[1]):
             self.parameters.rejected = False  # latched: the loop knows it
         found = {
             Fault.D8: self.parameters.rejected,
@@ -234,27 +280,27 @@ class StageLink:
 
     async def start_recording(
         self, label: str | None, peer: Peer, *, start_s: float | None = None
-    ) -> Document:
+    ) -> Recording:
         """Start recording every cycle, from an instant on."""
-        document = await self.stage_recordings.start(self._running(), label, start_s)
-        _log.info("recording started", user=peer.user, name=document["name"])
-        return document
+        started = await self.stage_recordings.start(self._running(), label, start_s)
+        _log.info("recording started", user=peer.user, name=started.name)
+        return started
 
-    async def stop_recording(self, peer: Peer) -> Document:
+    async def stop_recording(self, peer: Peer) -> Recording:
         """End the recording and close its file."""
-        document = await self.stage_recordings.stop()
-        _log.info("recording stopped", user=peer.user, name=document["name"])
-        return document
+        ended = await self.stage_recordings.stop()
+        _log.info("recording stopped", user=peer.user, name=ended.name)
+        return ended
 
-    async def recordings(self) -> tuple[Document | None, list[Document]]:
-        """Return the running recording, or None, and the finished ones."""
+    async def recordings(self) -> Recordings:
+        """Return the running recording, the finished ones, and their folder."""
         return await self.stage_recordings.list()
 
-    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> Document:
+    async def keep_recording(self, name: str, peer: Peer, *, kept: bool) -> KeptRecording:
         """Mark a recording as kept, or remove the mark."""
-        document = await self.stage_recordings.keep(name, kept=kept)
+        answer = await self.stage_recordings.keep(name, kept=kept)
         _log.info("recording kept" if kept else "recording not kept", user=peer.user, name=name)
-        return document
+        return answer
 
     def audit(self, entry: AuditEntry) -> None:
         """Write a request and its answer to the audit log."""
@@ -273,10 +319,9 @@ class StageLink:
         document: Document = json.loads(text)
         return document
 
-    async def audit_log(self, limit: int) -> list[Document]:
+    async def audit_log(self, limit: int) -> Audit:
         """Return the newest entries of the audit log, newest first."""
-        entries = await asyncio.to_thread(self.stage_audit.last, limit)
-        return [entry._asdict() for entry in entries]
+        return Audit(audit=await asyncio.to_thread(self.stage_audit.last, limit))
 
     def _last(self, count: int) -> Records:
         return RingReader(self.loop.shared).last(count)

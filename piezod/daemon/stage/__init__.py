@@ -1,0 +1,1 @@
+"""The running stage: everything that the service asks of it."""
