@@ -25,6 +25,8 @@ SOCKETCAN: Final = "socketcan"
 _ECHOING: Final = frozenset({"udp_multicast"})
 """Interfaces that also deliver the sender's own frames, and do not mark them."""
 # Echoes that never come must not fill the memory.
+_MOST_SKIPPED: Final = 100
+"""Error frames and echoes that one call of `receive` reads at most."""
 _MOST_ECHOES: Final = 256
 
 _FULL: Final = frozenset({errno.ENOBUFS, errno.EAGAIN})
@@ -143,9 +145,9 @@ class LibraryBus:
         """
         bus = self._require_open()
         end_ns = time.monotonic_ns() + within_ns if within_ns else 0
-        while True:
-            # Echoes and error frames do not count as frames; the wait goes on with the time that is
-            # left.
+        # Echoes and error frames do not count as frames; the wait goes on with the time that is
+        # left. A controller that nobody acknowledges may report errors faster than they are read.
+        for _ in range(_MOST_SKIPPED):
             left_ns = end_ns - time.monotonic_ns() if within_ns else 0
             try:
                 message = bus.recv(left_ns * 1e-9 if left_ns > 0 else 0)
@@ -169,6 +171,7 @@ class LibraryBus:
                 )
                 if not self._is_echo(frame):
                     return frame
+        return None
 
     def now_ns(self) -> int:
         """Return the instant on the machine's monotonic clock. Real-time safe."""

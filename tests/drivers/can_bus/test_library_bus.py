@@ -189,6 +189,17 @@ def test_passive_controller_is_reported(bus: LibraryBus, controller: _Controller
     assert bus.take_noticed() == {DeviceFlag.NOT_SENT}
 
 
+@pytest.mark.parametrize("within_ns", [0, MS])
+def test_flood_of_error_frames_ends_a_call(
+    bus: LibraryBus, controller: _Controller, within_ns: int
+) -> None:
+    """Without an acknowledgement they may come faster than they are read: the loop goes on."""
+    controller.coming += [_error(0x200)] * 1000
+
+    assert bus.receive(within_ns) is None
+    assert len(controller.coming) >= 900
+
+
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 def test_old_setpoint_never_leaves(bus: LibraryBus, controller: _Controller) -> None:
