@@ -1,5 +1,6 @@
 """Tests of the guard's wait for an output that does not follow its writes."""
 
+from collections.abc import Sequence
 from math import inf, nan
 
 import pytest
@@ -109,6 +110,22 @@ def test_only_the_axes_of_the_same_amplifier_wait_for_each_other(doubted: int, k
     assert not admitted.writable
     free = [i for i in range(3) if i != doubted]
     assert [admitted.drive_v[i] for i in free] == [12.0] * 2
+
+
+@pytest.mark.parametrize("left", [0, 1, 2])
+@pytest.mark.parametrize("read_back_v", [None, [10.0] * 3])
+def test_axis_that_is_left_alone_is_not_written(
+    left: int, read_back_v: Sequence[float] | None
+) -> None:
+    """Nor is what is written together with it; nothing is left alone unless it is asked for."""
+    amplifiers = ["a", "b", "a"]
+    guard = Guard([SLOW] * 3, CYCLE_S, amplifiers)
+    asked = 0, 0, [10.0] * 3, [10.0] * 3, CYCLE_S
+    admitted = guard.admit(*asked, read_back_v=read_back_v, left=[left])
+    free = guard.admit(*asked, read_back_v=read_back_v)
+
+    assert list(admitted.held) == [i for i in range(3) if amplifiers[i] == amplifiers[left]]
+    assert list(free.held) == []
 
 
 def test_stale_plan_waits_too() -> None:
