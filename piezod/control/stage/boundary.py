@@ -151,11 +151,6 @@ class DeviceBoundary:
             self.crash = error
             return [Sample(now_ns, nan, False)] * len(self._unknown_v)
 
-    def shows(self, axis: int) -> bool:
-        """Return whether the voltage of an axis can be read back: a missing one is a fault."""
-        # In shadow the read-back answers no write of ours.
-        return self.reads_back[axis] and not (self.shadow or self.lent)
-
     def write(self, drive_v: Sequence[float], now_ns: int, held: Collection[int] = ()) -> bool:
         """Write the voltages if that is allowed; return whether they were taken.
 
@@ -216,11 +211,14 @@ class DeviceBoundary:
             return self._unknown_v
 
     def misses(self, axis: int, read_back_v: float) -> bool:
-        """Return whether the read-back of an axis, in V, is missing in this cycle.
+        """Return whether the read-back of an axis, in V, is missing in this cycle: a fault.
 
-        It is not missed in shadow, after a cut, or from an amplifier that reports no voltage.
+        It is not missed in shadow, while the devices are lent, or from an amplifier that reports
+        no voltage.
         """
-        return self.active and self.shows(axis) and not isfinite(read_back_v)
+        # In shadow the read-back answers no write of ours.
+        unheard = self.shadow or self.lent or not self.reads_back[axis]
+        return not (unheard or isfinite(read_back_v))
 
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
         """Return the age of the last read-back of each axis, in ns; 0 while devices are lent."""

@@ -136,9 +136,8 @@ class OutputJudge:
             # Not in motion, which may pass a false read-back by chance.
             self._false.pop(index, None)
         self._rested[index], self._means[index] = rests, _NO_MEAN
-        self._agreed_ns[index], self._answered = t_ns, False
+        self._agreed_ns[index] = t_ns
         if index in self._doubts and self._doubts[index].agrees(t_ns):
-            del self._doubts[index]
             text = "read-back and last write agree again"
             self._note(StageEvent(t_ns, "info", "output", text, axis=self._axes[index].name))
 

@@ -280,7 +280,7 @@ def _silent_axes(stage: Stage, read_back_v: Sequence[float]) -> dict[int, str]:
     silent = {
         amplifiers[i]
         for i, drive_v in enumerate(read_back_v)
-        if unreachable >> i & 1 or (stage.boundary.shows(i) and not isfinite(drive_v))
+        if unreachable >> i & 1 or stage.boundary.misses(i, drive_v)
     }
     why = "the amplifier does not answer"
     return {i: why for i, amplifier in enumerate(amplifiers) if amplifier in silent}
@@ -311,9 +311,10 @@ def _settle_outputs(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> No
 
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End a ramp when each axis has reached the safe voltage, or takes too long."""
-    for i, drive_v in enumerate(read_back_v):
-        if i not in stage.output.left and stage.boundary.misses(i, drive_v):
-            return  # one that comes again decides; one that stays away is A1
+    if stage.boundary.active:  # outputs that were cut fall by themselves
+        for i, drive_v in enumerate(read_back_v):
+            if i not in stage.output.left and stage.boundary.misses(i, drive_v):
+                return  # one that comes again decides; one that stays away is A1
     # Both must be at the safe voltage: the drive that was written, and the read-back if there is
     # one.
     away = [
