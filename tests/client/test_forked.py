@@ -6,7 +6,6 @@ import multiprocessing
 import os
 import signal
 import socket
-import time
 from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
@@ -42,7 +41,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
 
 def sleeper() -> multiprocessing.context.ForkProcess:
     """Start a child that does nothing, as a worker of `multiprocessing` between two tasks."""
-    child = FORK.Process(target=time.sleep, args=(1000.0,), daemon=True)
+    child = FORK.Process(target=signal.pause, daemon=True)
     child.start()
     return child
 
@@ -74,7 +73,7 @@ def own(place: Path, its: Connection) -> None:
     """Own a session, fork, and wait for the end; the child inherits the socket."""
     with StageClient(socket=place, name="owner") as stage, stage.session():
         its.send(sleeper().pid)
-        time.sleep(1000.0)
+        signal.pause()  # until it is killed
 
 
 def own_in_group(place: Path, its: Connection) -> None:
@@ -83,7 +82,7 @@ def own_in_group(place: Path, its: Connection) -> None:
         group._clients["bench"] = StageClient(socket=place, name="owner")  # noqa: SLF001 - no name
         with group.session():
             its.send(sleeper().pid)
-            time.sleep(1000.0)
+            signal.pause()  # until it is killed
 
 
 def own_async(place: Path, its: Connection) -> None:
@@ -105,7 +104,7 @@ def own_by_hand(place: Path, its: Connection) -> None:
         connection.sendall(body + b"Content-Type: application/json\r\nContent-Length: 2\r\n\r\n{}")
         connection.recv(1000)
         its.send(sleeper().pid)
-        time.sleep(1000.0)
+        signal.pause()  # until it is killed
 
 
 def free(served: Served) -> bool:
@@ -134,7 +133,7 @@ def leave(place: Path, its: Connection) -> None:
         with stage.session():
             child = sleeper()
         its.send(child.pid)
-        time.sleep(1000.0)
+        signal.pause()  # until it is killed
 
 
 def leave_async(place: Path, its: Connection) -> None:
@@ -174,7 +173,7 @@ def own_there(environ: dict[str, str], its: Connection) -> None:
     os.environ.update(environ)
     with StageClient(name="owner") as stage, stage.session():
         its.send(sleeper().pid)
-        time.sleep(1000.0)
+        signal.pause()  # until it is killed
 
 
 def told(child: Callable[[], Any]) -> Any:
