@@ -38,21 +38,15 @@ class PiezodError(Exception):
 
 
 class Problem(NamedTuple):
-    """One problem of a file, with its place.
+    """One problem of a file, with its place."""
 
-    Attributes:
-        file: Path of the file as the user gave it.
-        line: Line, counted from 1; 0 for a problem of the whole file.
-        column: Column, counted from 1; 0 for a problem of the whole file.
-        path: Place in the document, as in `axes.x.limits.drive_max_v`; empty for the whole file.
-        what: The problem, the value found, the allowed range with its unit, and the remedy.
-    """
-
-    file: str
-    line: int
-    column: int
-    path: str
-    what: str
+    file: str  #: Path of the file as the user gave it.
+    line: int  #: Line, counted from 1; 0 for a problem of the whole file.
+    column: int  #: Column, counted from 1; 0 for a problem of the whole file.
+    path: (
+        str  #: Place in the document, as in `axes.x.limits.drive_max_v`; empty for the whole file.
+    )
+    what: str  #: The problem, the value found, the allowed range with its unit, and the remedy.
 
     def __str__(self) -> str:
         """Return the problem as one line that an editor can jump to."""

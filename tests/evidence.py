@@ -54,23 +54,14 @@ PEERS: Final = "tests/peers/"
 
 
 class Evidence(NamedTuple):
-    """A mark of a test.
+    """A mark of a test."""
 
-    Attributes:
-        driver: Name of the driver.
-        profile: Name of the profile.
-        part: The confirmed part of the profile.
-        by: Somebody else's program, or the manual with its page.
-        kind: One of `KINDS`.
-        test: The test, as pytest names it, without parameters.
-    """
-
-    driver: str
-    profile: str
-    part: str
-    by: str
-    kind: str
-    test: str
+    driver: str  #: Name of the driver.
+    profile: str  #: Name of the profile.
+    part: str  #: The confirmed part of the profile.
+    by: str  #: Somebody else's program, or the manual with its page.
+    kind: str  #: One of `KINDS`.
+    test: str  #: The test, as pytest names it, without parameters.
 
 
 def main() -> None:

@@ -14,18 +14,14 @@ REACTION: Final = "reaction"
 
 
 class Promise(NamedTuple):
-    """A promised reaction, with its bound. Without a bound the proofs state no time.
+    """A promised reaction, with its bound. Without a bound the proofs state no time."""
 
-    Attributes:
-        what: The reaction.
-        cycles: Largest number of cycles from the cause to the reaction. 1 is the first cycle that
-            can see the cause. Measured in virtual time, at 1 kHz if a time decides the reaction.
-        ms: Largest time from the cause to the reaction, in ms. Measured on a wall clock, with real
-            processes.
-    """
-
-    what: str
+    what: str  #: The reaction.
+    #: Largest number of cycles from the cause to the reaction. 1 is the first cycle that can see
+    #: the cause. Measured in virtual time, at 1 kHz if a time decides the reaction.
     cycles: int | None = None
+    #: Largest time from the cause to the reaction, in ms. Measured on a wall clock, with real
+    #: processes.
     ms: int | None = None
 
     @property

@@ -37,14 +37,10 @@ class Reports:
 
 
 class Result(NamedTuple):
-    """What the proofs of one id have shown.
+    """What the proofs of one id have shown."""
 
-    Attributes:
-        proofs: Number of tests that passed, each with its parameters.
-        worst: Longest measured reaction, in cycles or ms as its bound; None if none was measured.
-    """
-
-    proofs: int = 0
+    proofs: int = 0  #: Number of tests that passed, each with its parameters.
+    #: Longest measured reaction, in cycles or ms as its bound; None if none was measured.
     worst: int | None = None
 
 

@@ -10,17 +10,11 @@ from tests.forked import Piped, forked
 
 
 class Write(NamedTuple):
-    """A voltage that was written to axis x.
+    """A voltage that was written to axis x."""
 
-    Attributes:
-        asked_ns: The instant that the caller gave.
-        pid: The caller's process.
-        drive_v: The voltage, in V.
-    """
-
-    asked_ns: int
-    pid: int
-    drive_v: float
+    asked_ns: int  #: The instant that the caller gave.
+    pid: int  #: The caller's process.
+    drive_v: float  #: The voltage, in V.
 
 
 @contextmanager

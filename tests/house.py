@@ -31,17 +31,11 @@ BLOCK: Final = re.compile(r"( *)(async def|def|class) ")
 
 
 class Measure(NamedTuple):
-    """A count and its limit.
+    """A count and its limit."""
 
-    Attributes:
-        title: What is counted.
-        found: The places that count.
-        limit: How many there may be.
-    """
-
-    title: str
-    found: tuple[str, ...]
-    limit: int
+    title: str  #: What is counted.
+    found: tuple[str, ...]  #: The places that count.
+    limit: int  #: How many there may be.
 
     def __str__(self) -> str:
         """Return the count, and its places one per line."""

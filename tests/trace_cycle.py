@@ -19,17 +19,11 @@ ROOT = Path(__file__).parents[1]
 
 
 class Step(NamedTuple):
-    """One function on the way.
+    """One function on the way."""
 
-    Attributes:
-        depth: How many functions of ours are being run, this one included.
-        file: Its file, relative to the repository.
-        function: Its name.
-    """
-
-    depth: int
-    file: str
-    function: str
+    depth: int  #: How many functions of ours are being run, this one included.
+    file: str  #: Its file, relative to the repository.
+    function: str  #: Its name.
 
 
 def trace() -> list[Step]:

@@ -6,33 +6,20 @@ from benchmarks.bus.example import Place, at_adapter, at_host, at_multicast, at_
 
 
 class Case(NamedTuple):
-    """A bus.
+    """A bus."""
 
-    Attributes:
-        name: Name in the table.
-        profile: Emulator of the peer.
-        example: Example configuration with the driver's options and the channels in use.
-        place: Writes the emulator's place into the options.
-        wire: "serial", "tcp" or "udp".
-        limit: Highest allowed median, as a multiple of the floor's.
-        text: Whether replies are lines of any length.
-        unasked: Whether the peer also sends by itself; those bytes are read before each request.
-        line_rate: Line rate for the computed wire time, in bit/s; 0 if it does not matter.
-        bits_per_byte: Bits of a byte on this line, framing included.
-        silence_us: Silence before each request that the protocol requires at this rate.
-    """
-
-    name: str
-    profile: str
-    example: str
-    place: Place
-    wire: str
-    limit: float
-    text: bool = False
+    name: str  #: Name in the table.
+    profile: str  #: Emulator of the peer.
+    example: str  #: Example configuration with the driver's options and the channels in use.
+    place: Place  #: Writes the emulator's place into the options.
+    wire: str  #: "serial", "tcp" or "udp".
+    limit: float  #: Highest allowed median, as a multiple of the floor's.
+    text: bool = False  #: Whether replies are lines of any length.
+    #: Whether the peer also sends by itself; those bytes are read before each request.
     unasked: bool = False
-    line_rate: int = 0
-    bits_per_byte: float = 10.0
-    silence_us: float = 0.0
+    line_rate: int = 0  #: Line rate for the computed wire time, in bit/s; 0 if it does not matter.
+    bits_per_byte: float = 10.0  #: Bits of a byte on this line, framing included.
+    silence_us: float = 0.0  #: Silence before each request that the protocol requires at this rate.
 
 
 CASES = (

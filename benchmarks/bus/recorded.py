@@ -14,19 +14,12 @@ from piezod_drivers.can_bus.library_bus import LibraryBus
 
 
 class Exchange(NamedTuple):
-    """A request and its reply.
+    """A request and its reply."""
 
-    Attributes:
-        request: The sent bytes.
-        reply: The received bytes; empty without a reply.
-        frames: Number of received pieces; on a CAN bus these are frames.
-        follows: Whether it was sent without waiting after the one before.
-    """
-
-    request: bytes
-    reply: bytes = b""
-    frames: int = 0
-    follows: bool = False
+    request: bytes  #: The sent bytes.
+    reply: bytes = b""  #: The received bytes; empty without a reply.
+    frames: int = 0  #: Number of received pieces; on a CAN bus these are frames.
+    follows: bool = False  #: Whether it was sent without waiting after the one before.
 
     def with_reply(self, data: bytes) -> "Exchange":
         """Return it with more bytes of its reply."""
@@ -34,13 +27,9 @@ class Exchange(NamedTuple):
 
 
 class Recorded(list[Exchange]):
-    """The bytes on a line.
+    """The bytes on a line."""
 
-    Attributes:
-        line: The line.
-    """
-
-    line: Any = None
+    line: Any = None  #: The line.
 
 
 @contextmanager

@@ -15,21 +15,13 @@ Nanoseconds = NDArray[np.int64]
 
 
 class Pacing(NamedTuple):
-    """Parameters of a run.
+    """Parameters of a run."""
 
-    Attributes:
-        rate_hz: Cycles per second.
-        seconds: Duration, in s.
-        priority: Priority under SCHED_FIFO.
-        cpu: Processor of the run.
-        spin_ns: Time before a deadline at which spinning starts, in ns.
-    """
-
-    rate_hz: float
-    seconds: int
-    priority: int
-    cpu: int
-    spin_ns: int
+    rate_hz: float  #: Cycles per second.
+    seconds: int  #: Duration, in s.
+    priority: int  #: Priority under SCHED_FIFO.
+    cpu: int  #: Processor of the run.
+    spin_ns: int  #: Time before a deadline at which spinning starts, in ns.
 
     @property
     def period_ns(self) -> int:
@@ -38,18 +30,12 @@ class Pacing(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """Result of a run.
+    """Result of a run."""
 
-    Attributes:
-        wake_ns: Lateness of each cycle at wake-up.
-        write_ns: Lateness of each write; empty if nothing is written.
-        skipped: Number of skipped periods.
-        busy_ns: Duration of each cycle until the end of its write; empty for a bare loop.
-    """
-
-    wake_ns: Nanoseconds
-    write_ns: Nanoseconds
-    skipped: int
+    wake_ns: Nanoseconds  #: Lateness of each cycle at wake-up.
+    write_ns: Nanoseconds  #: Lateness of each write; empty if nothing is written.
+    skipped: int  #: Number of skipped periods.
+    #: Duration of each cycle until the end of its write; empty for a bare loop.
     busy_ns: Nanoseconds
 
 

@@ -23,63 +23,37 @@ class Series:
     """A record as every method gets it; arrays of shape (n,), evenly in time.
 
     0 and 1 are the ends of the ranges of the record of the fit.
-
-    Attributes:
-        positions: Displacements, smoothed.
-        drives: Voltages that caused them, that is, one delay earlier.
-        counted: Samples that count; the others only advance a memory.
     """
 
-    positions: FloatArray
-    drives: FloatArray
-    counted: Rows
+    positions: FloatArray  #: Displacements, smoothed.
+    drives: FloatArray  #: Voltages that caused them, that is, one delay earlier.
+    counted: Rows  #: Samples that count; the others only advance a memory.
 
 
 class Method(NamedTuple):
-    """A method of the comparison.
+    """A method of the comparison."""
 
-    Attributes:
-        name: Its name in the table.
-        about: Its settings, for people.
-        fit: The fit.
-        grid: Settings among which cross-validation chooses.
-        search_stride: The choice of the settings uses every `search_stride`-th sample.
-    """
-
-    name: str
-    about: str
-    fit: Fitter
-    grid: tuple[Setting, ...]
-    search_stride: int = 1
+    name: str  #: Its name in the table.
+    about: str  #: Its settings, for people.
+    fit: Fitter  #: The fit.
+    grid: tuple[Setting, ...]  #: Settings among which cross-validation chooses.
+    search_stride: int = 1  #: The choice of the settings uses every `search_stride`-th sample.
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the table; errors are in % of the range of the voltage, NaN if not measured.
+    """A row of the table; errors are in % of the range of the voltage, NaN if not measured."""
 
-    Attributes:
-        method: Name of the method.
-        setting: Chosen settings, for people.
-        held_out_max_pct: Worst error on held-out blocks.
-        held_out_rms_pct: Rms error on held-out blocks.
-        test_max_pct: Worst error on the test record.
-        test_rms_pct: Rms error on the test record.
-        fit_s: Duration of one fit with the chosen settings, in s.
-        sample_us: Duration of the prediction of a whole record per sample, in µs.
-        search_s: Duration of the choice of the settings, in s.
-        failure: Reason why nothing was measured; empty otherwise.
-    """
-
-    method: str
-    setting: str = ""
-    held_out_max_pct: float = np.nan
-    held_out_rms_pct: float = np.nan
-    test_max_pct: float = np.nan
-    test_rms_pct: float = np.nan
-    fit_s: float = np.nan
-    sample_us: float = np.nan
-    search_s: float = np.nan
-    failure: str = ""
+    method: str  #: Name of the method.
+    setting: str = ""  #: Chosen settings, for people.
+    held_out_max_pct: float = np.nan  #: Worst error on held-out blocks.
+    held_out_rms_pct: float = np.nan  #: Rms error on held-out blocks.
+    test_max_pct: float = np.nan  #: Worst error on the test record.
+    test_rms_pct: float = np.nan  #: Rms error on the test record.
+    fit_s: float = np.nan  #: Duration of one fit with the chosen settings, in s.
+    sample_us: float = np.nan  #: Duration of the prediction of a whole record per sample, in µs.
+    search_s: float = np.nan  #: Duration of the choice of the settings, in s.
+    failure: str = ""  #: Reason why nothing was measured; empty otherwise.
 
     def document(self) -> dict[str, Any]:
         """Return the row for JSON, which has no NaN."""

@@ -31,21 +31,13 @@ class Absent(Exception):  # noqa: N818 - it is the reason for a skipped record, 
 
 
 class Case(NamedTuple):
-    """A record of the comparison.
+    """A record of the comparison."""
 
-    Attributes:
-        about: The record, for people.
-        record: Record of the fit.
-        test: Record of the test.
-        delay_s: Delay that all methods get, in s.
-        without_offset: Whether a constant is removed from the errors of the test.
-    """
-
-    about: str
-    record: Record
-    test: Record
-    delay_s: float
-    without_offset: bool
+    about: str  #: The record, for people.
+    record: Record  #: Record of the fit.
+    test: Record  #: Record of the test.
+    delay_s: float  #: Delay that all methods get, in s.
+    without_offset: bool  #: Whether a constant is removed from the errors of the test.
 
     def series(self) -> tuple[Series, Series]:
         """Return the record and the test as every method gets them.

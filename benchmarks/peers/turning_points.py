@@ -8,15 +8,10 @@ from benchmarks.peers.method import FloatArray
 
 
 class Turns(NamedTuple):
-    """The turning points that are known at each sample.
+    """The turning points that are known at each sample."""
 
-    Attributes:
-        last: (n, k) last turning points, the latest first.
-        direction: (n,) 1 after a minimum, -1 after a maximum.
-    """
-
-    last: FloatArray
-    direction: FloatArray
+    last: FloatArray  #: (n, k) last turning points, the latest first.
+    direction: FloatArray  #: (n,) 1 after a minimum, -1 after a maximum.
 
 
 def turning_points(positions: FloatArray, count: int, threshold: float, *, wipe: bool) -> Turns:

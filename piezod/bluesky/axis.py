@@ -37,17 +37,12 @@ _DIGITS: Final = {"um": 4, "V": 3}
 
 @dataclass
 class Movement:
-    """A movement that `stop` may end.
+    """A movement that `stop` may end."""
 
-    Attributes:
-        limited: Whether it may take no longer than the daemon says, and some time to settle.
-        ended: Empty; "success" or "failure" if it was ended before its target.
-        status: The wait for its arrival, once it has begun.
-    """
-
+    #: Whether it may take no longer than the daemon says, and some time to settle.
     limited: bool = True
-    ended: str = ""
-    status: AsyncStatus[None] | None = None
+    ended: str = ""  #: Empty; "success" or "failure" if it was ended before its target.
+    status: AsyncStatus[None] | None = None  #: The wait for its arrival, once it has begun.
 
     def end(self, *, success: bool) -> None:
         """End the wait, or do not let it begin."""

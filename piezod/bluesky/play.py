@@ -21,21 +21,13 @@ _UNITS: Final = {"t_s": "s", "position_um": "um", "drive_v": "V"}
 
 @dataclass(frozen=True)
 class Play:
-    """A table to play, for a flyer; the stage must be in READY.
+    """A table to play, for a flyer; the stage must be in READY."""
 
-    Attributes:
-        axis: Name of the axis.
-        drive_v: Voltages of one period, in V.
-        interval_s: Time between two of them, in s.
-        cycles: Number of periods.
-        lead_in_v: Voltages before the first period, in V.
-    """
-
-    axis: str
-    drive_v: Sequence[float]
-    interval_s: float
-    cycles: int
-    lead_in_v: Sequence[float] = ()
+    axis: str  #: Name of the axis.
+    drive_v: Sequence[float]  #: Voltages of one period, in V.
+    interval_s: float  #: Time between two of them, in s.
+    cycles: int  #: Number of periods.
+    lead_in_v: Sequence[float] = ()  #: Voltages before the first period, in V.
 
     async def prepare(self, link: StageLink) -> None:
         """Check the voltages; nothing moves.

@@ -22,19 +22,12 @@ _DTYPE: Final = np.dtype("f8").str
 
 
 class Column(NamedTuple):
-    """A column of numbers in a recording.
+    """A column of numbers in a recording."""
 
-    Attributes:
-        key: Its key in the documents.
-        dataset: Path of its dataset in the file.
-        source: Where its values come from.
-        metadata: Unit, precision and limits.
-    """
-
-    key: str
-    dataset: str
-    source: str
-    metadata: SignalMetadata
+    key: str  #: Its key in the documents.
+    dataset: str  #: Path of its dataset in the file.
+    source: str  #: Where its values come from.
+    metadata: SignalMetadata  #: Unit, precision and limits.
 
     def data_key(self) -> DataKey:
         """Return the description of the column, for the descriptor of the stream."""

@@ -31,21 +31,15 @@ ValueT = TypeVar("ValueT", bound=float | str)
 
 
 class Source(NamedTuple, Generic[ValueT]):
-    """How to read a value.
+    """How to read a value."""
 
-    Attributes:
-        path: Path below the stage, for example "x/position_um".
-        datatype: Type of the value.
-        of_status: Returns the value in a status; None if it is unknown.
-        of_interval: Returns the value in an interval of telemetry; None if it is unknown.
-        metadata: Returns unit, precision and limits.
-    """
-
-    path: str
-    datatype: type[ValueT]
+    path: str  #: Path below the stage, for example "x/position_um".
+    datatype: type[ValueT]  #: Type of the value.
+    #: Returns the value in a status; None if it is unknown.
     of_status: Callable[[Status], ValueT | None]
+    #: Returns the value in an interval of telemetry; None if it is unknown.
     of_interval: Callable[[Telemetry], ValueT | None]
-    metadata: Callable[[], SignalMetadata] = SignalMetadata
+    metadata: Callable[[], SignalMetadata] = SignalMetadata  #: Returns unit, precision and limits.
 
 
 class StageBackend(SignalBackend[ValueT]):

@@ -23,15 +23,10 @@ _LABEL: Final = "bluesky"
 
 @dataclass(frozen=True)
 class Wave:
-    """Waveforms to follow, for a flyer.
+    """Waveforms to follow, for a flyer."""
 
-    Attributes:
-        command_um: Axis: position over time in µm, a waveform as in experiment files.
-        duration_s: Duration, in s.
-    """
-
-    command_um: Waveforms
-    duration_s: float
+    command_um: Waveforms  #: Axis: position over time in µm, a waveform as in experiment files.
+    duration_s: float  #: Duration, in s.
 
     async def prepare(self, link: StageLink) -> None:
         """Check the waveforms, and move the axes to their start.

@@ -155,21 +155,13 @@ def _no_findings() -> "Findings":
 
 @dataclass(frozen=True)
 class _Results:
-    """Results of the steps done so far.
+    """Results of the steps done so far."""
 
-    Attributes:
-        stage: Configuration of the stage.
-        axis: Name of the axis.
-        folder: Folder for the files.
-        findings: Results by step.
-        not_done: Names of the steps that were not done.
-    """
-
-    stage: "DaemonConfig"
-    axis: str
-    folder: Path
-    findings: "Findings" = field(default_factory=_no_findings)
-    not_done: list[str] = field(default_factory=list)
+    stage: "DaemonConfig"  #: Configuration of the stage.
+    axis: str  #: Name of the axis.
+    folder: Path  #: Folder for the files.
+    findings: "Findings" = field(default_factory=_no_findings)  #: Results by step.
+    not_done: list[str] = field(default_factory=list)  #: Names of the steps that were not done.
 
     def store(self, opened: "OneAxis") -> Path:
         """Write sheet, configuration and data; return the path of the sheet."""

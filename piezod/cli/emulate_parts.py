@@ -31,17 +31,11 @@ _POLL_MS: Final = 100
 
 
 class RigPlan(NamedTuple):
-    """What is needed to make a simulated rig.
+    """What is needed to make a simulated rig."""
 
-    Attributes:
-        options: Options of its driver.
-        axes: Names of its axes.
-        seed: Seed of its random numbers.
-    """
-
-    options: BaseModel
-    axes: tuple[str, ...]
-    seed: int
+    options: BaseModel  #: Options of its driver.
+    axes: tuple[str, ...]  #: Names of its axes.
+    seed: int  #: Seed of its random numbers.
 
 
 def default_rig(n_axes: int) -> RigPlan:

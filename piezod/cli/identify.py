@@ -35,21 +35,15 @@ if TYPE_CHECKING:
 
 
 class _FitJob(NamedTuple):
-    """What the command line says about the fit.
+    """What the command line says about the fit."""
 
-    Attributes:
-        test: Another record, to test the model on; None for none.
-        skip_s: Excluded start of each record, in s.
-        delay_s: The delay, in s; None if it is to be estimated.
-        settings: Settings of the fit, or those that are fixed and not chosen.
-        axis: Axis of a recording; None for the only one.
-    """
-
-    test: Path | None
-    skip_s: float
-    delay_s: float | None
-    settings: "FitSettings | Wanted"
-    axis: str | None = None
+    test: Path | None  #: Another record, to test the model on; None for none.
+    skip_s: float  #: Excluded start of each record, in s.
+    delay_s: float | None  #: The delay, in s; None if it is to be estimated.
+    settings: (
+        "FitSettings | Wanted"  #: Settings of the fit, or those that are fixed and not chosen.
+    )
+    axis: str | None = None  #: Axis of a recording; None for the only one.
 
     def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> "FileFit":
         """Return the fit to a data file.

@@ -16,21 +16,13 @@ from piezod.messages.endpoints import Group
 
 
 class Verb(NamedTuple):
-    """A row of the table of commands, as far as the command line needs it.
+    """A row of the table of commands, as far as the command line needs it."""
 
-    Attributes:
-        words: The words after `piezod`; for a verb that sends a request, the request's name.
-        group: Heading in `piezod --help`.
-        help: First line and details.
-        done: Printed when the request is accepted; empty if the verb has its own function.
-        axis: Whether the request has a field `axis`.
-    """
-
-    words: str
-    group: Group
-    help: str
-    done: str = ""
-    axis: bool = False
+    words: str  #: The words after `piezod`; for a verb that sends a request, the request's name.
+    group: Group  #: Heading in `piezod --help`.
+    help: str  #: First line and details.
+    done: str = ""  #: Printed when the request is accepted; empty if the verb has its own function.
+    axis: bool = False  #: Whether the request has a field `axis`.
 
 
 _BY_SIGNAL: Final = ("stop", "estop")

@@ -9,15 +9,10 @@ _OWN: Final = Path("/proc/self/cgroup")
 
 
 class Quota(NamedTuple):
-    """A limit: a group that has used it up stands still for the rest of the period.
+    """A limit: a group that has used it up stands still for the rest of the period."""
 
-    Attributes:
-        used_s: Processor time per period, in s.
-        period_s: The period, in s.
-    """
-
-    used_s: float
-    period_s: float
+    used_s: float  #: Processor time per period, in s.
+    period_s: float  #: The period, in s.
 
     @property
     def processors(self) -> float:

@@ -29,15 +29,10 @@ _STYLES: Final[Mapping[str, str]] = {
 
 
 class AxisRanges(NamedTuple):
-    """The ranges of the bars of an axis; None if unknown.
+    """The ranges of the bars of an axis; None if unknown."""
 
-    Attributes:
-        position_um: Range of the command, in µm.
-        drive_v: Range of the drive voltage, in V.
-    """
-
-    position_um: Bounds | None
-    drive_v: Bounds | None
+    position_um: Bounds | None  #: Range of the command, in µm.
+    drive_v: Bounds | None  #: Range of the drive voltage, in V.
 
 
 def ranges_of(config: Mapping[str, Any]) -> dict[str, AxisRanges]:

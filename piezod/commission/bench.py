@@ -21,15 +21,10 @@ from piezod.errors import DeviceError
 
 
 class OneAxis(NamedTuple):
-    """An open axis.
+    """An open axis."""
 
-    Attributes:
-        session: Drives it.
-        identities: Identities of its devices, by name.
-    """
-
-    session: Session
-    identities: Mapping[str, Identity]
+    session: Session  #: Drives it.
+    identities: Mapping[str, Identity]  #: Identities of its devices, by name.
 
 
 ENDING: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})

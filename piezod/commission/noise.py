@@ -13,19 +13,12 @@ LEAST_VALID_PCT: Final = 90.0
 
 
 class Noise(NamedTuple):
-    """Result of the step.
+    """Result of the step."""
 
-    Attributes:
-        rms_um: Standard deviation of the samples around a straight line, in µm.
-        drift_um_per_s: Slope of that line, in µm/s.
-        valid_pct: Share of valid samples, in %.
-        mean_um: Mean position at the initial voltage, in µm.
-    """
-
-    rms_um: float
-    drift_um_per_s: float
-    valid_pct: float
-    mean_um: float
+    rms_um: float  #: Standard deviation of the samples around a straight line, in µm.
+    drift_um_per_s: float  #: Slope of that line, in µm/s.
+    valid_pct: float  #: Share of valid samples, in %.
+    mean_um: float  #: Mean position at the initial voltage, in µm.
 
 
 def measure_noise(session: Session) -> tuple[Noise, SessionTrace]:

@@ -20,17 +20,12 @@ SIGNIFICANT: Final = 6.0
 
 
 class Polarity(NamedTuple):
-    """Result of the step.
+    """Result of the step."""
 
-    Attributes:
-        um_per_v: Mean displacement per volt, in µm/V; negative if it falls with rising voltage.
-        uncertainty_um_per_v: Its standard uncertainty, in µm/V.
-        step_v: Size of the steps, in V.
-    """
-
+    #: Mean displacement per volt, in µm/V; negative if it falls with rising voltage.
     um_per_v: float
-    uncertainty_um_per_v: float
-    step_v: float
+    uncertainty_um_per_v: float  #: Its standard uncertainty, in µm/V.
+    step_v: float  #: Size of the steps, in V.
 
 
 def step_v(session: Session) -> float:

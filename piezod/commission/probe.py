@@ -38,49 +38,30 @@ ALL_PCT: Final = 100.0
 
 
 class RoundTrip(NamedTuple):
-    """Duration of an exchange, in µs.
+    """Duration of an exchange, in µs."""
 
-    Attributes:
-        median_us: Median.
-        p90_us: 90th percentile; it determines the rate.
-        p99_us: 99th percentile.
-        failed_pct: Share of exchanges without a result, in %.
-    """
-
-    median_us: float
-    p90_us: float
-    p99_us: float
-    failed_pct: float
+    median_us: float  #: Median.
+    p90_us: float  #: 90th percentile; it determines the rate.
+    p99_us: float  #: 99th percentile.
+    failed_pct: float  #: Share of exchanges without a result, in %.
 
 
 class Probed(NamedTuple):
-    """Result for one device.
+    """Result for one device."""
 
-    Attributes:
-        driver: Name of its driver.
-        identity: Its identity; None if it could not be opened.
-        capabilities: Its capabilities; None if it could not be opened.
-        units: Unit of each used channel, if the driver reports it.
-        in_force: Value in force of each output, by name.
-        readings: Value of each input, by name; NaN for an invalid one.
-        read: Round trip of a read; None if it has no inputs.
-        read_back: Round trip of a read-back; None if it has none.
-        cost_ns: Duration of its exchanges in a cycle, in ns.
-        rate_hz: Highest rate at which the daemon would use this device alone in the cycle, in Hz.
-        error: Why it could not be probed; empty if it could.
-    """
-
-    driver: str
-    identity: Identity | None = None
-    capabilities: Capabilities | None = None
+    driver: str  #: Name of its driver.
+    identity: Identity | None = None  #: Its identity; None if it could not be opened.
+    capabilities: Capabilities | None = None  #: Its capabilities; None if it could not be opened.
+    #: Unit of each used channel, if the driver reports it.
     units: ChannelUnits = ChannelUnits({}, {})
-    in_force: Mapping[str, float] = {}
-    readings: Mapping[str, float] = {}
-    read: RoundTrip | None = None
-    read_back: RoundTrip | None = None
-    cost_ns: int = 0
+    in_force: Mapping[str, float] = {}  #: Value in force of each output, by name.
+    readings: Mapping[str, float] = {}  #: Value of each input, by name; NaN for an invalid one.
+    read: RoundTrip | None = None  #: Round trip of a read; None if it has no inputs.
+    read_back: RoundTrip | None = None  #: Round trip of a read-back; None if it has none.
+    cost_ns: int = 0  #: Duration of its exchanges in a cycle, in ns.
+    #: Highest rate at which the daemon would use this device alone in the cycle, in Hz.
     rate_hz: float = 0.0
-    error: str = ""
+    error: str = ""  #: Why it could not be probed; empty if it could.
 
 
 def probe(
@@ -107,15 +88,10 @@ def probe(
 
 
 class Timing(NamedTuple):
-    """How exchanges are timed.
+    """How exchanges are timed."""
 
-    Attributes:
-        clock: The clock.
-        exchanges: Number of exchanges.
-    """
-
-    clock: Clock
-    exchanges: int
+    clock: Clock  #: The clock.
+    exchanges: int  #: Number of exchanges.
 
 
 def together_hz(found: Iterable[Probed]) -> float:

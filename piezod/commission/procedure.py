@@ -48,18 +48,12 @@ class Findings:
 
 
 class ProcedureStep(NamedTuple):
-    """One step.
+    """One step."""
 
-    Attributes:
-        name: Its name.
-        what: Announcement with every voltage, for the person who confirms it.
-        moves: Whether the stage moves.
-        run: Does the step and stores its result; returns the result as a line of text.
-    """
-
-    name: str
-    what: str
-    moves: bool
+    name: str  #: Its name.
+    what: str  #: Announcement with every voltage, for the person who confirms it.
+    moves: bool  #: Whether the stage moves.
+    #: Does the step and stores its result; returns the result as a line of text.
     run: Callable[[], str]
 
 

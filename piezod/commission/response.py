@@ -25,19 +25,12 @@ LEAST_SAMPLES: Final = 8
 
 
 class Response(NamedTuple):
-    """Result of the step.
+    """Result of the step."""
 
-    Attributes:
-        delay_s: Delay from the voltage to the sample, in s.
-        uncertainty_s: Its standard uncertainty, in s.
-        frequencies_hz: (n,) frequencies of the sines.
-        lag_deg: (n,) phase lag of the displacement, in degrees.
-    """
-
-    delay_s: float
-    uncertainty_s: float
-    frequencies_hz: FloatArray
-    lag_deg: FloatArray
+    delay_s: float  #: Delay from the voltage to the sample, in s.
+    uncertainty_s: float  #: Its standard uncertainty, in s.
+    frequencies_hz: FloatArray  #: (n,) frequencies of the sines.
+    lag_deg: FloatArray  #: (n,) phase lag of the displacement, in degrees.
 
     @property
     def found(self) -> bool:

@@ -37,17 +37,11 @@ FREQUENCIES, DECAYS = 150, 8
 
 
 class Ringing(NamedTuple):
-    """Result of the step; all NaN if no resonance was found.
+    """Result of the step; all NaN if no resonance was found."""
 
-    Attributes:
-        frequency_hz: Frequency of the first mode, in Hz.
-        damping: Its damping ratio.
-        searched_hz: Highest searched frequency, in Hz.
-    """
-
-    frequency_hz: float
-    damping: float
-    searched_hz: float
+    frequency_hz: float  #: Frequency of the first mode, in Hz.
+    damping: float  #: Its damping ratio.
+    searched_hz: float  #: Highest searched frequency, in Hz.
 
     @property
     def found(self) -> bool:

@@ -13,19 +13,12 @@ LARGEST_PERIODS: Final = 1.6
 
 @dataclass(frozen=True)
 class SessionTrace:
-    """Record of driving; arrays of one length.
+    """Record of driving; arrays of one length."""
 
-    Attributes:
-        t_s: Instants, in s from the first one.
-        drive_v: Written voltage in force at the instant, in V.
-        read_back_v: Read-back voltage, in V; NaN if there is none.
-        position_um: Measured displacement, in µm; NaN if it is not valid.
-    """
-
-    t_s: FloatArray
-    drive_v: FloatArray
-    read_back_v: FloatArray
-    position_um: FloatArray
+    t_s: FloatArray  #: Instants, in s from the first one.
+    drive_v: FloatArray  #: Written voltage in force at the instant, in V.
+    read_back_v: FloatArray  #: Read-back voltage, in V; NaN if there is none.
+    position_um: FloatArray  #: Measured displacement, in µm; NaN if it is not valid.
 
     @property
     def valid_pct(self) -> float:

@@ -25,25 +25,15 @@ class SheetRow(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """Content of the page.
+    """Content of the page."""
 
-    Attributes:
-        axis: Name of the axis.
-        facts: Names and values below the headline.
-        identities: Identities of the devices.
-        findings: The results.
-        not_done: Names of the steps that were left out, or ended in an error.
-        profile_name: Name of the file with the configuration.
-        profile: Text of that file.
-    """
-
-    axis: str
-    facts: Mapping[str, str]
-    identities: Mapping[str, Identity]
-    findings: Findings
-    not_done: Sequence[str]
-    profile_name: str
-    profile: str
+    axis: str  #: Name of the axis.
+    facts: Mapping[str, str]  #: Names and values below the headline.
+    identities: Mapping[str, Identity]  #: Identities of the devices.
+    findings: Findings  #: The results.
+    not_done: Sequence[str]  #: Names of the steps that were left out, or ended in an error.
+    profile_name: str  #: Name of the file with the configuration.
+    profile: str  #: Text of that file.
 
 
 def write_sheet(folder: Path, sheet: Sheet) -> Path:

@@ -15,38 +15,24 @@ LEAST_VALID_PCT: Final = 98.0
 
 
 class Travel(NamedTuple):
-    """Result of the step.
+    """Result of the step."""
 
-    Attributes:
-        drive_low_v: Lowest driven voltage, in V.
-        drive_high_v: Highest driven voltage, in V.
-        travel_um: Displacement from the initial voltage to the farthest one, in µm. It is also
-            negative if the axis was found high and driven down; `um_per_v` has the polarity.
-        um_per_v: Mean slope, in µm/V; negative if the position falls with rising voltage.
-        loop_pct: Largest width of the loop, in % of the travel.
-        noise_pct: Noise of the sensor, in % of the travel.
-    """
-
-    drive_low_v: float
-    drive_high_v: float
+    drive_low_v: float  #: Lowest driven voltage, in V.
+    drive_high_v: float  #: Highest driven voltage, in V.
+    #: Displacement from the initial voltage to the farthest one, in µm. It is also negative if the
+    #: axis was found high and driven down; `um_per_v` has the polarity.
     travel_um: float
-    um_per_v: float
-    loop_pct: float
-    noise_pct: float
+    um_per_v: float  #: Mean slope, in µm/V; negative if the position falls with rising voltage.
+    loop_pct: float  #: Largest width of the loop, in % of the travel.
+    noise_pct: float  #: Noise of the sensor, in % of the travel.
 
 
 class TravelAmplifier(NamedTuple):
-    """Straight line of the read-back voltage over the written voltage.
+    """Straight line of the read-back voltage over the written voltage."""
 
-    Attributes:
-        gain: Read-back voltage per written voltage.
-        offset_v: Read-back voltage at 0 V, in V.
-        worst_v: Largest deviation from the line, in V.
-    """
-
-    gain: float
-    offset_v: float
-    worst_v: float
+    gain: float  #: Read-back voltage per written voltage.
+    offset_v: float  #: Read-back voltage at 0 V, in V.
+    worst_v: float  #: Largest deviation from the line, in V.
 
 
 def excursion(session: Session, target_v: float) -> SessionTrace:

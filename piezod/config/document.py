@@ -19,19 +19,15 @@ class SourcePlace(NamedTuple):
 
 @dataclass(frozen=True)
 class Document:
-    """Plain data with places.
+    """Plain data with places."""
 
-    Attributes:
-        file: Path of the file as the user gave it.
-        data: The top level. Mappings are dicts with text keys, sequences are tuples, all else is
-            None, bool, int, float or str.
-        values: Place of the value of each path; the top level has the path `()`.
-        keys: Place of the key of each path that ends in a key of a mapping.
-    """
-
-    file: str
+    file: str  #: Path of the file as the user gave it.
+    #: The top level. Mappings are dicts with text keys, sequences are tuples, all else is None,
+    #: bool, int, float or str.
     data: dict[str, Any]
+    #: Place of the value of each path; the top level has the path `()`.
     values: Mapping[KeyPath, SourcePlace]
+    #: Place of the key of each path that ends in a key of a mapping.
     keys: Mapping[KeyPath, SourcePlace]
 
     def problem(self, path: KeyPath, what: str, *, at_key: bool = False) -> Problem:

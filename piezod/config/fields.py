@@ -57,19 +57,13 @@ class Drivers(Protocol):
 
 @dataclass(frozen=True)
 class Context:
-    """Data that validation needs besides the document.
+    """Data that validation needs besides the document."""
 
-    Attributes:
-        folder: Folder of relative paths in the file.
-        drivers: Drivers whose options can be validated.
-        known_keys: Known keys of each mapping, by the id of the mapping's data.
-        named_files: Digest of each file that the document names, by its absolute path, from before
-            it is read.
-    """
-
-    folder: Path = Path()
-    drivers: Drivers | None = None
+    folder: Path = Path()  #: Folder of relative paths in the file.
+    drivers: Drivers | None = None  #: Drivers whose options can be validated.
+    #: Known keys of each mapping, by the id of the mapping's data.
     known_keys: dict[int, Sequence[str]] = field(default_factory=dict)
+    #: Digest of each file that the document names, by its absolute path, from before it is read.
     named_files: dict[str, str] = field(default_factory=dict)
 
 
@@ -122,17 +116,11 @@ _NUMBER_ERRORS: Final = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """Closed range and unit of a number; annotates a float or an int.
+    """Closed range and unit of a number; annotates a float or an int."""
 
-    Attributes:
-        low: Lowest allowed value.
-        high: Highest allowed value.
-        unit: Symbol of the unit; empty for pure numbers and if the key contains the unit.
-    """
-
-    low: float
-    high: float
-    unit: str = ""
+    low: float  #: Lowest allowed value.
+    high: float  #: Highest allowed value.
+    unit: str = ""  #: Symbol of the unit; empty for pure numbers and if the key contains the unit.
 
     def __str__(self) -> str:
         """Return the range as in an error message."""

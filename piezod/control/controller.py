@@ -26,28 +26,18 @@ from piezod.units import NS_PER_S
 
 
 class Learned(NamedTuple):
-    """Learned parameters of an axis.
+    """Learned parameters of an axis."""
 
-    Attributes:
-        weights: (size,) weights of the identifier; they change in place.
-        offset: Offset of the displacement, in units of the range.
-        scale: Relative gain of the hysteresis input over the displacement.
-        zero_um: Sensor zero, in µm as the sensor shows it.
-        surface: Whether the weights are the coefficients of a surface, and not those of stops.
-        distance: How far the learned model is from the identified one, as a share of the range; NaN
-            without an identified one.
-        low_um: Lowest position that may be commanded, in µm.
-        high_um: Highest position that may be commanded, in µm.
-    """
-
-    weights: FloatArray
-    offset: float
-    scale: float
-    zero_um: float
-    surface: bool
+    weights: FloatArray  #: (size,) weights of the identifier; they change in place.
+    offset: float  #: Offset of the displacement, in units of the range.
+    scale: float  #: Relative gain of the hysteresis input over the displacement.
+    zero_um: float  #: Sensor zero, in µm as the sensor shows it.
+    surface: bool  #: Whether the weights are the coefficients of a surface, and not those of stops.
+    #: How far the learned model is from the identified one, as a share of the range; NaN without an
+    #: identified one.
     distance: float
-    low_um: float
-    high_um: float
+    low_um: float  #: Lowest position that may be commanded, in µm.
+    high_um: float  #: Highest position that may be commanded, in µm.
 
 
 class StageController:

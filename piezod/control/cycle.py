@@ -51,26 +51,16 @@ class CycleAxis(Protocol):
 
 @dataclass
 class CycleParts:
-    """Everything that a cycle works on.
+    """Everything that a cycle works on."""
 
-    Attributes:
-        devices: The sensors and amplifiers of all axes.
-        axes: The axes, in the order of the devices; the owner may replace them.
-        guard: The last check before the write.
-        period_s: Period of the loop, in s.
-        stage: The stage with faults and state; None without watches, as in an experiment in virtual
-            time.
-        loop_watch: The watch of the loop; None likewise.
-        written_ns: Instant of the last write that the amplifiers took, in ns; long ago before the
-            first.
-    """
-
-    devices: DeviceBoundary
-    axes: Sequence[CycleAxis]
-    guard: Guard
-    period_s: float
+    devices: DeviceBoundary  #: The sensors and amplifiers of all axes.
+    axes: Sequence[CycleAxis]  #: The axes, in the order of the devices; the owner may replace them.
+    guard: Guard  #: The last check before the write.
+    period_s: float  #: Period of the loop, in s.
+    #: The stage with faults and state; None without watches, as in an experiment in virtual time.
     stage: Stage | None = None
-    loop_watch: LoopWatch | None = None
+    loop_watch: LoopWatch | None = None  #: The watch of the loop; None likewise.
+    #: Instant of the last write that the amplifiers took, in ns; long ago before the first.
     written_ns: float = -inf
 
 

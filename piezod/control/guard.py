@@ -48,17 +48,11 @@ class Window(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Limits of one axis.
+    """Limits of one axis."""
 
-    Attributes:
-        drive_min_v: Lowest voltage, in V.
-        drive_max_v: Highest voltage, in V.
-        slew_v_per_s: Fastest change, in V/s.
-    """
-
-    drive_min_v: float
-    drive_max_v: float
-    slew_v_per_s: float
+    drive_min_v: float  #: Lowest voltage, in V.
+    drive_max_v: float  #: Highest voltage, in V.
+    slew_v_per_s: float  #: Fastest change, in V/s.
 
     @property
     def read_back_tolerance_v(self) -> float:
@@ -83,27 +77,20 @@ class Limits(NamedTuple):
 
 
 class Admitted(NamedTuple):
-    """Voltages that may be written in this cycle; axes are given by their index.
+    """Voltages that may be written in this cycle; axes are given by their index."""
 
-    Attributes:
-        drive_v: Voltage of each axis, in V; not finite if the voltage in force is unknown.
-        held: Axes that may not be written: the voltage in force is unknown, or its output is out
-            of the reach of the last write. All axes of an amplifier are written together, so they
-            are held together.
-        refused: Axes whose requested voltage, or voltage in force, is not finite: they hold.
-        range_limited: Axes that requested a voltage outside their range.
-        slew_limited: Axes that requested a faster change than their slew rate.
-        stale: Whether the voltages were planned for another cycle: all axes hold.
-        waits: Axes whose output does not follow: they keep the last write.
-    """
-
+    #: Voltage of each axis, in V; not finite if the voltage in force is unknown.
     drive_v: list[float]
+    #: Axes that may not be written: the voltage in force is unknown, or its output is out of the
+    #: reach of the last write. All axes of an amplifier are written together, so they are held
+    #: together.
     held: tuple[int, ...]
+    #: Axes whose requested voltage, or voltage in force, is not finite: they hold.
     refused: tuple[int, ...]
-    range_limited: tuple[int, ...]
-    slew_limited: tuple[int, ...]
-    stale: bool
-    waits: tuple[int, ...] = ()
+    range_limited: tuple[int, ...]  #: Axes that requested a voltage outside their range.
+    slew_limited: tuple[int, ...]  #: Axes that requested a faster change than their slew rate.
+    stale: bool  #: Whether the voltages were planned for another cycle: all axes hold.
+    waits: tuple[int, ...] = ()  #: Axes whose output does not follow: they keep the last write.
 
     @property
     def writable(self) -> bool:

@@ -28,18 +28,13 @@ which follows it, together end well within the 90 s after which systemd kills a 
 
 
 class Claim(NamedTuple):
-    """A voltage that may be in force.
+    """A voltage that may be in force."""
 
-    Attributes:
-        drive_v: The voltage, in V; NaN if there is none.
-        low_um: Lowest position that a stage can have at this voltage, in µm; NaN without a model,
-            or if the sensor was never zeroed.
-        high_um: Highest such position, in µm.
-    """
-
-    drive_v: float
+    drive_v: float  #: The voltage, in V; NaN if there is none.
+    #: Lowest position that a stage can have at this voltage, in µm; NaN without a model, or if the
+    #: sensor was never zeroed.
     low_um: float = nan
-    high_um: float = nan
+    high_um: float = nan  #: Highest such position, in µm.
 
     def excludes(self, position_um: float) -> bool:
         """Return whether the stage cannot be at a position; False if either is unknown."""
@@ -54,27 +49,22 @@ class Claim(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """Everything that is known about the voltage in force on an axis.
+    """Everything that is known about the voltage in force on an axis."""
 
-    Attributes:
-        read_back: The read-back.
-        written: The voltage that the amplifier acknowledged last; none if something else may have
-            changed the output since.
-        position_um: Measured position, in µm; NaN if it proves nothing.
-        moved: Share of the way from the last write to the read-back that the sensor has seen since
-            the two agreed: 0 if the output is at the last write, 1 if it is at the read-back; NaN
-            if that is unknown.
-        reports_move: Whether the amplifier has reported since the last acknowledged write that its
-            output fell, or that a person sets it.
-        explained: Whether the output can have come to the read-back by itself: by a player, or as
-            `left_alone` tells.
-    """
-
-    read_back: Claim
+    read_back: Claim  #: The read-back.
+    #: The voltage that the amplifier acknowledged last; none if something else may have changed the
+    #: output since.
     written: Claim
-    position_um: float = nan
+    position_um: float = nan  #: Measured position, in µm; NaN if it proves nothing.
+    #: Share of the way from the last write to the read-back that the sensor has seen since the two
+    #: agreed: 0 if the output is at the last write, 1 if it is at the read-back; NaN if that is
+    #: unknown.
     moved: float = nan
+    #: Whether the amplifier has reported since the last acknowledged write that its output fell, or
+    #: that a person sets it.
     reports_move: bool = False
+    #: Whether the output can have come to the read-back by itself: by a player, or as `left_alone`
+    #: tells.
     explained: bool = False
 
 
@@ -96,19 +86,14 @@ class Source(Enum):
 
 
 class InForce(NamedTuple):
-    """The voltage in force on an axis.
+    """The voltage in force on an axis."""
 
-    Attributes:
-        drive_v: The voltage, in V; NaN if it is unknown.
-        source: What tells it.
-        doubt: The values that do not agree, and what follows, for people; empty if they agree.
-        proven: Whether the stage may be armed there: nothing contradicts it, or more than one
-            witness stands against the one that does.
-    """
-
-    drive_v: float
-    source: Source
+    drive_v: float  #: The voltage, in V; NaN if it is unknown.
+    source: Source  #: What tells it.
+    #: The values that do not agree, and what follows, for people; empty if they agree.
     doubt: str = ""
+    #: Whether the stage may be armed there: nothing contradicts it, or more than one witness stands
+    #: against the one that does.
     proven: bool = True
 
 

@@ -17,15 +17,11 @@ _WORDS_PER_AXIS = 4
 
 
 class LastOutput(NamedTuple):
-    """The last written voltage of an axis.
+    """The last written voltage of an axis."""
 
-    Attributes:
-        drive_v: The voltage, in V; NaN if none was written, or if the writer died during a write.
-        t_ns: Its instant, on CLOCK_MONOTONIC.
-    """
-
+    #: The voltage, in V; NaN if none was written, or if the writer died during a write.
     drive_v: float
-    t_ns: int
+    t_ns: int  #: Its instant, on CLOCK_MONOTONIC.
 
 
 def _allocate(file: int, size: int, path: Path) -> None:

@@ -23,17 +23,11 @@ PLAYED: Final = "play.json"
 
 
 class StagePaths(NamedTuple):
-    """The files of one stage.
+    """The files of one stage."""
 
-    Attributes:
-        name: Name of the stage: that of its configuration file, without the suffix.
-        runtime: Folder that lasts until the machine is shut down.
-        state: Folder that lasts.
-    """
-
-    name: str
-    runtime: Path
-    state: Path
+    name: str  #: Name of the stage: that of its configuration file, without the suffix.
+    runtime: Path  #: Folder that lasts until the machine is shut down.
+    state: Path  #: Folder that lasts.
 
     @property
     def lock(self) -> Path:

@@ -42,17 +42,11 @@ def load(name: str) -> EmulatorPlugin:
 
 
 class EmulationRequest(NamedTuple):
-    """A device to emulate.
+    """A device to emulate."""
 
-    Attributes:
-        plugin: Its emulator.
-        where: Place of the service; "" for the default.
-        faults: Wire faults.
-    """
-
-    plugin: EmulatorPlugin
-    where: str
-    faults: WireFaults
+    plugin: EmulatorPlugin  #: Its emulator.
+    where: str  #: Place of the service; "" for the default.
+    faults: WireFaults  #: Wire faults.
 
 
 class Emulation:

@@ -69,14 +69,11 @@ def is_same(found: Identity, known: Identity) -> bool:
 
 
 class Wiring(NamedTuple):
-    """Channels of a device that a configuration uses; each name is unique on its side.
+    """Channels of a device that a configuration uses; each name is unique on its side."""
 
-    Attributes:
-        inputs: Names of the channels to read, in the order of every sequence of samples.
-        outputs: Names of the channels to drive, in the order of every sequence of values.
-    """
-
+    #: Names of the channels to read, in the order of every sequence of samples.
     inputs: tuple[str, ...]
+    #: Names of the channels to drive, in the order of every sequence of values.
     outputs: tuple[str, ...]
 
     @classmethod
@@ -92,73 +89,59 @@ class Wiring(NamedTuple):
 
 
 class ChannelUnits(NamedTuple):
-    """Channels of a device, each with the unit of its values.
+    """Channels of a device, each with the unit of its values."""
 
-    Attributes:
-        inputs: Unit of each input by its name: "µm" if a sample is a displacement; otherwise the
-            unit of the value to calibrate ("V", "%").
-        outputs: Unit of each output by its name: "V" for the voltage at the actuator or of a
-            converter.
-    """
-
+    #: Unit of each input by its name: "µm" if a sample is a displacement; otherwise the unit of the
+    #: value to calibrate ("V", "%").
     inputs: Mapping[str, str]
+    #: Unit of each output by its name: "V" for the voltage at the actuator or of a converter.
     outputs: Mapping[str, str]
 
 
 class Capabilities(NamedTuple):
-    """Capabilities of an open device.
+    """Capabilities of an open device."""
 
-    Attributes:
-        inputs: Names of the channels to read, in the order of every sequence of samples.
-        outputs: Names of the channels to drive, in the order of every sequence of values.
-        read_back: Whether `read_back` asks the device. If not, it returns the last written value.
-        max_rate_hz: Highest loop rate that the device supports, in Hz.
-        holds: Whether the outputs hold their value when the device is deactivated or closed, and do
-            not go to rest. They must be brought to a safe voltage first; after the death of the
-            loop process `piezod safe` does that.
-        opens_relaxed: Whether the stage is at rest, with an empty hysteresis memory, whenever the
-            device is opened. True only for devices that exist in this process alone.
-        enables: Whether `activate` enables the outputs and `deactivate` disables them.
-        soft_disable: Whether a disabled output ramps down slowly.
-        watchdog: Whether the device itself makes its outputs safe if its host falls silent.
-        quality: Whether samples carry a quality, so that a bad sample is marked as bad.
-        lag_ns: Delay between the write of a value and its effect and read-back, in ns, if the loop
-            does not wait for it.
-        ranges: Lowest and highest value of each output; empty if the device does not report them.
-        tells_restart: Whether the device reports, before it accepts another write, that it was
-            switched off and on again or has fallen back to its own safe state. This also covers a
-            lost connection and a device that was opened again. For any other device the last
-            written value may no longer be in force after an absence, unless it is read back.
-    """
-
+    #: Names of the channels to read, in the order of every sequence of samples.
     inputs: tuple[str, ...]
+    #: Names of the channels to drive, in the order of every sequence of values.
     outputs: tuple[str, ...]
+    #: Whether `read_back` asks the device. If not, it returns the last written value.
     read_back: bool
-    max_rate_hz: float
+    max_rate_hz: float  #: Highest loop rate that the device supports, in Hz.
+    #: Whether the outputs hold their value when the device is deactivated or closed, and do not go
+    #: to rest. They must be brought to a safe voltage first; after the death of the loop process
+    #: `piezod safe` does that.
     holds: bool = False
+    #: Whether the stage is at rest, with an empty hysteresis memory, whenever the device is opened.
+    #: True only for devices that exist in this process alone.
     opens_relaxed: bool = False
-    enables: bool = False
-    soft_disable: bool = False
+    enables: bool = False  #: Whether `activate` enables the outputs and `deactivate` disables them.
+    soft_disable: bool = False  #: Whether a disabled output ramps down slowly.
+    #: Whether the device itself makes its outputs safe if its host falls silent.
     watchdog: bool = False
-    quality: bool = False
+    quality: bool = (
+        False  #: Whether samples carry a quality, so that a bad sample is marked as bad.
+    )
+    #: Delay between the write of a value and its effect and read-back, in ns, if the loop does not
+    #: wait for it.
     lag_ns: int = 0
+    #: Lowest and highest value of each output; empty if the device does not report them.
     ranges: tuple[tuple[float, float], ...] = ()
+    #: Whether the device reports, before it accepts another write, that it was switched off and on
+    #: again or has fallen back to its own safe state. This also covers a lost connection and a
+    #: device that was opened again. For any other device the last written value may no longer be in
+    #: force after an absence, unless it is read back.
     tells_restart: bool = False
 
 
 class Sample(NamedTuple):
-    """One measured displacement.
+    """One measured displacement."""
 
-    Attributes:
-        t_ns: Instant of the sample, never later than the call that read it.
-        position_um: Displacement in µm, or the channel's value in its own unit before calibration;
-            must not be used unless `valid`.
-        valid: False if the device reports a fault, saturation, or nothing at all.
-    """
-
-    t_ns: int
+    t_ns: int  #: Instant of the sample, never later than the call that read it.
+    #: Displacement in µm, or the channel's value in its own unit before calibration; must not be
+    #: used unless `valid`.
     position_um: float
-    valid: bool
+    valid: bool  #: False if the device reports a fault, saturation, or nothing at all.
 
 
 @runtime_checkable
@@ -276,24 +259,18 @@ def any_channel(_options: object) -> None:
 
 @dataclass(frozen=True, slots=True)
 class DriverPlugin(Generic[OptionsT]):
-    """Description of a driver, exported by its module as `PLUGIN` for `piezod.devices.registry`.
+    """Description of a driver, exported by its module as `PLUGIN` for `piezod.devices.registry`."""
 
-    Attributes:
-        name: Name that configurations use; the same as the name of its entry point.
-        summary: One line for lists: the devices that it drives.
-        options_model: Model that validates `options:` of a device in a configuration. Options have
-            defaults wherever a default makes sense.
-        create: Constructs a device, without I/O, from its options, the used channels, and a seed
-            for its random numbers.
-        confirmed_on_hardware: Whether it has been confirmed on the real device.
-        channels: Returns the channels of a device with these options; None if any name is accepted.
-        sees: Ids of the faults of bus, amplifier and sensor (`docs/faults.md`) that it can detect.
-    """
-
-    name: str
-    summary: str
+    name: str  #: Name that configurations use; the same as the name of its entry point.
+    summary: str  #: One line for lists: the devices that it drives.
+    #: Model that validates `options:` of a device in a configuration. Options have defaults
+    #: wherever a default makes sense.
     options_model: type[OptionsT]
+    #: Constructs a device, without I/O, from its options, the used channels, and a seed for its
+    #: random numbers.
     create: Callable[[OptionsT, Wiring, int], Device]
-    confirmed_on_hardware: bool
+    confirmed_on_hardware: bool  #: Whether it has been confirmed on the real device.
+    #: Returns the channels of a device with these options; None if any name is accepted.
     channels: Callable[[OptionsT], ChannelUnits | None] = any_channel
+    #: Ids of the faults of bus, amplifier and sensor (`docs/faults.md`) that it can detect.
     sees: frozenset[str] = frozenset()

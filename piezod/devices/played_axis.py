@@ -25,21 +25,13 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 
 class AxisTable(NamedTuple):
-    """Voltages to play on one axis.
+    """Voltages to play on one axis."""
 
-    Attributes:
-        interval_ns: Time between two points, in ns.
-        lead_in_v: (m,) voltages that are played once, before the period, in V.
-        period_v: (n,) voltages of one period, in V.
-        cycles: Number of periods.
-        start_ns: Instant at which the play begins, in ns; 0 for as soon as possible.
-    """
-
-    interval_ns: int
-    lead_in_v: FloatArray
-    period_v: FloatArray
-    cycles: int
-    start_ns: int = 0
+    interval_ns: int  #: Time between two points, in ns.
+    lead_in_v: FloatArray  #: (m,) voltages that are played once, before the period, in V.
+    period_v: FloatArray  #: (n,) voltages of one period, in V.
+    cycles: int  #: Number of periods.
+    start_ns: int = 0  #: Instant at which the play begins, in ns; 0 for as soon as possible.
 
     @property
     def first_v(self) -> float:
@@ -53,20 +45,14 @@ class AxisTable(NamedTuple):
 
 
 class AxisRecord(NamedTuple):
-    """Record of one axis during a play.
+    """Record of one axis during a play."""
 
-    Attributes:
-        interval_ns: Time between two samples, in ns.
-        position_um: (k,) measured displacement as the sensor gives it, in µm; NaN if it is not
-            valid.
-        true_um: (k,) true displacement from rest, in µm; NaN if the device does not know it.
-        first_point: Index of the point of lead-in and period at the first sample.
-    """
-
-    interval_ns: int
+    interval_ns: int  #: Time between two samples, in ns.
+    #: (k,) measured displacement as the sensor gives it, in µm; NaN if it is not valid.
     position_um: FloatArray
+    #: (k,) true displacement from rest, in µm; NaN if the device does not know it.
     true_um: FloatArray
-    first_point: int
+    first_point: int  #: Index of the point of lead-in and period at the first sample.
 
 
 class PlayingDevice(Player, Sensor, Amplifier, Protocol):

@@ -52,39 +52,23 @@ class AtEnd(Enum):
 
 
 class PlayerCapabilities(NamedTuple):
-    """Capabilities of the player of an open device.
+    """Capabilities of the player of an open device."""
 
-    Attributes:
-        shortest_interval_ns: Shortest time between two points, in ns.
-        interval_step_ns: Intervals are the shortest one plus multiples of this, in ns.
-        longest_interval_ns: Longest time between two points, in ns.
-        points: Largest number of points of a table, lead-in and period together, for each output.
-        points_shared: Whether all outputs together have that number.
-        resolution: Smallest step of each output, in its unit.
-        cycles: Largest number of cycles; 0 if only the host can end a play.
-        replaces: Whether a table can be replaced while it is played.
-        record_points: Largest number of recorded samples of each input.
-        records_with_play: Whether the record begins with the first point of the table.
-        lag_ns: Time from a point of the table to its output, relative to the record, in ns.
-        at_end: What the outputs do at the end.
-        watchdog_while_playing: Whether the device's own watchdog works while it plays.
-        pulse_lines: Number of digital outputs that can be set in step with the points.
-    """
-
-    shortest_interval_ns: int
-    interval_step_ns: int
-    longest_interval_ns: int
+    shortest_interval_ns: int  #: Shortest time between two points, in ns.
+    interval_step_ns: int  #: Intervals are the shortest one plus multiples of this, in ns.
+    longest_interval_ns: int  #: Longest time between two points, in ns.
+    #: Largest number of points of a table, lead-in and period together, for each output.
     points: int
-    points_shared: bool
-    resolution: tuple[float, ...]
-    cycles: int
-    replaces: bool
-    record_points: int
-    records_with_play: bool
-    lag_ns: int = 0
-    at_end: AtEnd = AtEnd.UNKNOWN
-    watchdog_while_playing: bool = False
-    pulse_lines: int = 0
+    points_shared: bool  #: Whether all outputs together have that number.
+    resolution: tuple[float, ...]  #: Smallest step of each output, in its unit.
+    cycles: int  #: Largest number of cycles; 0 if only the host can end a play.
+    replaces: bool  #: Whether a table can be replaced while it is played.
+    record_points: int  #: Largest number of recorded samples of each input.
+    records_with_play: bool  #: Whether the record begins with the first point of the table.
+    lag_ns: int = 0  #: Time from a point of the table to its output, relative to the record, in ns.
+    at_end: AtEnd = AtEnd.UNKNOWN  #: What the outputs do at the end.
+    watchdog_while_playing: bool = False  #: Whether the device's own watchdog works while it plays.
+    pulse_lines: int = 0  #: Number of digital outputs that can be set in step with the points.
 
     def legal_interval_ns(self, interval_ns: int) -> int:
         """Return the shortest legal interval that is not shorter than the given one, in ns."""
@@ -96,19 +80,12 @@ class PlayerCapabilities(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Values to play.
+    """Values to play."""
 
-    Attributes:
-        interval_ns: Time between two points, in ns.
-        lead_in: (m, outputs) values that are played once, before the period; m may be 0.
-        period: (n, outputs) values of one period, in the unit of each output.
-        cycles: Number of periods, at least 1.
-    """
-
-    interval_ns: int
-    lead_in: FloatArray
-    period: FloatArray
-    cycles: int
+    interval_ns: int  #: Time between two points, in ns.
+    lead_in: FloatArray  #: (m, outputs) values that are played once, before the period; m may be 0.
+    period: FloatArray  #: (n, outputs) values of one period, in the unit of each output.
+    cycles: int  #: Number of periods, at least 1.
 
     @property
     def duration_ns(self) -> int:
@@ -131,34 +108,23 @@ class PlayState(Enum):
 
 
 class Progress(NamedTuple):
-    """Progress of a play.
+    """Progress of a play."""
 
-    Attributes:
-        state: Present state.
-        cycle: Complete cycles so far.
-        reason: What failed; empty if nothing did.
-    """
-
-    state: PlayState
-    cycle: int
-    reason: str = ""
+    state: PlayState  #: Present state.
+    cycle: int  #: Complete cycles so far.
+    reason: str = ""  #: What failed; empty if nothing did.
 
 
 class PlayedRecord(NamedTuple):
-    """What the device recorded during a play.
+    """What the device recorded during a play."""
 
-    Attributes:
-        interval_ns: Time between two samples, in ns.
-        positions: (k, inputs) samples, in the unit of each input; NaN if a sample was lost or is
-            not valid.
-        first_point: Index of the point of lead-in and period at which the first sample was taken.
-        outputs: (k, outputs) outputs that the device measured beside; of shape (k, 0) if it does
-            not measure them.
-    """
-
-    interval_ns: int
+    interval_ns: int  #: Time between two samples, in ns.
+    #: (k, inputs) samples, in the unit of each input; NaN if a sample was lost or is not valid.
     positions: FloatArray
+    #: Index of the point of lead-in and period at which the first sample was taken.
     first_point: int
+    #: (k, outputs) outputs that the device measured beside; of shape (k, 0) if it does not measure
+    #: them.
     outputs: FloatArray
 
 

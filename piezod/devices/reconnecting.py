@@ -23,13 +23,9 @@ SILENT_CYCLES: Final = 5
 
 @runtime_checkable
 class CanBeLost(Protocol):
-    """A device that may be lost, until it is closed and opened again.
+    """A device that may be lost, until it is closed and opened again."""
 
-    Attributes:
-        lost: Reason of the loss, for people; empty if the device is connected.
-    """
-
-    lost: str
+    lost: str  #: Reason of the loss, for people; empty if the device is connected.
 
 
 class ReconnectingDevice(DeviceWrapper):

@@ -11,33 +11,21 @@ from piezod.errors import DeviceError
 
 
 class SensorRole(NamedTuple):
-    """A device that is read.
+    """A device that is read."""
 
-    Attributes:
-        sensor: The device.
-        plain: Input and axis of each displacement that is in µm already.
-        calibrated: Input and axis of each displacement that must be calibrated.
-        commanding: Input and axis of each command input.
-    """
-
-    sensor: Sensor
-    plain: list[tuple[int, int]]
+    sensor: Sensor  #: The device.
+    plain: list[tuple[int, int]]  #: Input and axis of each displacement that is in µm already.
+    #: Input and axis of each displacement that must be calibrated.
     calibrated: list[tuple[CalibratedInput, int]]
-    commanding: list[tuple[CalibratedInput, int]]
+    commanding: list[tuple[CalibratedInput, int]]  #: Input and axis of each command input.
 
 
 class AmplifierRole(NamedTuple):
-    """A device that is driven.
+    """A device that is driven."""
 
-    Attributes:
-        amplifier: The device.
-        axes: Axis of each of its outputs.
-        outputs: Calibrated outputs, in that order.
-    """
-
-    amplifier: Amplifier
-    axes: list[int]
-    outputs: list[CalibratedOutput]
+    amplifier: Amplifier  #: The device.
+    axes: list[int]  #: Axis of each of its outputs.
+    outputs: list[CalibratedOutput]  #: Calibrated outputs, in that order.
 
 
 def places(

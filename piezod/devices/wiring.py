@@ -12,27 +12,16 @@ from piezod.devices.interface import Device, Wiring
 
 
 class ChannelPair(NamedTuple):
-    """Channels that serve an axis.
+    """Channels that serve an axis."""
 
-    Attributes:
-        sensor: Name of the device that measures it; None without a sensor.
-        amplifier: Name of the device that drives it.
-        input: Name of the sensor's channel; None for the name of the axis.
-        output: Name of the amplifier's channel; None for the name of the axis.
-        to_um: Calibration of the input.
-        to_v: Calibration of the output.
-        light: Channel of the input's light; None if there is none.
-        command: Input that commands the axis; None if there is none.
-    """
-
-    sensor: str | None
-    amplifier: str
-    input: str | None = None
-    output: str | None = None
-    to_um: Calibration = LineCalibration()
-    to_v: Calibration = LineCalibration()
-    light: LightConfig | None = None
-    command: InputConfig | None = None
+    sensor: str | None  #: Name of the device that measures it; None without a sensor.
+    amplifier: str  #: Name of the device that drives it.
+    input: str | None = None  #: Name of the sensor's channel; None for the name of the axis.
+    output: str | None = None  #: Name of the amplifier's channel; None for the name of the axis.
+    to_um: Calibration = LineCalibration()  #: Calibration of the input.
+    to_v: Calibration = LineCalibration()  #: Calibration of the output.
+    light: LightConfig | None = None  #: Channel of the input's light; None if there is none.
+    command: InputConfig | None = None  #: Input that commands the axis; None if there is none.
 
     def inputs_of(self, device: str, axis: str) -> Iterator[str]:
         """Yield the inputs of a device that the axis of this name uses."""

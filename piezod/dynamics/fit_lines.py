@@ -20,27 +20,16 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class _Point(NamedTuple):
-    """The model at given parameters, for n lines with m images each, and k resonances.
+    """The model at given parameters, for n lines with m images each, and k resonances."""
 
-    Attributes:
-        parameters: The parameters.
-        parts: The same by their meaning.
-        slow: (n,) gain, phase and creep.
-        delayed: (m, n) delay, with the weights of the images.
-        ratios: (k, m, n) frequencies over those of the resonances.
-        modes: (k, m, n) responses of the resonances.
-        dynamics: (m, n) delay and resonances.
-        model: (n,) the response.
-    """
-
-    parameters: FloatArray
-    parts: Parts
-    slow: ComplexArray
-    delayed: ComplexArray
-    ratios: FloatArray
-    modes: ComplexArray
-    dynamics: ComplexArray
-    model: ComplexArray
+    parameters: FloatArray  #: The parameters.
+    parts: Parts  #: The same by their meaning.
+    slow: ComplexArray  #: (n,) gain, phase and creep.
+    delayed: ComplexArray  #: (m, n) delay, with the weights of the images.
+    ratios: FloatArray  #: (k, m, n) frequencies over those of the resonances.
+    modes: ComplexArray  #: (k, m, n) responses of the resonances.
+    dynamics: ComplexArray  #: (m, n) delay and resonances.
+    model: ComplexArray  #: (n,) the response.
 
 
 class FitLines:

@@ -13,19 +13,12 @@ PER_RESONANCE: Final = 3
 
 
 class Parts(NamedTuple):
-    """The parameters by their meaning.
+    """The parameters by their meaning."""
 
-    Attributes:
-        fixed: Gains, phase, creep, delay.
-        frequencies_hz: (n,) frequencies, in Hz.
-        dampings: (n,) damping ratios.
-        shares: (n,) shares, which add up to one.
-    """
-
-    fixed: FloatArray
-    frequencies_hz: FloatArray
-    dampings: FloatArray
-    shares: FloatArray
+    fixed: FloatArray  #: Gains, phase, creep, delay.
+    frequencies_hz: FloatArray  #: (n,) frequencies, in Hz.
+    dampings: FloatArray  #: (n,) damping ratios.
+    shares: FloatArray  #: (n,) shares, which add up to one.
 
     @classmethod
     def of(cls, parameters: FloatArray, fixed: int) -> Self:
@@ -44,19 +37,12 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A minimum.
+    """A minimum."""
 
-    Attributes:
-        parameters: The parameters.
-        parts: The same by their meaning.
-        cost: Half of the sum of squares.
-        jacobian: (residuals, parameters) derivatives.
-    """
-
-    parameters: FloatArray
-    parts: Parts
-    cost: float
-    jacobian: FloatArray
+    parameters: FloatArray  #: The parameters.
+    parts: Parts  #: The same by their meaning.
+    cost: float  #: Half of the sum of squares.
+    jacobian: FloatArray  #: (residuals, parameters) derivatives.
 
     @property
     def count(self) -> int:

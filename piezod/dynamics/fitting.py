@@ -34,33 +34,23 @@ SMALLEST_SPAN: Final = 4.0
 
 @dataclass(frozen=True, eq=False)
 class ResponseFit:
-    """A fitted model.
+    """A fitted model."""
 
-    Attributes:
-        model: The model.
-        delay_uncertainty_s: Standard uncertainty of its delay, in s.
-        uncertainties: Standard uncertainties of each resonance: frequency in Hz, damping, share.
-        gains: Gain of each response at the lowest line, and its standard uncertainty.
-        phase_rad: Phase lag of small loops, in rad.
-        creep: Exponent of creep: relative fall of the gain per e-fold of the frequency.
-        used: The lines that were used, of each response.
-        criterion: Bayesian information criterion by number of resonances; lower is better. Numbers
-            whose modes the lines do not determine are left out.
-        rms: Rms distance of measured and fitted response, in standard uncertainties.
-        rate_hz: Rate at which the drive was held; None if it was continuous.
-        is_folded: Whether the lines show a mode above half of the rate, folded below it.
-    """
-
-    model: ResponseModel
-    delay_uncertainty_s: float
+    model: ResponseModel  #: The model.
+    delay_uncertainty_s: float  #: Standard uncertainty of its delay, in s.
+    #: Standard uncertainties of each resonance: frequency in Hz, damping, share.
     uncertainties: tuple[tuple[float, float, float], ...]
+    #: Gain of each response at the lowest line, and its standard uncertainty.
     gains: tuple[tuple[float, float], ...]
-    phase_rad: float
-    creep: float
-    used: tuple[MeasuredResponse, ...]
+    phase_rad: float  #: Phase lag of small loops, in rad.
+    creep: float  #: Exponent of creep: relative fall of the gain per e-fold of the frequency.
+    used: tuple[MeasuredResponse, ...]  #: The lines that were used, of each response.
+    #: Bayesian information criterion by number of resonances; lower is better. Numbers whose modes
+    #: the lines do not determine are left out.
     criterion: dict[int, float]
-    rms: float
-    rate_hz: float | None = None
+    rms: float  #: Rms distance of measured and fitted response, in standard uncertainties.
+    rate_hz: float | None = None  #: Rate at which the drive was held; None if it was continuous.
+    #: Whether the lines show a mode above half of the rate, folded below it.
     is_folded: bool = False
 
     @property

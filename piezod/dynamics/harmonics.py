@@ -41,17 +41,11 @@ def response_doubt(response: ResponseAt, frequency_hz: FloatArray, shift: float)
 
 @dataclass(frozen=True)
 class Harmonics:
-    """What is known at each harmonic of a period, the mean first, shape (n // 2 + 1,) each.
+    """What is known at each harmonic of a period, the mean first, shape (n // 2 + 1,) each."""
 
-    Attributes:
-        response: From the input to the samples, with a static gain of one.
-        sensor: From the displacement to the samples; its mean is one.
-        learned: Whether a harmonic is learned; the mean always is.
-    """
-
-    response: ComplexArray
-    sensor: ComplexArray
-    learned: Lines
+    response: ComplexArray  #: From the input to the samples, with a static gain of one.
+    sensor: ComplexArray  #: From the displacement to the samples; its mean is one.
+    learned: Lines  #: Whether a harmonic is learned; the mean always is.
 
     @classmethod
     def known(

@@ -51,17 +51,11 @@ class Stop(StrEnum):
 
 
 class Average(NamedTuple):
-    """The average of the periods of a record.
+    """The average of the periods of a record."""
 
-    Attributes:
-        period: (n,) mean of all periods.
-        spectrum: (n // 2 + 1,) its harmonics, in units of the amplitude times n / 2.
-        noise: (n // 2 + 1,) standard deviation of each harmonic, in the same unit.
-    """
-
-    period: FloatArray
-    spectrum: ComplexArray
-    noise: FloatArray
+    period: FloatArray  #: (n,) mean of all periods.
+    spectrum: ComplexArray  #: (n // 2 + 1,) its harmonics, in units of the amplitude times n / 2.
+    noise: FloatArray  #: (n // 2 + 1,) standard deviation of each harmonic, in the same unit.
 
 
 def average_of(periods: FloatArray) -> Average:
@@ -77,24 +71,16 @@ def average_of(periods: FloatArray) -> Average:
 
 
 class Assessment(NamedTuple):
-    """The error of a record; in the unit of the command.
+    """The error of a record; in the unit of the command."""
 
-    Attributes:
-        error: (n,) samples of a stage that is exactly on its command, minus those of the record.
-        rms: Rms error without noise.
-        noise: Rms noise of the harmonics that are learned.
-        significant: Number of learned harmonics whose error exceeds the noise, with the mean.
-        spectrum: (n // 2 + 1,) harmonics of the error.
-        sigma: (n // 2 + 1,) their standard deviations.
-        correction: (n // 2 + 1,) input that would remove the error of the significant ones.
-    """
-
+    #: (n,) samples of a stage that is exactly on its command, minus those of the record.
     error: FloatArray
-    rms: float
-    noise: float
-    significant: int
-    spectrum: ComplexArray
-    sigma: FloatArray
+    rms: float  #: Rms error without noise.
+    noise: float  #: Rms noise of the harmonics that are learned.
+    significant: int  #: Number of learned harmonics whose error exceeds the noise, with the mean.
+    spectrum: ComplexArray  #: (n // 2 + 1,) harmonics of the error.
+    sigma: FloatArray  #: (n // 2 + 1,) their standard deviations.
+    #: (n // 2 + 1,) input that would remove the error of the significant ones.
     correction: ComplexArray
 
 

@@ -22,29 +22,19 @@ from piezod.dynamics.notch import notch
 
 
 class TrimLaw(NamedTuple):
-    """The gains of the trim, and its notches.
+    """The gains of the trim, and its notches."""
 
-    Attributes:
-        gain_per_s: Gain of the integral, in 1/s, positive.
-        proportional: Share of the error that is added to the integral, at least 0.
-        notches: Modes at which the trim does not act.
-    """
-
-    gain_per_s: float
-    proportional: float = 0.0
-    notches: tuple[Resonance, ...] = ()
+    gain_per_s: float  #: Gain of the integral, in 1/s, positive.
+    proportional: float = 0.0  #: Share of the error that is added to the integral, at least 0.
+    notches: tuple[Resonance, ...] = ()  #: Modes at which the trim does not act.
 
 
 class Sampled(NamedTuple):
-    """A response in samples.
+    """A response in samples."""
 
-    Attributes:
-        z: (n,) points on the upper half of the unit circle, from low frequencies to half the rate.
-        response: (n,) the response there.
-    """
-
+    #: (n,) points on the upper half of the unit circle, from low frequencies to half the rate.
     z: ComplexArray
-    response: ComplexArray
+    response: ComplexArray  #: (n,) the response there.
 
 
 def loop_response(law: TrimLaw, period_s: float, stage: Sampled) -> ComplexArray:

@@ -41,26 +41,18 @@ _RATIOS: Final = (0.0, *np.geomspace(0.1, 2.0, 9).tolist())
 
 
 class TrimMargins(NamedTuple):
-    """Margins of a trim.
+    """Margins of a trim."""
 
-    Attributes:
-        gain_margin: Factor to the largest stable gain; at 1 or below the loop is unstable.
-        phase_margin_deg: Smallest phase distance to -180° where the gain of the loop is at least 1;
-            0 if the loop is unstable.
-        modulus_margin: Smallest distance of the frequency response from -1; 0 if the loop is
-            unstable.
-        late_gain_margin: Smallest gain margin with up to one more period of delay.
-        detuned_gain_margin: Smallest gain margin with all modes lower or higher; infinite without
-            notches.
-        largest: Largest gains of this ratio that have all required margins.
-    """
-
-    gain_margin: float
+    gain_margin: float  #: Factor to the largest stable gain; at 1 or below the loop is unstable.
+    #: Smallest phase distance to -180° where the gain of the loop is at least 1; 0 if the loop is
+    #: unstable.
     phase_margin_deg: float
+    #: Smallest distance of the frequency response from -1; 0 if the loop is unstable.
     modulus_margin: float
-    late_gain_margin: float
+    late_gain_margin: float  #: Smallest gain margin with up to one more period of delay.
+    #: Smallest gain margin with all modes lower or higher; infinite without notches.
     detuned_gain_margin: float
-    largest: TrimLaw
+    largest: TrimLaw  #: Largest gains of this ratio that have all required margins.
 
 
 class _Stages(NamedTuple):

@@ -31,19 +31,13 @@ _HANN_OVERLAP: Final = 1.0 / 18.0
 
 @dataclass(frozen=True, eq=False)
 class MeasuredResponse:
-    """A response at single frequencies.
+    """A response at single frequencies."""
 
-    Attributes:
-        frequency_hz: (n,) frequencies, in Hz, increasing.
-        response: (n,) output over input.
-        variance: (n,) variance of the response: mean square of the distance in the complex plane.
-        coherence: (n,) coherence of input and output, 0 to 1.
-    """
-
-    frequency_hz: FloatArray
-    response: ComplexArray
+    frequency_hz: FloatArray  #: (n,) frequencies, in Hz, increasing.
+    response: ComplexArray  #: (n,) output over input.
+    #: (n,) variance of the response: mean square of the distance in the complex plane.
     variance: FloatArray
-    coherence: FloatArray
+    coherence: FloatArray  #: (n,) coherence of input and output, 0 to 1.
 
     @property
     def relative_uncertainty(self) -> FloatArray:

@@ -16,16 +16,11 @@ _SUM_OF_SHARES = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """A second-order mode.
+    """A second-order mode."""
 
-    Attributes:
-        frequency_hz: Undamped frequency, in Hz, above 0.
-        damping: Damping ratio, in (0, 1].
-        share: Its part of the static displacement, in (-1, 2); the shares of all modes add up to 1.
-    """
-
-    frequency_hz: float
-    damping: float
+    frequency_hz: float  #: Undamped frequency, in Hz, above 0.
+    damping: float  #: Damping ratio, in (0, 1].
+    #: Its part of the static displacement, in (-1, 2); the shares of all modes add up to 1.
     share: float = 1.0
 
     def at(self, frequency_hz: FloatArray) -> ComplexArray:
@@ -40,15 +35,13 @@ class ResponseModel:
 
     G(f) = exp(-2πi f delay) Σ_k share_k / (1 - (f/f_k)² + 2i ζ_k f/f_k)
 
-    Attributes:
-        delay_s: Delay from the drive to the sample, in s, at least 0, sensor and hold included.
-        resonances: The modes, by frequency; empty for a stage that only delays.
-
     Raises:
         ModelError: If a value is out of its range, or the shares do not add up to one.
     """
 
+    #: Delay from the drive to the sample, in s, at least 0, sensor and hold included.
     delay_s: float
+    #: The modes, by frequency; empty for a stage that only delays.
     resonances: tuple[Resonance, ...] = ()
 
     def __post_init__(self) -> None:

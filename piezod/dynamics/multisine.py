@@ -22,18 +22,12 @@ class Multisine:
     """Sinusoids at whole multiples of a fundamental.
 
     The value at a time t is Σ amplitude · cos(2π h t / period + phase), with the harmonics h.
-
-    Attributes:
-        harmonics: (n,) numbers of the harmonics, increasing.
-        amplitudes: (n,) their amplitudes.
-        phases_rad: (n,) their phases, in rad.
-        peak: Largest magnitude of the sum.
     """
 
-    harmonics: IntArray
-    amplitudes: FloatArray
-    phases_rad: FloatArray
-    peak: float
+    harmonics: IntArray  #: (n,) numbers of the harmonics, increasing.
+    amplitudes: FloatArray  #: (n,) their amplitudes.
+    phases_rad: FloatArray  #: (n,) their phases, in rad.
+    peak: float  #: Largest magnitude of the sum.
 
     @property
     def crest_factor(self) -> float:

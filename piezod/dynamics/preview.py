@@ -39,17 +39,13 @@ _GRID, _AROUND_MODE = 400, np.linspace(-3.0, 3.0, 41)
 
 
 class PreviewFilter(NamedTuple):
-    """A filter without delay, and with a static gain of one.
+    """A filter without delay, and with a static gain of one."""
 
-    Attributes:
-        taps: (2n + 1,) weights of the command, from the earliest value to the latest one.
-        spacing: Periods from tap to tap, s.
-        band_hz: End of its band, in Hz.
-    """
-
-    taps: FloatArray
-    spacing: int
-    band_hz: float
+    taps: (
+        FloatArray  #: (2n + 1,) weights of the command, from the earliest value to the latest one.
+    )
+    spacing: int  #: Periods from tap to tap, s.
+    band_hz: float  #: End of its band, in Hz.
 
     @property
     def ahead(self) -> int:

@@ -21,17 +21,11 @@ _MOST_DAMPED: Final = 1.0 - 1e-9
 
 
 class StepAnswer(NamedTuple):
-    """The mean answer to the steps of a record.
+    """The mean answer to the steps of a record."""
 
-    Attributes:
-        t_s: (n,) time since the step, in s.
-        answer: (n,) displacement, 0 before the step and 1 at the end.
-        steps: Number of steps.
-    """
-
-    t_s: FloatArray
-    answer: FloatArray
-    steps: int
+    t_s: FloatArray  #: (n,) time since the step, in s.
+    answer: FloatArray  #: (n,) displacement, 0 before the step and 1 at the end.
+    steps: int  #: Number of steps.
 
 
 def predicted_step(model: ResponseModel, t_s: FloatArray) -> FloatArray:

@@ -46,20 +46,13 @@ class FileKind(StrEnum):
 
 
 class Checked(NamedTuple):
-    """Result of the check of a file.
+    """Result of the check of a file."""
 
-    Attributes:
-        kind: Kind of the file, None if its content does not show it.
-        contents: Summary of its content, for people; empty if something is wrong.
-        error: All problems, None for a file that can be used.
-        warnings: Reservations about a file that can be used.
-        margins: Margins of the trim of each axis with a response, and the gains proposed for it.
-    """
-
-    kind: FileKind | None
-    contents: str
-    error: ConfigError | None
-    warnings: tuple[str, ...] = ()
+    kind: FileKind | None  #: Kind of the file, None if its content does not show it.
+    contents: str  #: Summary of its content, for people; empty if something is wrong.
+    error: ConfigError | None  #: All problems, None for a file that can be used.
+    warnings: tuple[str, ...] = ()  #: Reservations about a file that can be used.
+    #: Margins of the trim of each axis with a response, and the gains proposed for it.
     margins: tuple[str, ...] = ()
 
 

@@ -17,19 +17,12 @@ from piezod.records.recording import ExperimentResult
 
 
 class Samples(NamedTuple):
-    """The samples that count; arrays of shape (n,).
+    """The samples that count; arrays of shape (n,)."""
 
-    Attributes:
-        command_um: Command, in µm.
-        position_um: Measured position at the same instants, in µm.
-        true_um: True displacement at the same instants, in µm; NaN if it is unknown.
-        true_velocity: Velocity of the true displacement, in µm per sample.
-    """
-
-    command_um: FloatArray
-    position_um: FloatArray
-    true_um: FloatArray
-    true_velocity: FloatArray
+    command_um: FloatArray  #: Command, in µm.
+    position_um: FloatArray  #: Measured position at the same instants, in µm.
+    true_um: FloatArray  #: True displacement at the same instants, in µm; NaN if it is unknown.
+    true_velocity: FloatArray  #: Velocity of the true displacement, in µm per sample.
 
 
 Metric = Callable[[Samples], float]

@@ -22,21 +22,13 @@ T = TypeVar("T")
 
 
 class Lateness(NamedTuple):
-    """How late the cycles of a measurement were; a cycle may be late in several ways.
+    """How late the cycles of a measurement were; a cycle may be late in several ways."""
 
-    Attributes:
-        cycles: Number of periods that passed.
-        began_late: Those that began late or were skipped though nothing was in the way.
-        overran: Those that were skipped because the cycle before took too long.
-        unanswered: Cycles in which a device gave no reply in time.
-        held: Whether a running stage has reported lateness that holds it.
-    """
-
-    cycles: int = 0
-    began_late: int = 0
-    overran: int = 0
-    unanswered: int = 0
-    held: bool = False
+    cycles: int = 0  #: Number of periods that passed.
+    began_late: int = 0  #: Those that began late or were skipped though nothing was in the way.
+    overran: int = 0  #: Those that were skipped because the cycle before took too long.
+    unanswered: int = 0  #: Cycles in which a device gave no reply in time.
+    held: bool = False  #: Whether a running stage has reported lateness that holds it.
 
     @property
     def spoils(self) -> bool:

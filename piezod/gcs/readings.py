@@ -17,21 +17,13 @@ UP: Final = (State.SAFE, State.READY, State.RUN, State.HOLD)
 
 
 class AxisNow(NamedTuple):
-    """An axis in the newest status; what it does not know raises GcsRefusal.
+    """An axis in the newest status; what it does not know raises GcsRefusal."""
 
-    Attributes:
-        name: Name in the configuration.
-        state: State of the stage.
-        status: Status of the axis.
-        facts: What the configuration says about it.
-        mode: The mode in which an axis counts as servo-controlled.
-    """
-
-    name: str
-    state: str
-    status: AxisStatus
-    facts: AxisFacts
-    mode: str
+    name: str  #: Name in the configuration.
+    state: str  #: State of the stage.
+    status: AxisStatus  #: Status of the axis.
+    facts: AxisFacts  #: What the configuration says about it.
+    mode: str  #: The mode in which an axis counts as servo-controlled.
 
     @property
     def measured_um(self) -> float:

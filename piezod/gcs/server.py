@@ -30,23 +30,14 @@ _EVERYWHERE: Final = "0.0.0.0"  # noqa: S104 - only if addresses are named, and 
 
 
 class Plan(NamedTuple):
-    """What to serve, and where.
+    """What to serve, and where."""
 
-    Attributes:
-        socket: Socket of the daemon.
-        mode: The mode that `SVO 1` selects.
-        port: TCP port; 0 for any free one.
-        allowed: Addresses of other computers that may connect.
-        pty: Path of a serial port to make; None for none.
-        like: Model of a controller to name in the identity, for clients that look for one.
-    """
-
-    socket: Path
-    mode: str
-    port: int
-    allowed: Sequence[IPv4Address] = ()
-    pty: Path | None = None
-    like: str = ""
+    socket: Path  #: Socket of the daemon.
+    mode: str  #: The mode that `SVO 1` selects.
+    port: int  #: TCP port; 0 for any free one.
+    allowed: Sequence[IPv4Address] = ()  #: Addresses of other computers that may connect.
+    pty: Path | None = None  #: Path of a serial port to make; None for none.
+    like: str = ""  #: Model of a controller to name in the identity, for clients that look for one.
 
 
 def serve(plan: Plan, announce: Callable[[str], None], report: Callable[[str], None]) -> None:

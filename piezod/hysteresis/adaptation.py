@@ -26,17 +26,11 @@ class Adaptable(Protocol):
 
 @dataclass
 class LearnedModel:
-    """Copy of a learned model.
+    """Copy of a learned model."""
 
-    Attributes:
-        weights: (size,) weights of the form.
-        offset: Offset of the displacement.
-        scale: Relative gain of the operator input over the displacement.
-    """
-
-    weights: FloatArray
-    offset: float = 0.0
-    scale: float = 0.0
+    weights: FloatArray  #: (size,) weights of the form.
+    offset: float = 0.0  #: Offset of the displacement.
+    scale: float = 0.0  #: Relative gain of the operator input over the displacement.
 
     @classmethod
     def of(cls, source: Adaptable) -> Self:

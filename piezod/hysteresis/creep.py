@@ -24,15 +24,11 @@ from piezod.jit import compiled
 
 
 class Creep(NamedTuple):
-    """Creep of a stage that is sampled at an even rate.
+    """Creep of a stage that is sampled at an even rate."""
 
-    Attributes:
-        weights: (K,) contribution of each lag to the displacement, >= 0.
-        gains: (K,) share of the remaining distance that a lag covers per sample, 1 - exp(-dt / τ),
-            in (0, 1].
-    """
-
-    weights: FloatArray
+    weights: FloatArray  #: (K,) contribution of each lag to the displacement, >= 0.
+    #: (K,) share of the remaining distance that a lag covers per sample, 1 - exp(-dt / τ), in (0,
+    #: 1].
     gains: FloatArray
 
 

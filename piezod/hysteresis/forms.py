@@ -118,12 +118,9 @@ class ModelForm(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StopForm:
-    """An inverse model as a sum of stop operators, paper eq. (16), on a memory of displacements.
+    """An inverse model as a sum of stop operators, paper eq. (16), on a memory of displacements."""
 
-    Attributes:
-        bank: (2, 2 M) thresholds and gains of the stops, from `new_bank`; weights are [a^l, a^r].
-    """
-
+    #: (2, 2 M) thresholds and gains of the stops, from `new_bank`; weights are [a^l, a^r].
     bank: FloatArray
 
     @classmethod

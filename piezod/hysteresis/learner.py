@@ -32,21 +32,13 @@ _ROUNDING = 1e-9  # exceeds the rounding error that a million updates of the wei
 
 
 class Learner(NamedTuple):
-    """Learned parameters and work space; nothing is allocated later.
+    """Learned parameters and work space; nothing is allocated later."""
 
-    Attributes:
-        bank: (2, 2 M) thresholds and gains of the stops.
-        weights: (2 M,) weights [a^l, a^r].
-        scalars: (4,) `OFFSET`, `SCALE`, `POSITION` and `SLOPE_MARGIN`.
-        slopes: (2, M + 1) work space for the slopes of the weights.
-        cells: (2, M + 1) widths of the cells.
-    """
-
-    bank: FloatArray
-    weights: FloatArray
-    scalars: FloatArray
-    slopes: FloatArray
-    cells: FloatArray
+    bank: FloatArray  #: (2, 2 M) thresholds and gains of the stops.
+    weights: FloatArray  #: (2 M,) weights [a^l, a^r].
+    scalars: FloatArray  #: (4,) `OFFSET`, `SCALE`, `POSITION` and `SLOPE_MARGIN`.
+    slopes: FloatArray  #: (2, M + 1) work space for the slopes of the weights.
+    cells: FloatArray  #: (2, M + 1) widths of the cells.
 
 
 def new_learner(bank: FloatArray) -> Learner:

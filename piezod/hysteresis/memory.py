@@ -38,22 +38,18 @@ DEFAULT_CAPACITY = 32
 
 
 class Memory(NamedTuple):
-    """State of one memory; a step changes these arrays in place and allocates nothing.
+    """State of one memory; a step changes these arrays in place and allocates nothing."""
 
-    Attributes:
-        levels: (2, capacity + 1) inputs at the extrema, outermost first; the last column is spare.
-        values: (2, capacity + 1, width) values that the operators had at each extremum.
-        now: (width,) values that the operators have at the last input.
-        last: (4,) the last input after the dead-band and before it, and the state of a term that
-            relaxes along the path.
-        counts: (4,) number of maxima, number of minima, direction, number of removed pairs.
-    """
-
+    #: (2, capacity + 1) inputs at the extrema, outermost first; the last column is spare.
     levels: FloatArray
-    values: FloatArray
-    now: FloatArray
+    values: FloatArray  #: (2, capacity + 1, width) values that the operators had at each extremum.
+    now: FloatArray  #: (width,) values that the operators have at the last input.
+    #: (4,) the last input after the dead-band and before it, and the state of a term that relaxes
+    #: along the path.
     last: FloatArray
-    counts: IntArray
+    counts: (
+        IntArray  #: (4,) number of maxima, number of minima, direction, number of removed pairs.
+    )
 
 
 class MemoryLoop(NamedTuple):

@@ -117,15 +117,10 @@ def beyond_relaxed(terms: FloatArray, last: FloatArray, drive: float) -> float:
 
 
 class PathState(NamedTuple):
-    """State of the term.
+    """State of the term."""
 
-    Attributes:
-        pinned: Drive behind the backlash.
-        change: h - h_0.
-    """
-
-    pinned: float = 0.0
-    change: float = 0.0
+    pinned: float = 0.0  #: Drive behind the backlash.
+    change: float = 0.0  #: h - h_0.
 
     @classmethod
     def of(cls, last: FloatArray) -> Self:
@@ -143,17 +138,13 @@ RELAXED_PATH: Final = PathState()
 
 @dataclass(frozen=True)
 class PathRelaxation:
-    """The parameters of the term.
+    """The parameters of the term."""
 
-    Attributes:
-        weight: w, displacement per change of h, both in units of the range.
-        decay: b, relaxation per path, above 0, in 1/range of the drive.
-        skew: g/b, between -1 and 1: how much faster h relaxes on its way from zero than to it.
-    """
-
-    weight: float
-    decay: float
-    skew: float
+    weight: float  #: w, displacement per change of h, both in units of the range.
+    decay: float  #: b, relaxation per path, above 0, in 1/range of the drive.
+    skew: (
+        float  #: g/b, between -1 and 1: how much faster h relaxes on its way from zero than to it.
+    )
 
     @property
     def constants(self) -> FloatArray:

@@ -67,18 +67,13 @@ class SurfaceStage:
 
 @dataclass(frozen=True)
 class SurfaceForm:
-    """A smooth Everett surface on a memory of drives, see `everett`; weights are coefficients.
+    """A smooth Everett surface on a memory of drives, see `everett`; weights are coefficients."""
 
-    Attributes:
-        activation: w of `rate_lag`, in units of the range; 0 for a hysteresis without rate.
-        prompt_slope: Slope of the part that does not lag, dimensionless.
-        period_s: Sample period of records and steps.
-        path: Part of the displacement that relaxes along the path of the drive; None without it.
-    """
-
+    #: w of `rate_lag`, in units of the range; 0 for a hysteresis without rate.
     activation: float = 0.0
-    prompt_slope: float = 0.0
-    period_s: float = 1.0
+    prompt_slope: float = 0.0  #: Slope of the part that does not lag, dimensionless.
+    period_s: float = 1.0  #: Sample period of records and steps.
+    #: Part of the displacement that relaxes along the path of the drive; None without it.
     path: PathRelaxation | None = None
 
     @property

@@ -25,27 +25,16 @@ _MIP_MOVE: Final = 1 << 5
 
 
 class Field(NamedTuple):
-    """One field.
+    """One field."""
 
-    Attributes:
-        name: Name.
-        kind: Type in EPICS.
-        what: Description for people.
-        start: Value when the IOC starts.
-        unit: Unit.
-        put: Whether clients write it.
-        menu: Texts of a menu.
-        fixed: Whether it keeps the first value.
-    """
-
-    name: str
-    kind: str
-    what: str
-    start: float | str = 0
-    unit: str = ""
-    put: bool = False
-    menu: tuple[str, ...] = ()
-    fixed: bool = False
+    name: str  #: Name.
+    kind: str  #: Type in EPICS.
+    what: str  #: Description for people.
+    start: float | str = 0  #: Value when the IOC starts.
+    unit: str = ""  #: Unit.
+    put: bool = False  #: Whether clients write it.
+    menu: tuple[str, ...] = ()  #: Texts of a menu.
+    fixed: bool = False  #: Whether it keeps the first value.
 
     def why_not(self, value: float) -> str:
         """Return why a value may not be written to this field, for any axis; empty if it may."""

@@ -24,15 +24,10 @@ class Status(IntEnum):
 
 
 class Alarm(NamedTuple):
-    """An alarm.
+    """An alarm."""
 
-    Attributes:
-        severity: How serious it is.
-        status: Why there is one.
-    """
-
-    severity: Severity
-    status: Status
+    severity: Severity  #: How serious it is.
+    status: Status  #: Why there is one.
 
 
 OK: Final = Alarm(Severity.NO_ALARM, Status.NO_ALARM)
@@ -47,12 +42,7 @@ DOWN: Final = Alarm(Severity.INVALID, Status.COMM)
 
 
 class Reading(NamedTuple):
-    """What a record shows.
+    """What a record shows."""
 
-    Attributes:
-        value: A number, a truth value, a text, or a list of numbers.
-        alarm: Its alarm.
-    """
-
-    value: object
-    alarm: Alarm = OK
+    value: object  #: A number, a truth value, a text, or a list of numbers.
+    alarm: Alarm = OK  #: Its alarm.

@@ -46,15 +46,10 @@ class Records(Protocol):
 
 
 class Names(NamedTuple):
-    """The names of the records of one stage.
+    """The names of the records of one stage."""
 
-    Attributes:
-        prefix: Begin of the names.
-        axes: Names of the axes.
-    """
-
-    prefix: str
-    axes: tuple[str, ...]
+    prefix: str  #: Begin of the names.
+    axes: tuple[str, ...]  #: Names of the axes.
 
     def motor(self, axis: str) -> str:
         """Return the name of the motor record of an axis."""

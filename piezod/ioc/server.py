@@ -24,18 +24,12 @@ _INSTALL: Final = "softioc is not installed: `pip install 'piezod[epics]'`"
 
 
 class Plan(NamedTuple):
-    """What to serve, and where.
+    """What to serve, and where."""
 
-    Attributes:
-        sockets: Sockets of the daemons, by the names of their stages.
-        prefix: Begin of the names of the records; `{stage}` stands for the name of the stage.
-        control: Whether clients may write.
-        interfaces: Addresses of this machine to listen on; empty for loopback.
-    """
-
-    sockets: Mapping[str, Path]
-    prefix: str
-    control: bool = False
+    sockets: Mapping[str, Path]  #: Sockets of the daemons, by the names of their stages.
+    prefix: str  #: Begin of the names of the records; `{stage}` stands for the name of the stage.
+    control: bool = False  #: Whether clients may write.
+    #: Addresses of this machine to listen on; empty for loopback.
     interfaces: Sequence[IPv4Address] = ()
 
 

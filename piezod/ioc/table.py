@@ -64,33 +64,19 @@ class Kind(Enum):
 
 
 class Record(NamedTuple):
-    """One record.
+    """One record."""
 
-    Attributes:
-        name: Name, after the prefix of the stage or of the axis.
-        kind: Its kind.
-        what: Description for people, at most 40 characters.
-        unit: Unit of the value.
-        digits: Digits after the decimal point that a screen shows.
-        choices: Texts of a choice or of a flag.
-        length: Longest array or text.
-        low: Lowest value that may be written; in an array, of each element.
-        high: Highest value that may be written.
-        start: Value when the IOC starts.
-        archive: Whether an archiver should store it.
-    """
-
-    name: str
-    kind: Kind
-    what: str
-    unit: str = ""
-    digits: int = 3
-    choices: tuple[str, ...] = ()
-    length: int = 0
-    low: float = float("-inf")
-    high: float = float("inf")
-    start: float | str = 0
-    archive: bool = False
+    name: str  #: Name, after the prefix of the stage or of the axis.
+    kind: Kind  #: Its kind.
+    what: str  #: Description for people, at most 40 characters.
+    unit: str = ""  #: Unit of the value.
+    digits: int = 3  #: Digits after the decimal point that a screen shows.
+    choices: tuple[str, ...] = ()  #: Texts of a choice or of a flag.
+    length: int = 0  #: Longest array or text.
+    low: float = float("-inf")  #: Lowest value that may be written; in an array, of each element.
+    high: float = float("inf")  #: Highest value that may be written.
+    start: float | str = 0  #: Value when the IOC starts.
+    archive: bool = False  #: Whether an archiver should store it.
 
     @classmethod
     def setting(cls, of: tuple[type[BaseModel], str], *record: Any, **more: Any) -> Self:

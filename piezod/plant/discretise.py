@@ -130,17 +130,11 @@ def receiver(bandwidth_hz: float, antialias_hz: float, step_s: float) -> Matrix:
 
 
 class DiscreteCreep(NamedTuple):
-    """Creep as a sum of first-order lags.
+    """Creep as a sum of first-order lags."""
 
-    Attributes:
-        weights: Share of each lag in the displacement.
-        gains: Share of its distance to the input that each lag covers in one sub-step.
-        at_reference: Sum of the lags 0.1 s after a unit step.
-    """
-
-    weights: Matrix
-    gains: Matrix
-    at_reference: float
+    weights: Matrix  #: Share of each lag in the displacement.
+    gains: Matrix  #: Share of its distance to the input that each lag covers in one sub-step.
+    at_reference: float  #: Sum of the lags 0.1 s after a unit step.
 
 
 def creep(per_decade: float, step_s: float) -> DiscreteCreep:

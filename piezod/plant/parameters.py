@@ -141,18 +141,15 @@ class SensorParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantParameters:
-    """One axis: stage, amplifier and sensor.
+    """One axis: stage, amplifier and sensor."""
 
-    Attributes:
-        stage: The actuator and the mechanics.
-        amplifier: From the commanded voltage to the drive.
-        sensor: From the displacement to the reported voltage.
-        hysteresis: Class of the hysteretic part of the stage, with its parameters.
-    """
-
+    #: The actuator and the mechanics.
     stage: StageParameters = field(default_factory=StageParameters)
+    #: From the commanded voltage to the drive.
     amplifier: AmplifierParameters = field(default_factory=AmplifierParameters)
+    #: From the displacement to the reported voltage.
     sensor: SensorParameters = field(default_factory=SensorParameters)
+    #: Class of the hysteretic part of the stage, with its parameters.
     hysteresis: HysteresisLaw = field(default_factory=PowerLaw)
 
 

@@ -4,18 +4,10 @@ from typing import NamedTuple
 
 
 class ParameterRange(NamedTuple):
-    """Range, unit and meaning of a parameter; the options of the driver are made from it.
+    """Range, unit and meaning of a parameter; the options of the driver are made from it."""
 
-    Attributes:
-        unit: Unit as printed; empty for a plain number.
-        low: Smallest value that a configuration may give.
-        high: Largest value that a configuration may give.
-        about: Meaning of the parameter.
-        varies: Whether it differs between specimens, that is with the seed.
-    """
-
-    unit: str
-    low: float
-    high: float
-    about: str
-    varies: bool = True
+    unit: str  #: Unit as printed; empty for a plain number.
+    low: float  #: Smallest value that a configuration may give.
+    high: float  #: Largest value that a configuration may give.
+    about: str  #: Meaning of the parameter.
+    varies: bool = True  #: Whether it differs between specimens, that is with the seed.

@@ -15,17 +15,12 @@ from piezod.plant.parameters import (
 
 
 class Variant(NamedTuple):
-    """A named stage.
+    """A named stage."""
 
-    Attributes:
-        summary: One line that distinguishes it from the others.
-        parameters: Nominal parameters, before the seed varies them.
-        calibrated: Whether the sensor's curve was measured at commissioning. If not, only a
-            straight line is known.
-    """
-
-    summary: str
-    parameters: PlantParameters
+    summary: str  #: One line that distinguishes it from the others.
+    parameters: PlantParameters  #: Nominal parameters, before the seed varies them.
+    #: Whether the sensor's curve was measured at commissioning. If not, only a straight line is
+    #: known.
     calibrated: bool = True
 
 

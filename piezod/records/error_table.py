@@ -17,36 +17,25 @@ _MEANINGS: Final = {
 
 
 class ErrorCell(NamedTuple):
-    """One error.
+    """One error."""
 
-    Attributes:
-        metric: Name of the metric.
-        value: The error in the unit of the name; NaN if the recording lacks this metric.
-        limit: Reference that it must not exceed; None if there is none.
-        best: Whether no other mode of the case has a smaller error; False for noise, which does not
-            depend on the mode.
-        missed: Whether it exceeds its limit, or is NaN although it has one.
-    """
-
-    metric: str
-    value: float
-    limit: float | None
+    metric: str  #: Name of the metric.
+    value: float  #: The error in the unit of the name; NaN if the recording lacks this metric.
+    limit: float | None  #: Reference that it must not exceed; None if there is none.
+    #: Whether no other mode of the case has a smaller error; False for noise, which does not depend
+    #: on the mode.
     best: bool
-    missed: bool
+    missed: bool  #: Whether it exceeds its limit, or is NaN although it has one.
 
 
 class ErrorRow(NamedTuple):
-    """The errors of one recording.
+    """The errors of one recording."""
 
-    Attributes:
-        mode: Name of the mode.
-        cells: One for each metric of the experiment.
-        reference: Error of the reference for this case and mode; None if there is none.
-    """
-
-    mode: str
-    cells: tuple[ErrorCell, ...]
-    reference: float | None
+    mode: str  #: Name of the mode.
+    cells: tuple[ErrorCell, ...]  #: One for each metric of the experiment.
+    reference: (
+        float | None
+    )  #: Error of the reference for this case and mode; None if there is none.
 
 
 def error_table(

@@ -30,45 +30,31 @@ FIT_COLUMN_NAMES: Final = ("t_s", "drive_v", "position_um", "predicted_v")
 
 @dataclass(frozen=True, eq=False)
 class Recording(Comparable):
-    """One axis in one case and one mode, sample by sample.
+    """One axis in one case and one mode, sample by sample."""
 
-    Attributes:
-        axis: Name of the axis.
-        case: Name of the case.
-        mode: Name of the control mode.
-        title: Description of the case, for people.
-        t_s: Time in s, shape (n_samples,).
-        drive_v: Applied voltage in V, same shape.
-        position_um: Measured displacement in µm, same shape; NaN for an invalid sample.
-        command_um: Commanded displacement in µm, same shape.
-        uncompensated_v: Voltage without compensation, proportional to the command, in V.
-        true_um: True displacement in µm, same shape, before the sensor and without its noise; NaN
-            if it is not known, that is for every stage except a simulated one.
-        weights: Parameters of the compensator, shape (n_snapshots, 2M), the M right operators
-            first, or (n_snapshots, 24) coefficients of a surface; (0, 0) if there is no
-            compensator.
-        weights_t_s: Instants of the snapshots in s, shape (n_snapshots,).
-        metrics: Errors by name; the name ends in the unit.
-        first_metric_index: Samples before this index are left out of the metrics.
-        late_t_s: Instants of the samples just after a stall of the loop, in s, shape (n_late,).
-        surface: Whether `weights` are the coefficients of a surface, which have no sides.
-    """
-
-    axis: str
-    case: str
-    mode: str
-    title: str
-    t_s: FloatArray
-    drive_v: FloatArray
-    position_um: FloatArray
-    command_um: FloatArray
-    uncompensated_v: FloatArray
+    axis: str  #: Name of the axis.
+    case: str  #: Name of the case.
+    mode: str  #: Name of the control mode.
+    title: str  #: Description of the case, for people.
+    t_s: FloatArray  #: Time in s, shape (n_samples,).
+    drive_v: FloatArray  #: Applied voltage in V, same shape.
+    position_um: FloatArray  #: Measured displacement in µm, same shape; NaN for an invalid sample.
+    command_um: FloatArray  #: Commanded displacement in µm, same shape.
+    uncompensated_v: FloatArray  #: Voltage without compensation, proportional to the command, in V.
+    #: True displacement in µm, same shape, before the sensor and without its noise; NaN if it is
+    #: not known, that is for every stage except a simulated one.
     true_um: FloatArray
+    #: Parameters of the compensator, shape (n_snapshots, 2M), the M right operators first, or
+    #: (n_snapshots, 24) coefficients of a surface; (0, 0) if there is no compensator.
     weights: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    #: Instants of the snapshots in s, shape (n_snapshots,).
     weights_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    #: Errors by name; the name ends in the unit.
     metrics: Mapping[str, float] = field(default_factory=dict)
-    first_metric_index: int = 0
+    first_metric_index: int = 0  #: Samples before this index are left out of the metrics.
+    #: Instants of the samples just after a stall of the loop, in s, shape (n_late,).
     late_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    #: Whether `weights` are the coefficients of a surface, which have no sides.
     surface: bool = False
 
     def __post_init__(self) -> None:
@@ -129,31 +115,26 @@ class Recording(Comparable):
 
 @dataclass(frozen=True, eq=False)
 class Identification(Comparable):
-    """The model of one axis, its origin, and its prediction of the drive voltage.
+    """The model of one axis, its origin, and its prediction of the drive voltage."""
 
-    Attributes:
-        axis: Name of the axis.
-        title: Description of the record, or of the file from which the model was read, for people.
-        method: Method that made the model.
-        t_s: Time in s, shape (n_samples,); empty if the model was not fitted to a record.
-        drive_v: Applied voltage in V, same shape.
-        position_um: Displacement measured at the same time, in µm, same shape; it lags behind the
-            voltage by the model's delay.
-        predicted_v: Voltage that the model predicts, in V, same shape. Each value is computed from
-            the displacement one delay later, so that it corresponds to the applied voltage. NaN in
-            the run-in, and at the end, where no later displacement was recorded.
-        fit_errors: Errors of the prediction by name; the name ends in the unit.
-        parameters: Parameters of the model by name, each of any shape.
-    """
-
-    axis: str
+    axis: str  #: Name of the axis.
+    #: Description of the record, or of the file from which the model was read, for people.
     title: str
-    method: str
-    t_s: FloatArray
-    drive_v: FloatArray
+    method: str  #: Method that made the model.
+    t_s: (
+        FloatArray  #: Time in s, shape (n_samples,); empty if the model was not fitted to a record.
+    )
+    drive_v: FloatArray  #: Applied voltage in V, same shape.
+    #: Displacement measured at the same time, in µm, same shape; it lags behind the voltage by the
+    #: model's delay.
     position_um: FloatArray
+    #: Voltage that the model predicts, in V, same shape. Each value is computed from the
+    #: displacement one delay later, so that it corresponds to the applied voltage. NaN in the
+    #: run-in, and at the end, where no later displacement was recorded.
     predicted_v: FloatArray
+    #: Errors of the prediction by name; the name ends in the unit.
     fit_errors: Mapping[str, float] = field(default_factory=dict)
+    #: Parameters of the model by name, each of any shape.
     parameters: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -184,27 +165,16 @@ class Identification(Comparable):
 
 @dataclass(frozen=True, eq=False)
 class ExperimentResult(Comparable):
-    """All results of one experiment.
+    """All results of one experiment."""
 
-    Attributes:
-        title: Description of the experiment, for people.
-        recordings: One per axis, case and mode, in the order of the runs.
-        identifications: One per axis, in the order of the axes.
-        configuration: Text of the configuration file.
-        versions: Versions of the programs by name.
-        seed: Seed of all random numbers of the run.
-        rate_hz: Rate of the loop in Hz, above 0.
-        warnings: Reservations about the result, each with its remedy.
-    """
-
-    title: str
-    recordings: tuple[Recording, ...]
-    identifications: tuple[Identification, ...]
-    configuration: str
-    versions: Mapping[str, str]
-    seed: int
-    rate_hz: float
-    warnings: tuple[str, ...] = ()
+    title: str  #: Description of the experiment, for people.
+    recordings: tuple[Recording, ...]  #: One per axis, case and mode, in the order of the runs.
+    identifications: tuple[Identification, ...]  #: One per axis, in the order of the axes.
+    configuration: str  #: Text of the configuration file.
+    versions: Mapping[str, str]  #: Versions of the programs by name.
+    seed: int  #: Seed of all random numbers of the run.
+    rate_hz: float  #: Rate of the loop in Hz, above 0.
+    warnings: tuple[str, ...] = ()  #: Reservations about the result, each with its remedy.
 
     def __post_init__(self) -> None:
         """Check that each recording is there once.

@@ -9,18 +9,12 @@ from piezod.records.recording import Recording
 
 @dataclass(frozen=True)
 class Reference:
-    """Published errors that ours should not exceed.
+    """Published errors that ours should not exceed."""
 
-    Attributes:
-        label: Their source, for people, as in "paper".
-        values: Error by (case, mode), in the unit of the metrics.
-        metrics: Names of the metrics to compare with them.
-        figures: Figure of the source by (case, mode), as in "Fig. 7".
-    """
-
-    label: str
-    values: Mapping[tuple[str, str], float]
-    metrics: tuple[str, ...]
+    label: str  #: Their source, for people, as in "paper".
+    values: Mapping[tuple[str, str], float]  #: Error by (case, mode), in the unit of the metrics.
+    metrics: tuple[str, ...]  #: Names of the metrics to compare with them.
+    #: Figure of the source by (case, mode), as in "Fig. 7".
     figures: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def value(self, recording: Recording) -> float | None:

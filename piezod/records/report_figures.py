@@ -25,20 +25,13 @@ from piezod.records.reference import Reference
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A drawn figure.
+    """A drawn figure."""
 
-    Attributes:
-        name: Name of its file without suffix; also its anchor in the page.
-        title: Heading above it.
-        alt: Description for readers who cannot see it.
-        png: The image.
-        rest: Figure with the other panels of the same run, if there is one.
-    """
-
-    name: str
-    title: str
-    alt: str
-    png: bytes
+    name: str  #: Name of its file without suffix; also its anchor in the page.
+    title: str  #: Heading above it.
+    alt: str  #: Description for readers who cannot see it.
+    png: bytes  #: The image.
+    #: Figure with the other panels of the same run, if there is one.
     rest: "ReportFigure | None" = None
 
     @property
@@ -55,22 +48,19 @@ class ReportFigure:
 
 
 class Gallery(NamedTuple):
-    """All figures of a report.
+    """All figures of a report."""
 
-    Attributes:
-        overview: Comparison of all modes; None if there is no metric to compare.
-        published: Runs drawn as their figures in the publication, in the order of the modes, which
-            is that of the paper.
-        models: Models and the records that they were fitted to; models from files have no figure.
-        runs: Figures of the modes by (axis, case); only error and parameters if `published` has the
-            rest.
-        cases: Figure of all modes by (axis, case), for cases with several.
-    """
-
-    overview: ReportFigure | None
+    overview: (
+        ReportFigure | None
+    )  #: Comparison of all modes; None if there is no metric to compare.
+    #: Runs drawn as their figures in the publication, in the order of the modes, which is that of
+    #: the paper.
     published: tuple[ReportFigure, ...]
+    #: Models and the records that they were fitted to; models from files have no figure.
     models: tuple[ReportFigure, ...]
+    #: Figures of the modes by (axis, case); only error and parameters if `published` has the rest.
     runs: dict[tuple[str, str], tuple[ReportFigure, ...]]
+    #: Figure of all modes by (axis, case), for cases with several.
     cases: dict[tuple[str, str], ReportFigure]
 
     def all(self) -> tuple[ReportFigure, ...]:

@@ -14,47 +14,28 @@ from piezod.records.frozen import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class AboutVoltage:
-    """The measurement about one voltage.
+    """The measurement about one voltage."""
 
-    Attributes:
-        offset_v: The voltage, in V.
-        amplitude_v: Largest deviation from it, in V.
-        response: Displacement over voltage, in µm/V; the hold of the voltage is counted as no
-            delay.
-        noise_hz: (n,) frequencies of the noise, in Hz.
-        noise_um_per_rthz: (n,) noise of the displacement, in µm/√Hz.
-        step: Mean answer to steps; None if there was none.
-    """
-
-    offset_v: float
-    amplitude_v: float
+    offset_v: float  #: The voltage, in V.
+    amplitude_v: float  #: Largest deviation from it, in V.
+    #: Displacement over voltage, in µm/V; the hold of the voltage is counted as no delay.
     response: MeasuredResponse
-    noise_hz: FloatArray
-    noise_um_per_rthz: FloatArray
-    step: StepAnswer | None
+    noise_hz: FloatArray  #: (n,) frequencies of the noise, in Hz.
+    noise_um_per_rthz: FloatArray  #: (n,) noise of the displacement, in µm/√Hz.
+    step: StepAnswer | None  #: Mean answer to steps; None if there was none.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseRecord:
-    """The measurements of an axis, and the model that was fitted to all of them.
+    """The measurements of an axis, and the model that was fitted to all of them."""
 
-    Attributes:
-        axis: Name of the axis.
-        title: Where the data are from, for people.
-        method: How they were measured.
-        rate_hz: Samples per second.
-        about: The measurement about each voltage.
-        fit: The model; its delay does not include the hold.
-        warnings: Warnings, a sentence each.
-    """
-
-    axis: str
-    title: str
-    method: Literal["multisine", "recording"]
-    rate_hz: float
-    about: tuple[AboutVoltage, ...]
-    fit: ResponseFit
-    warnings: tuple[str, ...]
+    axis: str  #: Name of the axis.
+    title: str  #: Where the data are from, for people.
+    method: Literal["multisine", "recording"]  #: How they were measured.
+    rate_hz: float  #: Samples per second.
+    about: tuple[AboutVoltage, ...]  #: The measurement about each voltage.
+    fit: ResponseFit  #: The model; its delay does not include the hold.
+    warnings: tuple[str, ...]  #: Warnings, a sentence each.
 
 
 def without_hold(response: MeasuredResponse, rate_hz: float) -> MeasuredResponse:

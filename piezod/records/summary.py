@@ -26,86 +26,49 @@ _RUN: Final = "RUN"
 
 
 class ModeErrors(NamedTuple):
-    """Errors of an axis in a mode, over the cycles in RUN with a valid sample and a command.
+    """Errors of an axis in a mode, over the cycles in RUN with a valid sample and a command."""
 
-    Attributes:
-        axis: Name of the axis.
-        mode: Name of the mode.
-        duration_s: Time, in s.
-        rms_um: Rms error, in µm.
-        worst_um: Largest error, in µm.
-    """
-
-    axis: str
-    mode: str
-    duration_s: float
-    rms_um: float
-    worst_um: float
+    axis: str  #: Name of the axis.
+    mode: str  #: Name of the mode.
+    duration_s: float  #: Time, in s.
+    rms_um: float  #: Rms error, in µm.
+    worst_um: float  #: Largest error, in µm.
 
 
 class FaultTime(NamedTuple):
-    """A fault that was present.
+    """A fault that was present."""
 
-    Attributes:
-        fault: Its id.
-        cycles: Number of cycles in which it was present.
-        first_s: Instant of the first of them, in s.
-        last_s: Instant of the last of them, in s.
-    """
-
-    fault: str
-    cycles: int
-    first_s: float
-    last_s: float
+    fault: str  #: Its id.
+    cycles: int  #: Number of cycles in which it was present.
+    first_s: float  #: Instant of the first of them, in s.
+    last_s: float  #: Instant of the last of them, in s.
 
 
 class UsedModel(NamedTuple):
-    """A model of an axis.
+    """A model of an axis."""
 
-    Attributes:
-        axis: Name of the axis.
-        since_s: Instant from which it was in use, in s; NaN for the start of the file.
-        text: Text of its file.
-    """
-
-    axis: str
-    since_s: float
-    text: str
+    axis: str  #: Name of the axis.
+    since_s: float  #: Instant from which it was in use, in s; NaN for the start of the file.
+    text: str  #: Text of its file.
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What is in a recording.
+    """What is in a recording."""
 
-    Attributes:
-        header: Header of the file.
-        begin_s: Instant of the first cycle, in s; NaN without one.
-        end_s: Instant of the last cycle, in s.
-        cycles: Number of cycles.
-        late: Number of cycles that began later than half a period.
-        skipped: Number of periods that the loop skipped.
-        lost: Number of cycles that ran and are not in the file.
-        invalid: Number of invalid samples of each axis.
-        states: Time in each state, in s.
-        errors: Errors of each axis in each mode.
-        faults: Faults that were present, in the order of their begin.
-        models: Models of the axes, those of the start first.
-        events: The log of the loop.
-    """
-
-    header: TelemetryHeader
-    begin_s: float
-    end_s: float
-    cycles: int
-    late: int
-    skipped: int
-    lost: int
-    invalid: dict[str, int]
-    states: dict[str, float]
-    errors: tuple[ModeErrors, ...]
-    faults: tuple[FaultTime, ...]
-    models: tuple[UsedModel, ...]
-    events: tuple[StageEvent, ...]
+    header: TelemetryHeader  #: Header of the file.
+    begin_s: float  #: Instant of the first cycle, in s; NaN without one.
+    end_s: float  #: Instant of the last cycle, in s.
+    cycles: int  #: Number of cycles.
+    late: int  #: Number of cycles that began later than half a period.
+    skipped: int  #: Number of periods that the loop skipped.
+    lost: int  #: Number of cycles that ran and are not in the file.
+    invalid: dict[str, int]  #: Number of invalid samples of each axis.
+    states: dict[str, float]  #: Time in each state, in s.
+    errors: tuple[ModeErrors, ...]  #: Errors of each axis in each mode.
+    faults: tuple[FaultTime, ...]  #: Faults that were present, in the order of their begin.
+    models: tuple[UsedModel, ...]  #: Models of the axes, those of the start first.
+    events: tuple[StageEvent, ...]  #: The log of the loop.
 
 
 def summary_of(path: Path) -> Summary:

@@ -52,17 +52,11 @@ _OWN: Final = {
 
 
 class WeightsRow(NamedTuple):
-    """Weights of an axis at an instant.
+    """Weights of an axis at an instant."""
 
-    Attributes:
-        t_ns: The instant, on the clock of the records.
-        weights: The weights, shape (n_weights,).
-        surface: Whether they are the coefficients of a surface, and not the weights of stops.
-    """
-
-    t_ns: int
-    weights: NDArray[np.float64]
-    surface: bool
+    t_ns: int  #: The instant, on the clock of the records.
+    weights: NDArray[np.float64]  #: The weights, shape (n_weights,).
+    surface: bool  #: Whether they are the coefficients of a surface, and not the weights of stops.
 
 
 class TelemetryColumns:

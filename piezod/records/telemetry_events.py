@@ -37,17 +37,11 @@ _DESCRIPTIONS: Final = {
 
 
 class AdoptedModel(NamedTuple):
-    """A model that an axis adopted during a recording.
+    """A model that an axis adopted during a recording."""
 
-    Attributes:
-        t_ns: Instant of the first cycle in which it was seen, on the clock of the records.
-        axis: Name of the axis.
-        text: Text of the model file.
-    """
-
-    t_ns: int
-    axis: str
-    text: str
+    t_ns: int  #: Instant of the first cycle in which it was seen, on the clock of the records.
+    axis: str  #: Name of the axis.
+    text: str  #: Text of the model file.
 
 
 class EventColumns:

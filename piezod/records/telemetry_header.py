@@ -10,35 +10,27 @@ from piezod.errors import DataError
 
 @dataclass(frozen=True)
 class TelemetryHeader:
-    """Header of a recording.
+    """Header of a recording."""
 
-    Attributes:
-        title: Description, for people.
-        axes: Names of the axes, in the order of the records.
-        rate_hz: Cycles per second, above 0.
-        started_at: Time of day of `start_ns`, ISO 8601 with the offset from UTC.
-        start_ns: Instant of 0 s in the file, on the clock of the records.
-        names: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
-        notes: Texts of the recording by name, as in `{"configuration": "rate_hz: 1000"}`.
-        weights: Number of recorded weights of each axis, 2M, or 24 of a surface; an axis without an
-            entry has none.
-        surfaces: Names of the axes whose weights are, at the start, the coefficients of a surface.
-        descriptions: Meaning of each field, for people, as in `{"late_ns": "Wake-up after …"}`.
-        bits: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
-        part: Number of the file, if the recording has several; all of them have one `start_ns`.
-    """
-
-    title: str
-    axes: tuple[str, ...]
-    rate_hz: float
-    started_at: str
-    start_ns: int
+    title: str  #: Description, for people.
+    axes: tuple[str, ...]  #: Names of the axes, in the order of the records.
+    rate_hz: float  #: Cycles per second, above 0.
+    started_at: str  #: Time of day of `start_ns`, ISO 8601 with the offset from UTC.
+    start_ns: int  #: Instant of 0 s in the file, on the clock of the records.
+    #: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
     names: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    #: Texts of the recording by name, as in `{"configuration": "rate_hz: 1000"}`.
     notes: Mapping[str, str] = field(default_factory=dict)
+    #: Number of recorded weights of each axis, 2M, or 24 of a surface; an axis without an entry has
+    #: none.
     weights: Mapping[str, int] = field(default_factory=dict)
+    #: Names of the axes whose weights are, at the start, the coefficients of a surface.
     surfaces: tuple[str, ...] = ()
+    #: Meaning of each field, for people, as in `{"late_ns": "Wake-up after …"}`.
     descriptions: Mapping[str, str] = field(default_factory=dict)
+    #: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
     bits: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    #: Number of the file, if the recording has several; all of them have one `start_ns`.
     part: int = 1
 
     def configuration(self) -> dict[str, Any] | None:

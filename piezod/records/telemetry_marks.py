@@ -16,31 +16,19 @@ LATE_PART: Final = 0.5
 
 
 class Span(NamedTuple):
-    """A part of a recording in which a name stays the same.
+    """A part of a recording in which a name stays the same."""
 
-    Attributes:
-        begin_s: Instant of its first cycle, in s.
-        end_s: Instant of the first cycle after it, or of the last cycle, in s.
-        name: The name.
-    """
-
-    begin_s: float
-    end_s: float
-    name: str
+    begin_s: float  #: Instant of its first cycle, in s.
+    end_s: float  #: Instant of the first cycle after it, or of the last cycle, in s.
+    name: str  #: The name.
 
 
 class Irregularity(NamedTuple):
-    """One kind of missing or late data.
+    """One kind of missing or late data."""
 
-    Attributes:
-        name: Description for people, in the plural.
-        cases: Number of missing periods or of affected cycles.
-        t_s: Instants of the cycles at which they show, in s, shape (n,).
-    """
-
-    name: str
-    cases: int
-    t_s: FloatArray
+    name: str  #: Description for people, in the plural.
+    cases: int  #: Number of missing periods or of affected cycles.
+    t_s: FloatArray  #: Instants of the cycles at which they show, in s, shape (n,).
 
 
 def names_of(telemetry: RecordedTelemetry, name: str, column: NDArray[Any]) -> NDArray[np.str_]:

@@ -35,31 +35,22 @@ _WEIGHTS: Final = ("weights", "weights_t_s", "weights_form")
 
 @dataclass(frozen=True, eq=False)
 class RecordedTelemetry:
-    """A recording of a running stage, or a part of one.
+    """A recording of a running stage, or a part of one."""
 
-    Attributes:
-        header: Header of the whole recording.
-        lost: Number of lost records in the whole recording.
-        gaps: Rows of (index of the first record after it, records lost) of the whole recording,
-            shape (n, 2).
-        cycles: Columns by name, each of shape (n_records,); numbers for fields with names in the
-            header.
-        axes: Columns of each axis, by its name.
-        weights: `weights`, shape (n_snapshots, n_weights), `weights_t_s`, shape (n_snapshots,), and
-            `weights_form`, of `FORMS`, the same, of each axis; (0, 0) if they were not recorded.
-            A row of a model with fewer weights than another one ends with NaN.
-        events: The log of the loop during the whole recording.
-        adopted: Models that axes adopted during the whole recording.
-    """
-
-    header: TelemetryHeader
-    lost: int
+    header: TelemetryHeader  #: Header of the whole recording.
+    lost: int  #: Number of lost records in the whole recording.
+    #: Rows of (index of the first record after it, records lost) of the whole recording, shape (n,
+    #: 2).
     gaps: NDArray[np.int64]
+    #: Columns by name, each of shape (n_records,); numbers for fields with names in the header.
     cycles: dict[str, NDArray[Any]]
-    axes: dict[str, dict[str, NDArray[Any]]]
+    axes: dict[str, dict[str, NDArray[Any]]]  #: Columns of each axis, by its name.
+    #: `weights`, shape (n_snapshots, n_weights), `weights_t_s`, shape (n_snapshots,), and
+    #: `weights_form`, of `FORMS`, the same, of each axis; (0, 0) if they were not recorded. A row
+    #: of a model with fewer weights than another one ends with NaN.
     weights: dict[str, dict[str, NDArray[Any]]]
-    events: tuple[StageEvent, ...] = ()
-    adopted: tuple[AdoptedModel, ...] = ()
+    events: tuple[StageEvent, ...] = ()  #: The log of the loop during the whole recording.
+    adopted: tuple[AdoptedModel, ...] = ()  #: Models that axes adopted during the whole recording.
 
     def chosen_axis(self, axis: str | None) -> str:
         """Return the name of an axis: the given one, or the only one.

@@ -32,22 +32,15 @@ class MinMax(NamedTuple):
     """Extremes of a column in consecutive buckets; each array has the shape (n_buckets,).
 
     A bucket without a row, as in a gap of the recording, is left out.
-
-    Attributes:
-        begin_s: Instant of the first row of each bucket, in s.
-        end_s: Instant of the last row of each bucket, in s.
-        minimum: Smallest valid value, in the unit of the column; NaN if no value is valid.
-        maximum: Largest valid value, likewise.
-        rows: Number of rows.
-        valid: Number of rows whose value is not NaN.
     """
 
-    begin_s: FloatArray
-    end_s: FloatArray
+    begin_s: FloatArray  #: Instant of the first row of each bucket, in s.
+    end_s: FloatArray  #: Instant of the last row of each bucket, in s.
+    #: Smallest valid value, in the unit of the column; NaN if no value is valid.
     minimum: NDArray[Any]
-    maximum: NDArray[Any]
-    rows: NDArray[np.int64]
-    valid: NDArray[np.int64]
+    maximum: NDArray[Any]  #: Largest valid value, likewise.
+    rows: NDArray[np.int64]  #: Number of rows.
+    valid: NDArray[np.int64]  #: Number of rows whose value is not NaN.
 
 
 class _Extremes(NamedTuple):

@@ -29,75 +29,43 @@ _PICKS: Final = 4
 
 
 class Column(NamedTuple):
-    """A column of a recording.
+    """A column of a recording."""
 
-    Attributes:
-        name: Its name, as in "axis_x/position_um".
-        unit: Its unit; empty if it has none.
-        description: Its meaning, for people.
-        names: Names of its numbers, from 0; empty if they have none.
-    """
-
-    name: str
-    unit: str
-    description: str
-    names: tuple[str, ...]
+    name: str  #: Its name, as in "axis_x/position_um".
+    unit: str  #: Its unit; empty if it has none.
+    description: str  #: Its meaning, for people.
+    names: tuple[str, ...]  #: Names of its numbers, from 0; empty if they have none.
 
 
 class Contents(NamedTuple):
-    """What a recording has.
+    """What a recording has."""
 
-    Attributes:
-        title: Description, for people.
-        started_at: Time of day of 0 s, ISO 8601.
-        rate_hz: Cycles per second.
-        axes: Names of the axes.
-        begin_s: Instant of its first row, in s; NaN without rows.
-        end_s: Instant of its last row, in s; NaN without rows.
-        rows: Number of recorded cycles.
-        lost: Number of cycles that ran and are missing.
-        columns: Its columns.
-    """
-
-    title: str
-    started_at: str
-    rate_hz: float
-    axes: tuple[str, ...]
-    begin_s: float
-    end_s: float
-    rows: int
-    lost: int
-    columns: tuple[Column, ...]
+    title: str  #: Description, for people.
+    started_at: str  #: Time of day of 0 s, ISO 8601.
+    rate_hz: float  #: Cycles per second.
+    axes: tuple[str, ...]  #: Names of the axes.
+    begin_s: float  #: Instant of its first row, in s; NaN without rows.
+    end_s: float  #: Instant of its last row, in s; NaN without rows.
+    rows: int  #: Number of recorded cycles.
+    lost: int  #: Number of cycles that ran and are missing.
+    columns: tuple[Column, ...]  #: Its columns.
 
 
 class Mark(NamedTuple):
-    """Something to know about an instant or a short span of a recording.
+    """Something to know about an instant or a short span of a recording."""
 
-    Attributes:
-        begin_s: Its begin, in s.
-        end_s: Its end, in s.
-        kind: "late", "skipped", "lost", "invalid", or that of an event, as "fault" or "state".
-        text: Description for people.
-    """
-
-    begin_s: float
-    end_s: float
-    kind: str
-    text: str
+    begin_s: float  #: Its begin, in s.
+    end_s: float  #: Its end, in s.
+    kind: str  #: "late", "skipped", "lost", "invalid", or that of an event, as "fault" or "state".
+    text: str  #: Description for people.
 
 
 class Loop(NamedTuple):
-    """Displacement against drive: rows in the order of time, each array of shape (n,).
+    """Displacement against drive: rows in the order of time, each array of shape (n,)."""
 
-    Attributes:
-        t_s: Instants, in s.
-        drive_v: Voltage in force, in V.
-        position_um: Position of the same row, in µm.
-    """
-
-    t_s: FloatArray
-    drive_v: FloatArray
-    position_um: FloatArray
+    t_s: FloatArray  #: Instants, in s.
+    drive_v: FloatArray  #: Voltage in force, in V.
+    position_um: FloatArray  #: Position of the same row, in µm.
 
 
 def contents(path: Path) -> Contents:

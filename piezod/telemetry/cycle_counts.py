@@ -22,36 +22,24 @@ _MOST_UM: Final = 1e6
 
 
 class Histogram(NamedTuple):
-    """A histogram.
+    """A histogram."""
 
-    Attributes:
-        buckets: Number of values in each bucket: up to the limit in `LIMITS`, above the one before;
-            the last one is without a limit.
-        total: Sum of all values, in thousandths of the unit of the limits.
-    """
-
+    #: Number of values in each bucket: up to the limit in `LIMITS`, above the one before; the last
+    #: one is without a limit.
     buckets: tuple[int, ...]
-    total: int
+    total: int  #: Sum of all values, in thousandths of the unit of the limits.
 
 
 class CycleCounts(NamedTuple):
-    """The counts of a loop.
+    """The counts of a loop."""
 
-    Attributes:
-        late: Cycles that began late, or after skipped periods.
-        read_ns: Time spent reading, with the read-back, in ns.
-        write_ns: Time spent writing, in ns.
-        lateness: Lateness of the cycles, in µs.
-        duration: Time from the begin of a cycle to the end of its write, in µs.
-        errors: Absolute value of command minus position of each axis, in nm; cycles without a
-            command or a usable sample are left out.
-    """
-
-    late: int
-    read_ns: int
-    write_ns: int
-    lateness: Histogram
-    duration: Histogram
+    late: int  #: Cycles that began late, or after skipped periods.
+    read_ns: int  #: Time spent reading, with the read-back, in ns.
+    write_ns: int  #: Time spent writing, in ns.
+    lateness: Histogram  #: Lateness of the cycles, in µs.
+    duration: Histogram  #: Time from the begin of a cycle to the end of its write, in µs.
+    #: Absolute value of command minus position of each axis, in nm; cycles without a command or a
+    #: usable sample are left out.
     errors: tuple[Histogram, ...]
 
 

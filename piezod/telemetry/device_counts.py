@@ -10,19 +10,12 @@ _NUMBERS: Final = 3  # before the faults
 
 
 class DeviceCounts(NamedTuple):
-    """The counts of one device since the start of the loop.
+    """The counts of one device since the start of the loop."""
 
-    Attributes:
-        exchanges: Exchanges on its bus, also those that failed; 0 for a device without a bus.
-        rounds: Rounds of its worker; 0 for a device in the cycle.
-        round_ns: Time that these rounds took, in ns.
-        faults: Number of faults of each `devices.status.DeviceFlag`, in their order.
-    """
-
-    exchanges: int
-    rounds: int
-    round_ns: int
-    faults: Sequence[int]
+    exchanges: int  #: Exchanges on its bus, also those that failed; 0 for a device without a bus.
+    rounds: int  #: Rounds of its worker; 0 for a device in the cycle.
+    round_ns: int  #: Time that these rounds took, in ns.
+    faults: Sequence[int]  #: Number of faults of each `devices.status.DeviceFlag`, in their order.
 
 
 def put_device_counts(shared: SharedMap, device: int, counts: DeviceCounts) -> None:

@@ -57,17 +57,11 @@ _INDEX: Final = ("u1", "B")
 
 
 class Field(NamedTuple):
-    """One field of a record in memory.
+    """One field of a record in memory."""
 
-    Attributes:
-        name: Name of the field; a gap has a name that starts with "_".
-        dtype: Its description for numpy.
-        code: Its description for `struct`.
-    """
-
-    name: str
-    dtype: str
-    code: str
+    name: str  #: Name of the field; a gap has a name that starts with "_".
+    dtype: str  #: Its description for numpy.
+    code: str  #: Its description for `struct`.
 
 
 def fields_of(record: type[AxisRecord] | type[CycleHeader]) -> tuple[Field, ...]:
@@ -139,19 +133,12 @@ def as_shown(name: str, value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Sizes of the shared memory of a stage.
+    """Sizes of the shared memory of a stage."""
 
-    Attributes:
-        axes: Names of the axes, in order.
-        capacity: Number of records in the ring.
-        period_ns: Period of the loop, in ns.
-        devices: Names of the devices, in order.
-    """
-
-    axes: tuple[str, ...]
-    capacity: int
-    period_ns: int
-    devices: tuple[str, ...] = ()
+    axes: tuple[str, ...]  #: Names of the axes, in order.
+    capacity: int  #: Number of records in the ring.
+    period_ns: int  #: Period of the loop, in ns.
+    devices: tuple[str, ...] = ()  #: Names of the devices, in order.
 
     @classmethod
     def of(cls, config: DaemonConfig) -> Self:

@@ -16,28 +16,18 @@ LearnedValues: TypeAlias = tuple[Any, float, float, float, bool, float, float, f
 
 
 class LearnedAxis(NamedTuple):
-    """Learned parameters of an axis.
+    """Learned parameters of an axis."""
 
-    Attributes:
-        weights: Weights of the model, in the order of the compensator.
-        offset: Offset of the displacement, normalised.
-        scale: Scale of the displacement.
-        zero_um: Sensor zero, in µm as the sensor shows it.
-        surface: Whether the weights are the coefficients of a surface, and not those of stops.
-        distance: How far the model is from the identified one, as a share of the range: the largest
-            difference of their drives; NaN without an identified one.
-        low_um: Lowest position that may be commanded, in µm.
-        high_um: Highest position that may be commanded, in µm.
-    """
-
-    weights: Sequence[float]
-    offset: float
-    scale: float
-    zero_um: float
-    surface: bool
+    weights: Sequence[float]  #: Weights of the model, in the order of the compensator.
+    offset: float  #: Offset of the displacement, normalised.
+    scale: float  #: Scale of the displacement.
+    zero_um: float  #: Sensor zero, in µm as the sensor shows it.
+    surface: bool  #: Whether the weights are the coefficients of a surface, and not those of stops.
+    #: How far the model is from the identified one, as a share of the range: the largest difference
+    #: of their drives; NaN without an identified one.
     distance: float
-    low_um: float
-    high_um: float
+    low_um: float  #: Lowest position that may be commanded, in µm.
+    high_um: float  #: Highest position that may be commanded, in µm.
 
 
 class LearnedReader:

@@ -10,15 +10,10 @@ _LOW: Final = (1 << _BITS) - 1
 
 
 class Succession(NamedTuple):
-    """What a loop takes over.
+    """What a loop takes over."""
 
-    Attributes:
-        latched: Latched faults, as a bit mask.
-        stopped: Whether faults had stopped the stage, so that only `reset` ends them.
-    """
-
-    latched: int = 0
-    stopped: bool = False
+    latched: int = 0  #: Latched faults, as a bit mask.
+    stopped: bool = False  #: Whether faults had stopped the stage, so that only `reset` ends them.
 
 
 def put_succession(shared: SharedMap, succession: Succession) -> None:

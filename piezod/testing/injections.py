@@ -47,20 +47,11 @@ class InjectionKind(StrEnum):
 
 
 class Injection(NamedTuple):
-    """One fault.
+    """One fault."""
 
-    Attributes:
-        kind: Kind of failure.
-        start_ns: First instant of the fault.
-        end_ns: End of the fault, exclusive.
-        axis: Index of the axis.
-        value: Size of the fault, see `InjectionKind`.
-        flag: Flag in the status, for kinds that set one.
-    """
-
-    kind: InjectionKind
-    start_ns: int
-    end_ns: float = inf
-    axis: int = 0
-    value: float = nan
-    flag: DeviceFlag = DeviceFlag.OVERLOAD
+    kind: InjectionKind  #: Kind of failure.
+    start_ns: int  #: First instant of the fault.
+    end_ns: float = inf  #: End of the fault, exclusive.
+    axis: int = 0  #: Index of the axis.
+    value: float = nan  #: Size of the fault, see `InjectionKind`.
+    flag: DeviceFlag = DeviceFlag.OVERLOAD  #: Flag in the status, for kinds that set one.

@@ -44,15 +44,10 @@ _HEADERS: Final = {
 
 
 class Tokens(NamedTuple):
-    """The tokens of one server.
+    """The tokens of one server."""
 
-    Attributes:
-        user: For everything that the user of this server may do.
-        viewer: For what a viewer may do.
-    """
-
-    user: str
-    viewer: str
+    user: str  #: For everything that the user of this server may do.
+    viewer: str  #: For what a viewer may do.
 
 
 def new_tokens() -> Tokens:

@@ -19,15 +19,11 @@ _HOW: Final = "docs/remote.md has the command that makes them"
 
 
 class Certificate(NamedTuple):
-    """The certificate of a server.
+    """The certificate of a server."""
 
-    Attributes:
-        file: The certificate, or several from that of the server to that of the authority (PEM).
-        key: Its private key (PEM), which only the user of the server and his group may read.
-    """
-
+    #: The certificate, or several from that of the server to that of the authority (PEM).
     file: Path
-    key: Path
+    key: Path  #: Its private key (PEM), which only the user of the server and his group may read.
 
 
 def check_certificate(certificate: Certificate) -> str:

@@ -15,15 +15,10 @@ _PORTS: Final = {"http": 80, "https": 443}
 
 
 class PublicUrl(NamedTuple):
-    """Address at which browsers and programs reach the proxy.
+    """Address at which browsers and programs reach the proxy."""
 
-    Attributes:
-        origin: Scheme, name and port, as browsers send it in `Origin`.
-        path: Its path, with a "/" at the end.
-    """
-
-    origin: str
-    path: str
+    origin: str  #: Scheme, name and port, as browsers send it in `Origin`.
+    path: str  #: Its path, with a "/" at the end.
 
     @classmethod
     def of(cls, text: str) -> Self:

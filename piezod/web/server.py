@@ -37,21 +37,14 @@ _EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104 - only with TLS
 
 
 class WebPlan(NamedTuple):
-    """What to serve, and where.
+    """What to serve, and where."""
 
-    Attributes:
-        host: Name or address to listen on.
-        port: TCP port; 0 for any free one.
-        certificate: The certificate for TLS; None without, which is for this machine only.
-        tokens: Folder of lasting tokens; None for a token of this start.
-        public: Address of the page at a reverse proxy; None without one.
-    """
-
-    host: str = "127.0.0.1"
-    port: int = 8080
+    host: str = "127.0.0.1"  #: Name or address to listen on.
+    port: int = 8080  #: TCP port; 0 for any free one.
+    #: The certificate for TLS; None without, which is for this machine only.
     certificate: Certificate | None = None
-    tokens: Path | None = None
-    public: PublicUrl | None = None
+    tokens: Path | None = None  #: Folder of lasting tokens; None for a token of this start.
+    public: PublicUrl | None = None  #: Address of the page at a reverse proxy; None without one.
 
 
 class WebServer(uvicorn.Server):

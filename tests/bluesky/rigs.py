@@ -21,15 +21,10 @@ CLOSE_UM: Final = 0.6
 
 
 class Bench(NamedTuple):
-    """A stage that leaves its true positions in a file.
+    """A stage that leaves its true positions in a file."""
 
-    Attributes:
-        daemon: Its daemon.
-        truth: The file.
-    """
-
-    daemon: Daemon
-    truth: Path
+    daemon: Daemon  #: Its daemon.
+    truth: Path  #: The file.
 
     def truths(self) -> tuple[FloatArray, FloatArray]:
         """Return all instants, in s on the monotonic clock, and the true displacements, in µm."""

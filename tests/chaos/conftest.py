@@ -25,13 +25,9 @@ LATE_S = 1.0 / 20.0
 
 
 class ChaosStage(HostedStage):
-    """A stage that can be brought to each state.
+    """A stage that can be brought to each state."""
 
-    Attributes:
-        rig: The process of the rig.
-    """
-
-    rig: Piped
+    rig: Piped  #: The process of the rig.
 
     def bring(self, state: str) -> None:
         """Bring a stage that is in SAFE to a state."""

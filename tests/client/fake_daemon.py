@@ -15,31 +15,19 @@ ACCEPTED = {"accepted": True, "motion": 7}
 
 
 class Asked(NamedTuple):
-    """A received request.
+    """A received request."""
 
-    Attributes:
-        what: Method and path with its query, for example "GET status".
-        body: The document, or the documents of the lines; None for none.
-        client: Name of the client.
-    """
-
-    what: str
-    body: Any
-    client: str
+    what: str  #: Method and path with its query, for example "GET status".
+    body: Any  #: The document, or the documents of the lines; None for none.
+    client: str  #: Name of the client.
 
 
 class Raw(NamedTuple):
-    """An answer that is not a document.
+    """An answer that is not a document."""
 
-    Attributes:
-        status: HTTP status.
-        body: Content.
-        kind: Media type.
-    """
-
-    status: int
-    body: bytes
-    kind: str = "application/json"
+    status: int  #: HTTP status.
+    body: bytes  #: Content.
+    kind: str = "application/json"  #: Media type.
 
 
 class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):

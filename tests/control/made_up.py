@@ -26,17 +26,11 @@ CREEP = Creep(np.array([0.01, 0.02, 0.02]), 1.0 - np.exp(-1e-3 / np.array([0.03,
 
 
 class Kind(NamedTuple):
-    """A made-up hysteresis of some form.
+    """A made-up hysteresis of some form."""
 
-    Attributes:
-        form: Form of its model.
-        weights: Its weights.
-        other: Weights of another model of the same form.
-    """
-
-    form: ModelForm
-    weights: Array
-    other: Array
+    form: ModelForm  #: Form of its model.
+    weights: Array  #: Its weights.
+    other: Array  #: Weights of another model of the same form.
 
     def compensator(
         self, mode: Mode, fade_cycles: int = 1, creep: CreepState = AT_REST

@@ -47,19 +47,12 @@ OFF_KINDS: Final = frozenset({OutputKind.OFF, OutputKind.ELSEWHERE})
 
 
 class OutputFault(NamedTuple):
-    """One fault of an output or of its read-back.
+    """One fault of an output or of its read-back."""
 
-    Attributes:
-        kind: What it does.
-        start_ns: Its first instant.
-        end_ns: Its end, exclusive.
-        value: Its size, see `OutputKind`.
-    """
-
-    kind: OutputKind
-    start_ns: int
-    end_ns: float
-    value: float = 0.0
+    kind: OutputKind  #: What it does.
+    start_ns: int  #: Its first instant.
+    end_ns: float  #: Its end, exclusive.
+    value: float = 0.0  #: Its size, see `OutputKind`.
 
 
 class OwnOutput:

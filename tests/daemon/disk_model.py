@@ -15,19 +15,12 @@ Folder = dict[str, bytes]
 
 
 class Op(NamedTuple):
-    """An operation: "write", "sync", "rename" or "sync-folder".
+    """An operation: "write", "sync", "rename" or "sync-folder"."""
 
-    Attributes:
-        kind: Its kind.
-        name: Name of the file.
-        to: New name.
-        content: The bytes that were written.
-    """
-
-    kind: str
-    name: str = ""
-    to: str = ""
-    content: bytes = b""
+    kind: str  #: Its kind.
+    name: str = ""  #: Name of the file.
+    to: str = ""  #: New name.
+    content: bytes = b""  #: The bytes that were written.
 
 
 class LoggingOs:

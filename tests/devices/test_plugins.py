@@ -15,21 +15,13 @@ Install = Callable[..., None]
 
 
 class Kind(NamedTuple):
-    """A kind of plug-in.
+    """A kind of plug-in."""
 
-    Attributes:
-        called: Its name in messages.
-        lookup: The module that finds it.
-        known: Name of an installed one.
-        type_name: Its class.
-        good: Source of a valid one, after its `NAME`.
-    """
-
-    called: str
-    lookup: Any
-    known: str
-    type_name: str
-    good: str
+    called: str  #: Its name in messages.
+    lookup: Any  #: The module that finds it.
+    known: str  #: Name of an installed one.
+    type_name: str  #: Its class.
+    good: str  #: Source of a valid one, after its `NAME`.
 
 
 DRIVER = Kind(

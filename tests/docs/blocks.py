@@ -17,26 +17,17 @@ _FENCE: Final = re.compile(
 
 
 class Block(NamedTuple):
-    """A block of commands or of Python.
+    """A block of commands or of Python."""
 
-    Attributes:
-        page: Path of the page, relative to the repository.
-        line: Line of its first line.
-        language: "sh" or "python".
-        label: Word after the language: the file to which the code belongs.
-        kind: "" for a block that `make test` runs, "long" for one that `make docs-test` runs, and
-            "not run".
-        reason: The reason for that, of the comment before the block.
-        text: The commands or the code.
-    """
-
-    page: str
-    line: int
-    language: str
-    label: str
+    page: str  #: Path of the page, relative to the repository.
+    line: int  #: Line of its first line.
+    language: str  #: "sh" or "python".
+    label: str  #: Word after the language: the file to which the code belongs.
+    #: "" for a block that `make test` runs, "long" for one that `make docs-test` runs, and "not
+    #: run".
     kind: str
-    reason: str
-    text: str
+    reason: str  #: The reason for that, of the comment before the block.
+    text: str  #: The commands or the code.
 
     def __str__(self) -> str:
         """Return the place of the block."""

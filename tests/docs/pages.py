@@ -40,18 +40,14 @@ ELSEWHERE: Final = {
 
 @dataclass(frozen=True)
 class Setting:
-    """What the blocks of a page need.
+    """What the blocks of a page need."""
 
-    Attributes:
-        before: Commands that run before the first block, such as those of a second terminal.
-        files: Functions that write files into a folder.
-        words: Words of the page, and what stands for them.
-        together: Whether daemons run beside each other; otherwise a second one ends the first.
-    """
-
+    #: Commands that run before the first block, such as those of a second terminal.
     before: str = ""
-    files: tuple[Callable[[Path], None], ...] = ()
+    files: tuple[Callable[[Path], None], ...] = ()  #: Functions that write files into a folder.
+    #: Words of the page, and what stands for them.
     words: Mapping[str, str] = field(default_factory=dict)
+    #: Whether daemons run beside each other; otherwise a second one ends the first.
     together: bool = False
 
     def prepare(self, folder: Path) -> None:

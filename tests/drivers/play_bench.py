@@ -44,23 +44,14 @@ class Unplugged(Protocol):
 
 @dataclass(frozen=True)
 class Scale:
-    """The outputs of a device.
+    """The outputs of a device."""
 
-    Attributes:
-        rest: Value at rest.
-        middle: Value around which the sine swings.
-        amplitude: Amplitude of the sine.
-        volts: Returns the voltage at the actuator for a value.
-        interval_ns: Time between two points.
-        tolerance: Largest difference between a value in force and the one that is read back.
-    """
-
-    rest: float
-    middle: float
-    amplitude: float
-    volts: Callable[[float], float]
-    interval_ns: int
-    tolerance: float
+    rest: float  #: Value at rest.
+    middle: float  #: Value around which the sine swings.
+    amplitude: float  #: Amplitude of the sine.
+    volts: Callable[[float], float]  #: Returns the voltage at the actuator for a value.
+    interval_ns: int  #: Time between two points.
+    tolerance: float  #: Largest difference between a value in force and the one that is read back.
 
     def sine(self, n: int = 100, cycles: int = 3, n_outputs: int = 1, n_lead_in: int = 20) -> Table:
         """Return a table: a ramp from rest to the middle, then a sine around it."""
@@ -74,29 +65,18 @@ class Scale:
 
 @dataclass
 class PlayBench:
-    """A device, active, with everything at its other end.
+    """A device, active, with everything at its other end."""
 
-    Attributes:
-        device: The device.
-        line: Its line for requests.
-        rig: The rig.
-        time: The clock.
-        emulator: The emulated device.
-        scale: Its outputs.
-        connect: Returns a device of another process for the same emulator; it is not open.
-        wiring: The channels in use.
-        streams: Its other lines.
-    """
-
-    device: PlayingBusDevice
-    line: EmulatedLine
-    rig: LinearRig
-    time: TestTime
-    emulator: Emulator
-    scale: Scale
+    device: PlayingBusDevice  #: The device.
+    line: EmulatedLine  #: Its line for requests.
+    rig: LinearRig  #: The rig.
+    time: TestTime  #: The clock.
+    emulator: Emulator  #: The emulated device.
+    scale: Scale  #: Its outputs.
+    #: Returns a device of another process for the same emulator; it is not open.
     connect: Callable[[Wiring], PlayingBusDevice]
-    wiring: Wiring
-    streams: tuple[Unplugged, ...] = ()
+    wiring: Wiring  #: The channels in use.
+    streams: tuple[Unplugged, ...] = ()  #: Its other lines.
 
     def start(self, table: Table) -> Table:
         """Load a table and start it; return it as it is played."""

@@ -24,21 +24,13 @@ class PlayingAmplifier(Player, Amplifier, Protocol):
 
 
 class OpenPlayer(NamedTuple):
-    """An open and active player with one output.
+    """An open and active player with one output."""
 
-    Attributes:
-        device: The device.
-        now_ns: Returns the present instant, in ns.
-        wait: Lets at least this time pass, in ns.
-        outside: A value beyond the range of its output.
-        settled: Largest difference of a read-back value and the written one, after 20 ms.
-    """
-
-    device: PlayingAmplifier
-    now_ns: Callable[[], int]
-    wait: Callable[[int], None]
-    outside: float
-    settled: float
+    device: PlayingAmplifier  #: The device.
+    now_ns: Callable[[], int]  #: Returns the present instant, in ns.
+    wait: Callable[[int], None]  #: Lets at least this time pass, in ns.
+    outside: float  #: A value beyond the range of its output.
+    settled: float  #: Largest difference of a read-back value and the written one, after 20 ms.
 
     def table(self, cycles: int = 3, lead_in: int = 20, period: int = 40) -> Table:
         """Return a table at the shortest interval: a ramp up, then a wave that ends above 0."""

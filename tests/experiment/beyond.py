@@ -22,17 +22,11 @@ _UNFILTERED, _UNFILTERED_DELAY_S = "no-antialias", 0.00013
 
 
 class Limit(NamedTuple):
-    """What limits the errors of a variant.
+    """What limits the errors of a variant."""
 
-    Attributes:
-        variant: Name of the variant.
-        lifted: What is different, for people.
-        rig: Options of the rig with which it is.
-    """
-
-    variant: str
-    lifted: str
-    rig: dict[str, Any]
+    variant: str  #: Name of the variant.
+    lifted: str  #: What is different, for people.
+    rig: dict[str, Any]  #: Options of the rig with which it is.
 
 
 _EXACT: Final = {"calibration": {"kind": "commissioned", "residual_pct": 0.0}}

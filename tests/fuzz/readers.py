@@ -16,19 +16,12 @@ MODEL: Final = ROOT / "config" / "models" / "simulated-stack.yaml"
 
 
 class Reader(NamedTuple):
-    """A reader.
+    """A reader."""
 
-    Attributes:
-        read: Reads a file.
-        good: Bytes that it accepts.
-        refusals: The exceptions that it documents.
-        kept: Bytes at the beginning that are always those of `good`.
-    """
-
-    read: Callable[[Path], object]
-    good: bytes
-    refusals: tuple[type[Exception], ...]
-    kept: int = 0
+    read: Callable[[Path], object]  #: Reads a file.
+    good: bytes  #: Bytes that it accepts.
+    refusals: tuple[type[Exception], ...]  #: The exceptions that it documents.
+    kept: int = 0  #: Bytes at the beginning that are always those of `good`.
 
     def survives(self, content: bytes, path: Path) -> bool:
         """Return whether these bytes are accepted; any exception but a documented one passes on."""

@@ -25,19 +25,12 @@ ENDS_S: Final = 0.4
 
 
 class Case(NamedTuple):
-    """A state or verb.
+    """A state or verb."""
 
-    Attributes:
-        prepare: Brings an honest stage to where the lie begins.
-        act: What a person does just after the lie has begun.
-        lasts_s: How long the lie lasts, in s.
-        speaks: How the amplifier speaks: a play needs one that plays tables.
-    """
-
-    prepare: Callable[[Bench], None]
-    act: Callable[[Bench], None]
-    lasts_s: float = LASTS_S
-    speaks: Speaks = "lines"
+    prepare: Callable[[Bench], None]  #: Brings an honest stage to where the lie begins.
+    act: Callable[[Bench], None]  #: What a person does just after the lie has begun.
+    lasts_s: float = LASTS_S  #: How long the lie lasts, in s.
+    speaks: Speaks = "lines"  #: How the amplifier speaks: a play needs one that plays tables.
 
 
 def _nothing(_bench: Bench) -> None:

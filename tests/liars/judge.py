@@ -22,30 +22,19 @@ range."""
 
 
 class Step(NamedTuple):
-    """A write, or the start of a play, and how far it was from the voltage on the stage.
+    """A write, or the start of a play, and how far it was from the voltage on the stage."""
 
-    Attributes:
-        t_s: Its instant, in s.
-        drive_v: What was written, in V.
-        output_v: Voltage on the stage before it, in V.
-        shown_v: Last read-back before it, in V; NaN if there was none.
-        distance_v: Distance of the write from the voltage on the stage, less what that has gone by
-            itself since the last read-back, in V.
-        allowed_v: How far it may be, in V.
-        own_v: The write before it, of the same process, in V; NaN if there was none.
-        honest: Whether the last read-back was right.
-        position_um: Position of the stage before it, in µm; NaN if the process has no sensor.
-    """
-
-    t_s: float
-    drive_v: float
-    output_v: float
-    shown_v: float
+    t_s: float  #: Its instant, in s.
+    drive_v: float  #: What was written, in V.
+    output_v: float  #: Voltage on the stage before it, in V.
+    shown_v: float  #: Last read-back before it, in V; NaN if there was none.
+    #: Distance of the write from the voltage on the stage, less what that has gone by itself since
+    #: the last read-back, in V.
     distance_v: float
-    allowed_v: float
-    own_v: float
-    honest: bool
-    position_um: float
+    allowed_v: float  #: How far it may be, in V.
+    own_v: float  #: The write before it, of the same process, in V; NaN if there was none.
+    honest: bool  #: Whether the last read-back was right.
+    position_um: float  #: Position of the stage before it, in µm; NaN if the process has no sensor.
 
     @property
     def is_far(self) -> bool:

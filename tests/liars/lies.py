@@ -8,24 +8,16 @@ ReadBack = Literal["right", "stuck", "false", "scaled", "late"]
 
 
 class Lie(NamedTuple):
-    """What an amplifier does with its writes, and what it says about them.
+    """What an amplifier does with its writes, and what it says about them."""
 
-    Attributes:
-        output: What its output does.
-        read_back: What is read back.
-        value: Of the one that lies: a voltage in V, a factor, or a delay in s.
-        refuses: Whether writes are refused meanwhile.
-        back_at_zero: Whether an output that was off stays at 0 V until the next write; otherwise it
-            goes to the last write by itself.
-        lasts_s: How long it lasts, if it ends by itself, in s.
-    """
-
-    output: Output = "follows"
-    read_back: ReadBack = "right"
-    value: float = nan
-    refuses: bool = False
+    output: Output = "follows"  #: What its output does.
+    read_back: ReadBack = "right"  #: What is read back.
+    value: float = nan  #: Of the one that lies: a voltage in V, a factor, or a delay in s.
+    refuses: bool = False  #: Whether writes are refused meanwhile.
+    #: Whether an output that was off stays at 0 V until the next write; otherwise it goes to the
+    #: last write by itself.
     back_at_zero: bool = False
-    lasts_s: float = inf
+    lasts_s: float = inf  #: How long it lasts, if it ends by itself, in s.
 
 
 HONEST: Final = Lie()

@@ -39,31 +39,21 @@ TRIES: Final = 4
 
 
 class Result(NamedTuple):
-    """The result of a case.
+    """The result of a case."""
 
-    Attributes:
-        lie: Its lie.
-        case: Its state or verb.
-        worst: The write that was farthest from the voltage on the stage, of those within their
-            bound, or with a witness; None if nothing was written.
-        unseen_v: Largest distance of a write beyond its bound that no witness could tell, in V; 0
-            if there was none.
-        itself_v: Largest step of the amplifier by itself, in V.
-        told: What the daemon has told while the lie lasted.
-        end: Where it ended.
-        broken: The bounds that were broken.
-        log: The log of the daemon meanwhile.
-    """
-
-    lie: str
-    case: str
+    lie: str  #: Its lie.
+    case: str  #: Its state or verb.
+    #: The write that was farthest from the voltage on the stage, of those within their bound, or
+    #: with a witness; None if nothing was written.
     worst: Step | None
+    #: Largest distance of a write beyond its bound that no witness could tell, in V; 0 if there was
+    #: none.
     unseen_v: float
-    itself_v: float
-    told: Sequence[str]
-    end: str
-    broken: Sequence[str]
-    log: str
+    itself_v: float  #: Largest step of the amplifier by itself, in V.
+    told: Sequence[str]  #: What the daemon has told while the lie lasted.
+    end: str  #: Where it ended.
+    broken: Sequence[str]  #: The bounds that were broken.
+    log: str  #: The log of the daemon meanwhile.
 
     def cells(self) -> Sequence[str]:
         """Return its line of the table."""

@@ -4,16 +4,11 @@ from typing import Final, NamedTuple
 
 
 class Module(NamedTuple):
-    """A module, and its own tests.
+    """A module, and its own tests."""
 
-    Attributes:
-        path: The module, in the repository.
-        tests: Its tests; no others are run.
-        left_out: Tests that take long and notice nothing that the others do not notice.
-    """
-
-    path: str
-    tests: tuple[str, ...]
+    path: str  #: The module, in the repository.
+    tests: tuple[str, ...]  #: Its tests; no others are run.
+    #: Tests that take long and notice nothing that the others do not notice.
     left_out: tuple[str, ...] = ()
 
 

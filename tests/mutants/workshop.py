@@ -29,17 +29,11 @@ timeout_multiplier = 1.0
 
 
 class Change(NamedTuple):
-    """A mutant, without the number that mutmut gave it.
+    """A mutant, without the number that mutmut gave it."""
 
-    Attributes:
-        function: The function, with its class.
-        before: The lines that the mutant changes.
-        after: The changed lines.
-    """
-
-    function: str
-    before: str
-    after: str
+    function: str  #: The function, with its class.
+    before: str  #: The lines that the mutant changes.
+    after: str  #: The changed lines.
 
     def __str__(self) -> str:
         """Return the change as people read it."""
@@ -47,15 +41,10 @@ class Change(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """Result of all mutants of a module.
+    """Result of all mutants of a module."""
 
-    Attributes:
-        total: How many there are.
-        survivors: Those that no test noticed.
-    """
-
-    total: int
-    survivors: list[Change]
+    total: int  #: How many there are.
+    survivors: list[Change]  #: Those that no test noticed.
 
 
 def findings(name: str, module: Module) -> Findings:

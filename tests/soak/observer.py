@@ -51,46 +51,29 @@ OF_ADAPTATION = frozenset(rule.id for rule in FAULTS if rule.source is Source.AD
 
 
 class Row(NamedTuple):
-    """One simulated minute.
+    """One simulated minute."""
 
-    Attributes:
-        hour: Its end, in simulated hours.
-        rss_mb: Resident memory of the process.
-        descriptors: Open file descriptors.
-        threads: Threads of the process.
-        files: Files of the stage.
-        files_mb: Their size.
-        blocks: Allocated blocks of the interpreter.
-        drift_pct: Largest difference between the drives that the learned model and the identified
-            one request along the widest loop, in % of the drive's range: the value of D5.
-        error_rms_pct: Error in mode adaptive while the stage moves and nothing is disturbed, root
-            mean square, in % of the range. A minute with less than half a minute of such cycles
-            has NaN; they count in the next one.
-        error_max_pct: Largest such error, in %.
-        run_share: Share of the cycles in RUN.
-        faults: Faults that appeared since the start.
-        daemons: Daemons since the start.
-        output_faults: Injected faults of output and read-back since the start.
-        piezod_step_v: Largest distance of a write from the output since the start, in V.
-        amplifier_step_v: Largest step of the output by itself since the start, in V.
-    """
-
-    hour: float
-    rss_mb: float
-    descriptors: int
-    threads: int
-    files: int
-    files_mb: float
-    blocks: int
+    hour: float  #: Its end, in simulated hours.
+    rss_mb: float  #: Resident memory of the process.
+    descriptors: int  #: Open file descriptors.
+    threads: int  #: Threads of the process.
+    files: int  #: Files of the stage.
+    files_mb: float  #: Their size.
+    blocks: int  #: Allocated blocks of the interpreter.
+    #: Largest difference between the drives that the learned model and the identified one request
+    #: along the widest loop, in % of the drive's range: the value of D5.
     drift_pct: float
+    #: Error in mode adaptive while the stage moves and nothing is disturbed, root mean square, in %
+    #: of the range. A minute with less than half a minute of such cycles has NaN; they count in the
+    #: next one.
     error_rms_pct: float
-    error_max_pct: float
-    run_share: float
-    faults: int
-    daemons: int
-    output_faults: int
-    piezod_step_v: float
-    amplifier_step_v: float
+    error_max_pct: float  #: Largest such error, in %.
+    run_share: float  #: Share of the cycles in RUN.
+    faults: int  #: Faults that appeared since the start.
+    daemons: int  #: Daemons since the start.
+    output_faults: int  #: Injected faults of output and read-back since the start.
+    piezod_step_v: float  #: Largest distance of a write from the output since the start, in V.
+    amplifier_step_v: float  #: Largest step of the output by itself since the start, in V.
 
 
 class Observer:

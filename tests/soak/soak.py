@@ -28,24 +28,15 @@ ERROR_RMS_PCT: Final = 1.0
 
 
 class Result(NamedTuple):
-    """What a soak has shown.
+    """What a soak has shown."""
 
-    Attributes:
-        seed: Its seed.
-        rows: One for each simulated minute.
-        observer: The observer.
-        commands: The commands.
-        rig: The rig.
-        violations: What must not happen; empty if all is well.
-        took_s: How long it took, in s of the clock on the wall, and of the processor.
-    """
-
-    seed: int
-    rows: list[Row]
-    observer: Observer
-    commands: Commands
-    rig: CheckedRig
-    violations: list[str]
+    seed: int  #: Its seed.
+    rows: list[Row]  #: One for each simulated minute.
+    observer: Observer  #: The observer.
+    commands: Commands  #: The commands.
+    rig: CheckedRig  #: The rig.
+    violations: list[str]  #: What must not happen; empty if all is well.
+    #: How long it took, in s of the clock on the wall, and of the processor.
     took_s: tuple[float, float]
 
 

@@ -22,17 +22,11 @@ LONGEST_S: Final = 10
 
 
 class Reply(NamedTuple):
-    """What pip-audit reports about a file of requirements.
+    """What pip-audit reports about a file of requirements."""
 
-    Attributes:
-        vulnerable: Vulnerabilities, one line each.
-        skipped: Packages that the service does not know, one line each.
-        error: Why there is no report; empty if there is one.
-    """
-
-    vulnerable: tuple[str, ...]
-    skipped: tuple[str, ...] = ()
-    error: str = ""
+    vulnerable: tuple[str, ...]  #: Vulnerabilities, one line each.
+    skipped: tuple[str, ...] = ()  #: Packages that the service does not know, one line each.
+    error: str = ""  #: Why there is no report; empty if there is one.
 
 
 Ask = Callable[[Path], Reply]

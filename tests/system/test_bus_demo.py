@@ -20,19 +20,12 @@ PAPER_PCT = {"feedforward": (1.87, 2.17, 2.31), "adaptive": (1.49, 1.86, 2.02)}
 
 
 class Demo(NamedTuple):
-    """A stage over a bus.
+    """A stage over a bus."""
 
-    Attributes:
-        profiles: Emulators of its devices, in the order of the example.
-        example: Example configuration.
-        place: Puts the place of an emulator into the options of a device.
-        rate_hz: Rate of the loop.
-    """
-
-    profiles: tuple[str, ...]
-    example: str
-    place: Place
-    rate_hz: float
+    profiles: tuple[str, ...]  #: Emulators of its devices, in the order of the example.
+    example: str  #: Example configuration.
+    place: Place  #: Puts the place of an emulator into the options of a device.
+    rate_hz: float  #: Rate of the loop.
 
 
 DEMOS = {

@@ -44,19 +44,12 @@ _HERE: Final = Path(__file__).parent
 
 
 class Image(NamedTuple):
-    """What boots.
+    """What boots."""
 
-    Attributes:
-        disk: File system of the guest; it is not written to.
-        kernel: Kernel.
-        initial: Initial file system, with the modules that mounting the disk needs.
-        root: The files of the disk, in a folder.
-    """
-
-    disk: Path
-    kernel: Path
-    initial: Path
-    root: Path
+    disk: Path  #: File system of the guest; it is not written to.
+    kernel: Path  #: Kernel.
+    initial: Path  #: Initial file system, with the modules that mounting the disk needs.
+    root: Path  #: The files of the disk, in a folder.
 
 
 def missing() -> list[str]:

@@ -6,19 +6,12 @@ from typing import Any, NamedTuple
 
 
 class Result(NamedTuple):
-    """Result of a check.
+    """Result of a check."""
 
-    Attributes:
-        name: The fact that was checked.
-        reason: Why it failed; empty if it passed.
-        detail: What was seen.
-        duration_s: How long it took.
-    """
-
-    name: str
-    reason: str
-    detail: str
-    duration_s: float
+    name: str  #: The fact that was checked.
+    reason: str  #: Why it failed; empty if it passed.
+    detail: str  #: What was seen.
+    duration_s: float  #: How long it took.
 
     def __str__(self) -> str:
         """Return the line for people."""

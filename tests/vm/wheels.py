@@ -25,15 +25,10 @@ _GUEST: Final = (
 
 
 class Wheels(NamedTuple):
-    """Wheels of libraries.
+    """Wheels of libraries."""
 
-    Attributes:
-        folder: Where they are.
-        names: Their files, sorted.
-    """
-
-    folder: Path
-    names: tuple[str, ...]
+    folder: Path  #: Where they are.
+    names: tuple[str, ...]  #: Their files, sorted.
 
 
 def piezod(folder: Path) -> Path:

@@ -16,19 +16,12 @@ _EXTENDED_STUFFED: Final = 54
 
 
 class Frame(NamedTuple):
-    """A data frame, or a remote frame, which requests a data frame.
+    """A data frame, or a remote frame, which requests a data frame."""
 
-    Attributes:
-        id: Identifier: 11 bits, or 29 bits if extended.
-        data: At most eight bytes.
-        extended: Whether the identifier has 29 bits.
-        remote: Whether this is a remote frame; `data` then has the requested length.
-    """
-
-    id: int
-    data: bytes = b""
-    extended: bool = False
-    remote: bool = False
+    id: int  #: Identifier: 11 bits, or 29 bits if extended.
+    data: bytes = b""  #: At most eight bytes.
+    extended: bool = False  #: Whether the identifier has 29 bits.
+    remote: bool = False  #: Whether this is a remote frame; `data` then has the requested length.
 
     @property
     def is_plain(self) -> bool:

@@ -27,37 +27,23 @@ class Op(IntEnum):
 
 
 class RigRequest(NamedTuple):
-    """A call.
+    """A call."""
 
-    Attributes:
-        op: Kind of the call.
-        number: Number of this request, from 0 to 2³² - 1.
-        now_ns: The caller's instant.
-        drive_v: One voltage per axis, in V; without meaning unless `op` is `WRITE`.
-    """
-
-    op: int
-    number: int
-    now_ns: int
-    drive_v: Sequence[float]
+    op: int  #: Kind of the call.
+    number: int  #: Number of this request, from 0 to 2³² - 1.
+    now_ns: int  #: The caller's instant.
+    drive_v: Sequence[float]  #: One voltage per axis, in V; without meaning unless `op` is `WRITE`.
 
 
 class RigReply(NamedTuple):
-    """The reply to a call.
+    """The reply to a call."""
 
-    Attributes:
-        number: Number of the request.
-        taken: Whether the call was carried out.
-        valid: Per axis, whether the position may be used; False unless it was requested.
-        position_um: Measured displacement per axis, in µm.
-        in_force_v: Output of the amplifier per axis after the call, in V.
-    """
-
-    number: int
-    taken: bool
+    number: int  #: Number of the request.
+    taken: bool  #: Whether the call was carried out.
+    #: Per axis, whether the position may be used; False unless it was requested.
     valid: Sequence[bool]
-    position_um: Sequence[float]
-    in_force_v: Sequence[float]
+    position_um: Sequence[float]  #: Measured displacement per axis, in µm.
+    in_force_v: Sequence[float]  #: Output of the amplifier per axis after the call, in V.
 
 
 class RigCodec:
@@ -102,19 +88,12 @@ class RigCodec:
 
 
 class Greeting(NamedTuple):
-    """The rig's first packet to a client that it accepts.
+    """The rig's first packet to a client that it accepts."""
 
-    Attributes:
-        identity: Identity of the rig.
-        axes: Names of its axes.
-        max_rate_hz: Highest rate of a loop.
-        run_id: Different after each start of the rig.
-    """
-
-    identity: Identity
-    axes: tuple[str, ...]
-    max_rate_hz: float
-    run_id: str
+    identity: Identity  #: Identity of the rig.
+    axes: tuple[str, ...]  #: Names of its axes.
+    max_rate_hz: float  #: Highest rate of a loop.
+    run_id: str  #: Different after each start of the rig.
 
 
 def pack_greeting(greeting: Greeting) -> bytes:

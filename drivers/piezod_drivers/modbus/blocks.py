@@ -24,14 +24,10 @@ Extent: TypeAlias = tuple[int, int]
 
 
 class Decoded(NamedTuple):
-    """How a number of a block becomes a value.
+    """How a number of a block becomes a value."""
 
-    Attributes:
-        position: Index of the value in the result.
-        value_of: Returns the value from a reply with its function code; NaN if it is out of range.
-    """
-
-    position: int
+    position: int  #: Index of the value in the result.
+    #: Returns the value from a reply with its function code; NaN if it is out of range.
     value_of: Callable[[bytes], float]
 
 

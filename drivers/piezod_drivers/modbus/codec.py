@@ -48,17 +48,11 @@ _EXCEPTIONS: Final = {
 
 
 class ModbusRequest(NamedTuple):
-    """A request, and how to recognize its reply.
+    """A request, and how to recognize its reply."""
 
-    Attributes:
-        pdu: Function code and data.
-        echo: First bytes of the reply.
-        n_bytes: Number of bytes of the reply, the function code included.
-    """
-
-    pdu: bytes
-    echo: bytes
-    n_bytes: int
+    pdu: bytes  #: Function code and data.
+    echo: bytes  #: First bytes of the reply.
+    n_bytes: int  #: Number of bytes of the reply, the function code included.
 
 
 def read(table: Table, address: int, count: int) -> ModbusRequest:

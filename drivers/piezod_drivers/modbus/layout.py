@@ -18,29 +18,20 @@ _RTU_BYTES: Final = 3  # around a request or a reply: unit and checksum
 
 @dataclass(frozen=True, slots=True)
 class RegisterLayout:
-    """The blocks of a configuration, and their capabilities.
+    """The blocks of a configuration, and their capabilities."""
 
-    Attributes:
-        reads: Blocks of the inputs.
-        read_backs: Blocks of the outputs' read-back.
-        statuses: Blocks of the status.
-        writes: Blocks of the outputs.
-        status: For each value of `statuses`: its register and the channels that it concerns; inputs
-            are counted first.
-        ranges: Lowest and highest value of each output.
-        combined: Requests that set and read everything at once, one for each form of the only read
-            block; empty if that is impossible.
-        capabilities: Capabilities of the device.
-    """
-
-    reads: list[ReadBlock]
-    read_backs: list[ReadBlock]
-    statuses: list[ReadBlock]
-    writes: list[WriteBlock]
+    reads: list[ReadBlock]  #: Blocks of the inputs.
+    read_backs: list[ReadBlock]  #: Blocks of the outputs' read-back.
+    statuses: list[ReadBlock]  #: Blocks of the status.
+    writes: list[WriteBlock]  #: Blocks of the outputs.
+    #: For each value of `statuses`: its register and the channels that it concerns; inputs are
+    #: counted first.
     status: list[tuple[Register, list[int]]]
-    ranges: list[tuple[float, float]]
+    ranges: list[tuple[float, float]]  #: Lowest and highest value of each output.
+    #: Requests that set and read everything at once, one for each form of the only read block;
+    #: empty if that is impossible.
     combined: list[WriteAndRead]
-    capabilities: Capabilities
+    capabilities: Capabilities  #: Capabilities of the device.
 
 
 def profile_of(unit: UnitOptions) -> ModbusProfile | None:

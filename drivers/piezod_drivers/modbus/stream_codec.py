@@ -14,19 +14,12 @@ _TYPE: Final = 16
 
 
 class Packet(NamedTuple):
-    """A packet of a stream.
+    """A packet of a stream."""
 
-    Attributes:
-        number: Its number, which counts from 0 and wraps.
-        status: Status of the stream.
-        extra: What belongs to the status, such as a number of lost scans.
-        samples: Its samples, 2 bytes each.
-    """
-
-    number: int
-    status: int
-    extra: int
-    samples: bytes
+    number: int  #: Its number, which counts from 0 and wraps.
+    status: int  #: Status of the stream.
+    extra: int  #: What belongs to the status, such as a number of lost scans.
+    samples: bytes  #: Its samples, 2 bytes each.
 
 
 def take_packet(data: bytes) -> tuple[Packet | None, bytes]:

@@ -19,23 +19,14 @@ LIGHT: Final = "_light"
 
 
 class SimulatedAxis(NamedTuple):
-    """One axis.
+    """One axis."""
 
-    Attributes:
-        plant: Its physics.
-        calibration: Calibration of its sensor.
-        lowest_v: Lowest voltage of the amplifier, in V.
-        highest_v: Highest voltage of the amplifier, in V.
-        saturated_v: Magnitude of the sensor's voltage from which on it is saturated, in V.
-        step_v: Step of the amplifier's converter, in V at its output; 0 if it has none.
-    """
-
-    plant: Plant
-    calibration: TableCurve
-    lowest_v: float
-    highest_v: float
-    saturated_v: float
-    step_v: float
+    plant: Plant  #: Its physics.
+    calibration: TableCurve  #: Calibration of its sensor.
+    lowest_v: float  #: Lowest voltage of the amplifier, in V.
+    highest_v: float  #: Highest voltage of the amplifier, in V.
+    saturated_v: float  #: Magnitude of the sensor's voltage from which on it is saturated, in V.
+    step_v: float  #: Step of the amplifier's converter, in V at its output; 0 if it has none.
 
     def samples(self, readings_v: FloatArray, quantity: str) -> FloatArray:
         """Return the samples of readings of the sensor in V, shape (n,); NaN if not valid."""

@@ -8,23 +8,14 @@ from typing import Final, NamedTuple
 
 
 class Number(NamedTuple):
-    """A number of a swing, a field of its model.
+    """A number of a swing, a field of its model."""
 
-    Attributes:
-        key: Name of the field.
-        what: Description for people, at most 40 characters.
-        unit: Unit of the value.
-        low: Lowest allowed value.
-        high: Highest allowed value.
-        start: Value before somebody sets it.
-    """
-
-    key: str
-    what: str
-    unit: str
-    low: float
-    high: float
-    start: float = 0
+    key: str  #: Name of the field.
+    what: str  #: Description for people, at most 40 characters.
+    unit: str  #: Unit of the value.
+    low: float  #: Lowest allowed value.
+    high: float  #: Highest allowed value.
+    start: float = 0  #: Value before somebody sets it.
 
 
 _ENDS: Final = (

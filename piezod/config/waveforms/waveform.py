@@ -71,19 +71,12 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class Waveform:
-    """A command or a drive over time, in the unit of its configuration.
+    """A command or a drive over time, in the unit of its configuration."""
 
-    Attributes:
-        value: Returns the value at a time in s. Real-time safe.
-        low: Lower bound of all values.
-        high: Upper bound of all values.
-        highest_hz: Highest frequency, in Hz; 0 without any.
-    """
-
-    value: Value
-    low: float
-    high: float
-    highest_hz: float
+    value: Value  #: Returns the value at a time in s. Real-time safe.
+    low: float  #: Lower bound of all values.
+    high: float  #: Upper bound of all values.
+    highest_hz: float  #: Highest frequency, in Hz; 0 without any.
 
     def built(self, duration_s: float) -> "Waveform":  # noqa: ARG002 - as a model is built
         """Return the waveform itself: the loop finds it in a request, in place of its model."""

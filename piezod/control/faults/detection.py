@@ -8,32 +8,19 @@ from piezod.control.faults.table import FaultRule
 
 
 class Detection(NamedTuple):
-    """A fault that a watch detects in this cycle; reported in every cycle in which it is there.
+    """A fault that a watch detects in this cycle; reported in every cycle in which it is there."""
 
-    Attributes:
-        fault: The fault.
-        axis: Index of the axis, -1 if the fault concerns all.
-        measured: Measured value, NaN if there is none.
-        limit: Limit of that value, NaN if there is none.
-        case: Case of the fault.
-    """
-
-    fault: Fault
-    axis: int = -1
-    measured: float = float("nan")
-    limit: float = float("nan")
-    case: Case = Case.USUAL
+    fault: Fault  #: The fault.
+    axis: int = -1  #: Index of the axis, -1 if the fault concerns all.
+    measured: float = float("nan")  #: Measured value, NaN if there is none.
+    limit: float = float("nan")  #: Limit of that value, NaN if there is none.
+    case: Case = Case.USUAL  #: Case of the fault.
 
 
 class News(NamedTuple):
-    """A fault that appeared, escalated or ended.
+    """A fault that appeared, escalated or ended."""
 
-    Attributes:
-        rule: Rule that holds now; after an escalation with the worse reaction and latch.
-        detection: The last detection.
-        appeared: Whether the fault appeared or escalated. Otherwise it is gone, and not latched.
-    """
-
-    rule: FaultRule
-    detection: Detection
+    rule: FaultRule  #: Rule that holds now; after an escalation with the worse reaction and latch.
+    detection: Detection  #: The last detection.
+    #: Whether the fault appeared or escalated. Otherwise it is gone, and not latched.
     appeared: bool

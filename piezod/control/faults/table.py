@@ -63,44 +63,28 @@ class Escalation(NamedTuple):
     """Change of reaction and latch of a fault that stays.
 
     It happens when both times have passed since the fault appeared.
-
-    Attributes:
-        cycles: Least number of cycles since the fault appeared.
-        after_ns: Least time since the fault appeared, in ns.
-        reaction: The reaction from then on.
-        latch: The latch from then on.
-        then: The next escalation, counted from the same appearance; None for none.
     """
 
-    cycles: int
-    after_ns: int
-    reaction: Reaction
-    latch: Latch
+    cycles: int  #: Least number of cycles since the fault appeared.
+    after_ns: int  #: Least time since the fault appeared, in ns.
+    reaction: Reaction  #: The reaction from then on.
+    latch: Latch  #: The latch from then on.
+    #: The next escalation, counted from the same appearance; None for none.
     then: Escalation | None = None
 
 
 class FaultRule(NamedTuple):
-    """Everything that holds for one fault.
+    """Everything that holds for one fault."""
 
-    Attributes:
-        id: Short name.
-        name: What the fault is, for people.
-        source: Source of the fault.
-        reaction: Reaction when the fault appears.
-        latch: What ends the fault.
-        severity: Severity of its events.
-        remedy: What a person should do.
-        escalation: Change of reaction and latch if the fault stays, which has a latch from the
-            start; None for none.
-    """
-
-    id: Fault
-    name: str
-    source: Source
-    reaction: Reaction
-    latch: Latch
-    severity: Severity
-    remedy: str
+    id: Fault  #: Short name.
+    name: str  #: What the fault is, for people.
+    source: Source  #: Source of the fault.
+    reaction: Reaction  #: Reaction when the fault appears.
+    latch: Latch  #: What ends the fault.
+    severity: Severity  #: Severity of its events.
+    remedy: str  #: What a person should do.
+    #: Change of reaction and latch if the fault stays, which has a latch from the start; None for
+    #: none.
     escalation: Escalation | None = None
 
 

@@ -72,17 +72,11 @@ def limits_of(config: AxisConfig) -> Limits:
 
 
 class Start(NamedTuple):
-    """Conditions under which an axis starts.
+    """Conditions under which an axis starts."""
 
-    Attributes:
-        t_ns: Instant at which its reference starts, in ns.
-        period_ns: Period of the loop, in ns.
-        in_force_v: Voltage in force, in V.
-    """
-
-    t_ns: int
-    period_ns: int
-    in_force_v: float
+    t_ns: int  #: Instant at which its reference starts, in ns.
+    period_ns: int  #: Period of the loop, in ns.
+    in_force_v: float  #: Voltage in force, in V.
 
 
 def check_identifier(config: AxisConfig, form: ModelForm) -> None:

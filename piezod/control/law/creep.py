@@ -16,14 +16,10 @@ of the drift."""
 
 
 class CreepLaw(NamedTuple):
-    """Creep as first-order lags that follow the displacement without creep.
+    """Creep as first-order lags that follow the displacement without creep."""
 
-    Attributes:
-        time_constants_s: (K,) time constants, in s.
-        weights: (K,) contribution of each lag, as a share of the displacement that it follows.
-    """
-
-    time_constants_s: FloatArray
+    time_constants_s: FloatArray  #: (K,) time constants, in s.
+    #: (K,) contribution of each lag, as a share of the displacement that it follows.
     weights: FloatArray
 
     @property
@@ -49,21 +45,15 @@ def logarithmic(weight: float) -> CreepLaw:
 
 
 class CreepState(NamedTuple):
-    """State of a stage beside its memory of turns; displacements are in units of the range.
+    """State of a stage beside its memory of turns; displacements are in units of the range."""
 
-    Attributes:
-        creep: Law of the creep at the period of the loop.
-        lags: (K,) state of the lags.
-        zeroed: Creep, and what the path had left, when the sensor was zeroed: it does not show it.
-        quick: Displacement without creep.
-        path: State of the part that relaxes along the path: at the drive of this displacement, or
-            before the rise to it.
-    """
-
-    creep: Creep
-    lags: FloatArray
+    creep: Creep  #: Law of the creep at the period of the loop.
+    lags: FloatArray  #: (K,) state of the lags.
+    #: Creep, and what the path had left, when the sensor was zeroed: it does not show it.
     zeroed: float
-    quick: float
+    quick: float  #: Displacement without creep.
+    #: State of the part that relaxes along the path: at the drive of this displacement, or before
+    #: the rise to it.
     path: PathState = RELAXED_PATH
 
 

@@ -24,14 +24,12 @@ class StageDynamics(NamedTuple):
 
     A resonance that does not ring is a filter of the sensor or of the amplifier, in series with the
     modes. It counts as the delay that it is for slow motion.
-
-    Attributes:
-        modes: The mechanical modes, with a static gain of one; none if none is known.
-        delay_s: Delay of a sample behind the voltage, without that of the modes, in s. Between two
-            cycles the voltage is a straight line, as in `StageModel`.
     """
 
+    #: The mechanical modes, with a static gain of one; none if none is known.
     modes: tuple[Resonance, ...]
+    #: Delay of a sample behind the voltage, without that of the modes, in s. Between two cycles the
+    #: voltage is a straight line, as in `StageModel`.
     delay_s: float
 
     @property

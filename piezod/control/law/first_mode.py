@@ -17,17 +17,11 @@ from piezod.jit import compiled
 
 
 class FirstMode(NamedTuple):
-    """The first mode of a stage.
+    """The first mode of a stage."""
 
-    Attributes:
-        frequency_hz: Undamped frequency, in Hz.
-        damping: Damping ratio, in (0, 1).
-        lag_s: Time constant of the lag of first order beside it, in s.
-    """
-
-    frequency_hz: float
-    damping: float
-    lag_s: float = 0.0
+    frequency_hz: float  #: Undamped frequency, in Hz.
+    damping: float  #: Damping ratio, in (0, 1).
+    lag_s: float = 0.0  #: Time constant of the lag of first order beside it, in s.
 
     def free_motion(self, over_s: float) -> FloatArray:
         """Return the transition matrix, shape (3, 3).

@@ -41,17 +41,11 @@ def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: boo
 
 
 class LoopProperties(NamedTuple):
-    """Properties that decide which gains of an axis are safe.
+    """Properties that decide which gains of an axis are safe."""
 
-    Attributes:
-        form: Form of its model.
-        delay_s: Delay from drive to sensor, in s; None while it is unknown.
-        period_s: Period of the loop, in s.
-    """
-
-    form: ModelForm
-    delay_s: float | None
-    period_s: float
+    form: ModelForm  #: Form of its model.
+    delay_s: float | None  #: Delay from drive to sensor, in s; None while it is unknown.
+    period_s: float  #: Period of the loop, in s.
 
 
 def check_axis_gains(

@@ -21,12 +21,10 @@ class CompensatorKernel(Protocol):
     The weights and the lags of the creep, which it gets when it is made, change in place in each
     step. The memory advances in the next step, so that a drive that was not applied leaves no
     trace. All quantities are normalised.
-
-    Attributes:
-        carried: (5,) values carried from step to step; always the same array. An array, because
-            reading a number from it costs the loop less than a property.
     """
 
+    #: (5,) values carried from step to step; always the same array. An array, because reading a
+    #: number from it costs the loop less than a property.
     carried: FloatArray
 
     def step(

@@ -21,27 +21,17 @@ REST_BEYOND = 0.01
 
 @dataclass(frozen=True)
 class StageModel:
-    """An identified model of hysteresis, with the ranges, the creep and the delay.
+    """An identified model of hysteresis, with the ranges, the creep and the delay."""
 
-    Attributes:
-        form: Form of the model of hysteresis.
-        weights: (form.size,) weights of the form.
-        drive_v: Range of the drive that is [0, 1], paper eq. (28), in V.
-        position_um: Range of the displacement without creep that is [0, 1], in µm.
-        delay_s: Delay of the displacement behind the voltage, in s.
-        creep: Creep, which adds to the displacement of the hysteresis.
-        mode: First mode, if the data showed one; the loop uses it if its configuration has none.
-        error_um: Worst error of a position in the identification, in µm; 0 if unknown.
-    """
-
-    form: ModelForm
-    weights: FloatArray
-    drive_v: AffineRange
-    position_um: AffineRange
-    delay_s: float
-    creep: CreepLaw = NO_CREEP
+    form: ModelForm  #: Form of the model of hysteresis.
+    weights: FloatArray  #: (form.size,) weights of the form.
+    drive_v: AffineRange  #: Range of the drive that is [0, 1], paper eq. (28), in V.
+    position_um: AffineRange  #: Range of the displacement without creep that is [0, 1], in µm.
+    delay_s: float  #: Delay of the displacement behind the voltage, in s.
+    creep: CreepLaw = NO_CREEP  #: Creep, which adds to the displacement of the hysteresis.
+    #: First mode, if the data showed one; the loop uses it if its configuration has none.
     mode: FirstMode | None = None
-    error_um: float = 0.0
+    error_um: float = 0.0  #: Worst error of a position in the identification, in µm; 0 if unknown.
 
     def zeroed_at(self, rest_v: float) -> "StageModel":
         """Return the model with the displacement at rest as zero.

@@ -10,20 +10,12 @@ TimeFunction = Callable[[float], float]
 
 
 class AxisOutput(NamedTuple):
-    """Output of an axis in one cycle.
+    """Output of an axis in one cycle."""
 
-    Attributes:
-        drive_v: Voltage to write, within the limits, in V.
-        command_um: Command at the instant of the cycle, in µm; NaN for an open-loop drive.
-        uncompensated_v: Voltage in proportion to that command, in V.
-        in_force_v: Voltage that was in force when the sample was taken, in V.
-        t_ns: Instant of the cycle for which it was made, in ns.
-        limited: What keeps the drive from following the command; a forced voltage has none.
-    """
-
-    drive_v: float
-    command_um: float
-    uncompensated_v: float
-    in_force_v: float
-    t_ns: int
+    drive_v: float  #: Voltage to write, within the limits, in V.
+    command_um: float  #: Command at the instant of the cycle, in µm; NaN for an open-loop drive.
+    uncompensated_v: float  #: Voltage in proportion to that command, in V.
+    in_force_v: float  #: Voltage that was in force when the sample was taken, in V.
+    t_ns: int  #: Instant of the cycle for which it was made, in ns.
+    #: What keeps the drive from following the command; a forced voltage has none.
     limited: DriveLimit = DriveLimit.NONE

@@ -88,33 +88,20 @@ _SAME_UM: Final = 1e-9
 
 
 class Motion(NamedTuple):
-    """A movement of one axis.
+    """A movement of one axis."""
 
-    Attributes:
-        reference_um: Position over time since its start, in µm.
-        duration_s: Time at which the reference stops, in s since its start.
-        target_um: Position at which it ends, in µm.
-    """
-
-    reference_um: Reference
-    duration_s: float
-    target_um: float
+    reference_um: Reference  #: Position over time since its start, in µm.
+    duration_s: float  #: Time at which the reference stops, in s since its start.
+    target_um: float  #: Position at which it ends, in µm.
 
 
 class MotionLimits(NamedTuple):
-    """Limits of the motion of an axis.
+    """Limits of the motion of an axis."""
 
-    Attributes:
-        speed_um_per_s: Highest speed, in µm/s.
-        shortest_s: Shortest duration of a movement, in s; a shorter one would ring the stage.
-        low_um: Lowest position, in µm.
-        high_um: Highest position, in µm.
-    """
-
-    speed_um_per_s: float
-    shortest_s: float
-    low_um: float
-    high_um: float
+    speed_um_per_s: float  #: Highest speed, in µm/s.
+    shortest_s: float  #: Shortest duration of a movement, in s; a shorter one would ring the stage.
+    low_um: float  #: Lowest position, in µm.
+    high_um: float  #: Highest position, in µm.
 
     def allow(self, position_um: float) -> bool:
         """Return whether a position may be commanded: it is finite and in the range."""

@@ -12,15 +12,10 @@ DriveProgram = Callable[[float], float]
 
 
 class VoltageProgram(NamedTuple):
-    """A voltage over time, with an end.
+    """A voltage over time, with an end."""
 
-    Attributes:
-        drive_v: Voltage over time since its start, in V.
-        duration_s: Time of its end, in s; then its last value is held.
-    """
-
-    drive_v: DriveProgram
-    duration_s: float
+    drive_v: DriveProgram  #: Voltage over time since its start, in V.
+    duration_s: float  #: Time of its end, in s; then its last value is held.
 
 
 def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> VoltageProgram:

@@ -4,19 +4,13 @@ from typing import NamedTuple
 
 
 class Answer(NamedTuple):
-    """Result of a request.
+    """Result of a request."""
 
-    Attributes:
-        accepted: Whether the request is carried out.
-        why: Reason of a refusal, and what would help; empty if it is accepted.
-        motion: Number of the movement that the request started, 0 if none.
-        duration_s: Time until it can be on target, in s: until its command is at the target, and
-            the settling time.
-    """
-
-    accepted: bool
-    why: str = ""
-    motion: int = 0
+    accepted: bool  #: Whether the request is carried out.
+    why: str = ""  #: Reason of a refusal, and what would help; empty if it is accepted.
+    motion: int = 0  #: Number of the movement that the request started, 0 if none.
+    #: Time until it can be on target, in s: until its command is at the target, and the settling
+    #: time.
     duration_s: float = 0.0
 
     @property

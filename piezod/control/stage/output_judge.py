@@ -40,15 +40,10 @@ quarter of the way is the smallest share that decides."""
 
 
 class _Mean(NamedTuple):
-    """Mean of the position, less the one that the model expects, over the last cycles.
+    """Mean of the position, less the one that the model expects, over the last cycles."""
 
-    Attributes:
-        off_um: The mean, in µm.
-        cycles: Number of cycles, `AVERAGED` at most.
-    """
-
-    off_um: float
-    cycles: int
+    off_um: float  #: The mean, in µm.
+    cycles: int  #: Number of cycles, `AVERAGED` at most.
 
     def with_one(self, off_um: float) -> "_Mean":
         """Return the mean with the value of one more cycle; without it, if that is NaN."""
@@ -59,19 +54,12 @@ class _Mean(NamedTuple):
 
 
 class _Rest(NamedTuple):
-    """An axis at rest, when read-back and last write agreed for the last time.
+    """An axis at rest, when read-back and last write agreed for the last time."""
 
-    Attributes:
-        read_back_v: Its read-back, in V.
-        expected_um: Position that the model expected, in µm.
-        mean: The measured position, less that one.
-        memory_known: Whether the hysteresis memory was known.
-    """
-
-    read_back_v: float
-    expected_um: float
-    mean: _Mean
-    memory_known: bool
+    read_back_v: float  #: Its read-back, in V.
+    expected_um: float  #: Position that the model expected, in µm.
+    mean: _Mean  #: The measured position, less that one.
+    memory_known: bool  #: Whether the hysteresis memory was known.
 
 
 _NO_MEAN: Final = _Mean(0.0, 0)

@@ -22,18 +22,10 @@ Rebuild = Callable[[str, ModelFile, float], WatchedAxis]
 
 
 class StageParts(NamedTuple):
-    """The parts of a stage.
+    """The parts of a stage."""
 
-    Attributes:
-        axes: The axes, by name.
-        boundary: The devices.
-        period_ns: Period of the loop, in ns.
-        rebuild: Builds an axis again with another model.
-        plays: Runs the plays of the devices; None if no device can play.
-    """
-
-    axes: Mapping[str, WatchedAxis]
-    boundary: DeviceBoundary
-    period_ns: int
-    rebuild: Rebuild
-    plays: PlayRunner | None = None
+    axes: Mapping[str, WatchedAxis]  #: The axes, by name.
+    boundary: DeviceBoundary  #: The devices.
+    period_ns: int  #: Period of the loop, in ns.
+    rebuild: Rebuild  #: Builds an axis again with another model.
+    plays: PlayRunner | None = None  #: Runs the plays of the devices; None if no device can play.

@@ -20,18 +20,12 @@ from piezod.errors import DataError
 
 
 class PlayOutcome(NamedTuple):
-    """The end of a play.
+    """The end of a play."""
 
-    Attributes:
-        drive_v: Voltage in force on the axis, in V; NaN if it is unknown.
-        failed: Why it failed; empty if it ended, or was aborted.
-        commanded: Whether the voltage was commanded: the last one of the table, or before its start
-            the first one. Otherwise the amplifier has measured it: its read-back is no second
-            witness.
-    """
-
-    drive_v: float
-    failed: str = ""
+    drive_v: float  #: Voltage in force on the axis, in V; NaN if it is unknown.
+    failed: str = ""  #: Why it failed; empty if it ended, or was aborted.
+    #: Whether the voltage was commanded: the last one of the table, or before its start the first
+    #: one. Otherwise the amplifier has measured it: its read-back is no second witness.
     commanded: bool = False
 
 

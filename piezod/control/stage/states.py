@@ -59,49 +59,30 @@ class HoldCause(Enum):
 
 
 class Facts(NamedTuple):
-    """Conditions of an edge besides state and event.
+    """Conditions of an edge besides state and event."""
 
-    Attributes:
-        output_known: Whether the voltage in force is known on every axis.
-        sensor_valid: Whether the samples of every axis may be used.
-        adapt_allowed: Whether no fault forbids adaptation.
-        model_known: Whether the hysteresis memory is known.
-        latched: Whether a fault is latched that only `reset` ends (L2 or L3, HOLD or worse).
-        shutting_down: Whether the daemon is ending.
-        estop_active: Whether the emergency stop is still pressed.
-        last_write: Axes that another voltage than the safe one was written to last, without a
-            read-back, for people; empty if there are none.
-        no_entry: Why nothing may be started now, for people; empty if nothing forbids it.
-        was_running: Whether HOLD came from RUN. Then `resume` leads back to RUN, otherwise to
-            READY.
-        self_tested: Whether the self-test has passed since the process started.
-        was_driven: Whether voltages were written before BLIND.
-    """
-
-    output_known: bool
-    sensor_valid: bool
-    adapt_allowed: bool
-    model_known: bool
-    latched: bool
-    shutting_down: bool
-    estop_active: bool
+    output_known: bool  #: Whether the voltage in force is known on every axis.
+    sensor_valid: bool  #: Whether the samples of every axis may be used.
+    adapt_allowed: bool  #: Whether no fault forbids adaptation.
+    model_known: bool  #: Whether the hysteresis memory is known.
+    latched: bool  #: Whether a fault is latched that only `reset` ends (L2 or L3, HOLD or worse).
+    shutting_down: bool  #: Whether the daemon is ending.
+    estop_active: bool  #: Whether the emergency stop is still pressed.
+    #: Axes that another voltage than the safe one was written to last, without a read-back, for
+    #: people; empty if there are none.
     last_write: str = ""
-    no_entry: str = ""
+    no_entry: str = ""  #: Why nothing may be started now, for people; empty if nothing forbids it.
+    #: Whether HOLD came from RUN. Then `resume` leads back to RUN, otherwise to READY.
     was_running: bool = True
-    self_tested: bool = True
-    was_driven: bool = True
+    self_tested: bool = True  #: Whether the self-test has passed since the process started.
+    was_driven: bool = True  #: Whether voltages were written before BLIND.
 
 
 class Transition(NamedTuple):
-    """Result of an event.
+    """Result of an event."""
 
-    Attributes:
-        state: State from now on; the same state if the event is refused or changes nothing.
-        refusal: Why a request is refused, and what would help; empty if it is carried out.
-    """
-
-    state: State
-    refusal: str = ""
+    state: State  #: State from now on; the same state if the event is refused or changes nothing.
+    refusal: str = ""  #: Why a request is refused, and what would help; empty if it is carried out.
 
 
 _BOOT, _SAFE, _READY, _RUN, _IDENT = State.BOOT, State.SAFE, State.READY, State.RUN, State.IDENT

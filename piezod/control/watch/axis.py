@@ -10,16 +10,9 @@ from piezod.control.watch.sensor import SensorWatch
 
 
 class AxisWatch(NamedTuple):
-    """The watches of one axis.
+    """The watches of one axis."""
 
-    Attributes:
-        bus: Watches the buses to the devices of the axis.
-        sensor: Watches the samples.
-        amplifier: Watches the writes and the read-back.
-        adaptation: Watches the identifier and the loop that it closes.
-    """
-
-    bus: BusWatch
-    sensor: SensorWatch | AbsentSensor
-    amplifier: AmplifierWatch
-    adaptation: AdaptationWatch
+    bus: BusWatch  #: Watches the buses to the devices of the axis.
+    sensor: SensorWatch | AbsentSensor  #: Watches the samples.
+    amplifier: AmplifierWatch  #: Watches the writes and the read-back.
+    adaptation: AdaptationWatch  #: Watches the identifier and the loop that it closes.

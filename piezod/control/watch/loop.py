@@ -44,21 +44,13 @@ _NOTHING: Final[Sequence[Detection]] = ()
 
 
 class CycleTiming(NamedTuple):
-    """Timing of one cycle, reported by the loop, which has the clocks.
+    """Timing of one cycle, reported by the loop, which has the clocks."""
 
-    Attributes:
-        late_ns: Time from the deadline to the begin of the cycle, in ns.
-        skipped: Whole periods skipped just before the cycle.
-        busy_ns: Duration of the cycle before, in ns.
-        wall_offset_ns: CLOCK_REALTIME minus CLOCK_MONOTONIC, in ns.
-        boot_offset_ns: CLOCK_BOOTTIME minus CLOCK_MONOTONIC, in ns.
-    """
-
-    late_ns: int
-    skipped: int
-    busy_ns: int
-    wall_offset_ns: int
-    boot_offset_ns: int
+    late_ns: int  #: Time from the deadline to the begin of the cycle, in ns.
+    skipped: int  #: Whole periods skipped just before the cycle.
+    busy_ns: int  #: Duration of the cycle before, in ns.
+    wall_offset_ns: int  #: CLOCK_REALTIME minus CLOCK_MONOTONIC, in ns.
+    boot_offset_ns: int  #: CLOCK_BOOTTIME minus CLOCK_MONOTONIC, in ns.
 
 
 class LoopWatch:

@@ -44,25 +44,17 @@ _NOTHING: Final[Sequence[Detection]] = ()
 
 
 class WatchedSensor(NamedTuple):
-    """Properties of a sensor and of the stage that it measures.
+    """Properties of a sensor and of the stage that it measures."""
 
-    Attributes:
-        drive_v: Range of the drive, in V.
-        position_um: Range of the displacement for that drive, in µm.
-        plausible: Positions that are possible at a voltage; None without a model.
-        latency_ns: Smallest age of a sample, by its time stamp, in ns.
-        answer_ns: Time until the stage has followed the drive, ringing left aside, in ns.
-        ringing_ns: Decay time of the ringing, to a third, in ns.
-        error_um: Worst error of a position of the model, in µm; 0 if unknown.
-    """
-
-    drive_v: AffineRange
-    position_um: AffineRange
+    drive_v: AffineRange  #: Range of the drive, in V.
+    position_um: AffineRange  #: Range of the displacement for that drive, in µm.
+    #: Positions that are possible at a voltage; None without a model.
     plausible: Plausible | None = None
-    latency_ns: int = 0
+    latency_ns: int = 0  #: Smallest age of a sample, by its time stamp, in ns.
+    #: Time until the stage has followed the drive, ringing left aside, in ns.
     answer_ns: int = ANSWER_NS
-    ringing_ns: int = RINGING_NS
-    error_um: float = 0.0
+    ringing_ns: int = RINGING_NS  #: Decay time of the ringing, to a third, in ns.
+    error_um: float = 0.0  #: Worst error of a position of the model, in µm; 0 if unknown.
 
     @classmethod
     def of(cls, config: AxisConfig, model: StageModel | None) -> Self:

@@ -12,15 +12,10 @@ from piezod.telemetry.shared_map import SharedMap
 
 @runtime_checkable
 class CountsExchanges(Protocol):
-    """A device that counts its exchanges, as each device on a bus does.
+    """A device that counts its exchanges, as each device on a bus does."""
 
-    Attributes:
-        exchanges: Number of exchanges, also those that failed.
-        exchange_faults: Number of faults of every flag.
-    """
-
-    exchanges: int
-    exchange_faults: Mapping[DeviceFlag, int]
+    exchanges: int  #: Number of exchanges, also those that failed.
+    exchange_faults: Mapping[DeviceFlag, int]  #: Number of faults of every flag.
 
 
 class DeviceCounters:

@@ -29,23 +29,14 @@ _MAPPING: Final = re.compile(
 
 
 class Mapping(NamedTuple):
-    """A part of the address space of this process.
+    """A part of the address space of this process."""
 
-    Attributes:
-        begin: Its first address.
-        size: Its size, in bytes.
-        readable: Whether this process may read it.
-        file: Path of the mapped file; empty without one.
-        resident_kb: Size of the part in RAM, in KiB.
-        changed_kb: Size of the part in RAM that differs from the file, in KiB.
-    """
-
-    begin: int
-    size: int
-    readable: bool
-    file: str
-    resident_kb: int
-    changed_kb: int
+    begin: int  #: Its first address.
+    size: int  #: Its size, in bytes.
+    readable: bool  #: Whether this process may read it.
+    file: str  #: Path of the mapped file; empty without one.
+    resident_kb: int  #: Size of the part in RAM, in KiB.
+    changed_kb: int  #: Size of the part in RAM that differs from the file, in KiB.
 
 
 def lock_memory(libc: ctypes.CDLL) -> None:

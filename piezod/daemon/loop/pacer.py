@@ -6,17 +6,11 @@ from piezod.daemon.clock import Clock
 
 
 class Tick(NamedTuple):
-    """The beginning of a cycle.
+    """The beginning of a cycle."""
 
-    Attributes:
-        deadline_ns: Instant at which it should begin.
-        late_ns: How long after the deadline it begins.
-        skipped: Whole periods skipped just before it.
-    """
-
-    deadline_ns: int
-    late_ns: int
-    skipped: int
+    deadline_ns: int  #: Instant at which it should begin.
+    late_ns: int  #: How long after the deadline it begins.
+    skipped: int  #: Whole periods skipped just before it.
 
 
 class Pacer:

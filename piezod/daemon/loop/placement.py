@@ -38,48 +38,32 @@ class DevicePlace(StrEnum):
 
 
 class RoundTrips(NamedTuple):
-    """How long reading and reading back take.
+    """How long reading and reading back take."""
 
-    Attributes:
-        median_ns: Median of the round trips.
-        p90_ns: Their 90th percentile. Longer ones are mostly pauses of the machine, which a worker
-            thread would not avoid.
-        p99_ns: Their 99th percentile.
-        write_ns: Assumed duration of a write, which is not tried: the 90th percentile of the longer
-            exchange of a round trip. Meaningless without exchanges, see `cost_ns`.
-        usual_write_ns: The same, at the median.
-    """
-
-    median_ns: int
+    median_ns: int  #: Median of the round trips.
+    #: Their 90th percentile. Longer ones are mostly pauses of the machine, which a worker thread
+    #: would not avoid.
     p90_ns: int
-    p99_ns: int
+    p99_ns: int  #: Their 99th percentile.
+    #: Assumed duration of a write, which is not tried: the 90th percentile of the longer exchange
+    #: of a round trip. Meaningless without exchanges, see `cost_ns`.
     write_ns: int
-    usual_write_ns: int
+    usual_write_ns: int  #: The same, at the median.
 
 
 class Placement(NamedTuple):
-    """Where a device is used, and why.
+    """Where a device is used, and why."""
 
-    Attributes:
-        name: Name of the device.
-        place: Where it is used.
-        trips: Its round trips.
-        identity: Its identity.
-        able: Its capabilities.
-        allowed_hz: Highest rate of a loop that it can give samples for; infinite without an input.
-        device: The object to use: the device, or a wrapper of it.
-        threads: The threads of the wrappers, not started.
-        link: The wrapper that opens it again after a loss; None if it cannot be lost.
-    """
-
-    name: str
-    place: DevicePlace
-    trips: RoundTrips
-    identity: Identity
-    able: Capabilities
+    name: str  #: Name of the device.
+    place: DevicePlace  #: Where it is used.
+    trips: RoundTrips  #: Its round trips.
+    identity: Identity  #: Its identity.
+    able: Capabilities  #: Its capabilities.
+    #: Highest rate of a loop that it can give samples for; infinite without an input.
     allowed_hz: float
-    device: Device
-    threads: Sequence[threading.Thread]
+    device: Device  #: The object to use: the device, or a wrapper of it.
+    threads: Sequence[threading.Thread]  #: The threads of the wrappers, not started.
+    #: The wrapper that opens it again after a loss; None if it cannot be lost.
     link: ReconnectingDevice | None
 
     def document(self) -> dict[str, Any]:

@@ -39,19 +39,12 @@ does not answer."""
 
 
 class AxisPlayer(NamedTuple):
-    """The player of an axis.
+    """The player of an axis."""
 
-    Attributes:
-        axis: The axis of the device that plays.
-        identity: Identity of that device.
-        limits: Limits of the drive.
-        period_ns: Period of the loop, in ns.
-    """
-
-    axis: PlayedAxis
-    identity: Identity
-    limits: Limits
-    period_ns: int
+    axis: PlayedAxis  #: The axis of the device that plays.
+    identity: Identity  #: Identity of that device.
+    limits: Limits  #: Limits of the drive.
+    period_ns: int  #: Period of the loop, in ns.
 
     @property
     def near_v(self) -> float:

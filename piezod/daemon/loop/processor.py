@@ -16,16 +16,11 @@ _ALL_MARKS: Final = Path("/proc/net/unix")
 
 
 class ClaimedProcessor(NamedTuple):
-    """A processor that a loop has chosen.
+    """A processor that a loop has chosen."""
 
-    Attributes:
-        cpu: Its number.
-        shared_with: Number of loops that had it before.
-        mark: The mark, which lasts until it is closed; None if the system allows none.
-    """
-
-    cpu: int
-    shared_with: int
+    cpu: int  #: Its number.
+    shared_with: int  #: Number of loops that had it before.
+    #: The mark, which lasts until it is closed; None if the system allows none.
     mark: socket.socket | None
 
     def document(self) -> dict[str, Any]:

@@ -31,19 +31,12 @@ _DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
 
 
 class RealtimeStep(NamedTuple):
-    """One request to the operating system.
+    """One request to the operating system."""
 
-    Attributes:
-        name: Its name.
-        wanted: The requested value.
-        obtained: The present value, or why it differs from the requested one, with the remedy.
-        ok: Whether it is the requested value.
-    """
-
-    name: str
-    wanted: str
-    obtained: str
-    ok: bool
+    name: str  #: Its name.
+    wanted: str  #: The requested value.
+    obtained: str  #: The present value, or why it differs from the requested one, with the remedy.
+    ok: bool  #: Whether it is the requested value.
 
 
 class Realtime:

@@ -46,41 +46,24 @@ class _Job(Enum):
 
 
 class _Setpoint(NamedTuple):
-    """The values to write.
+    """The values to write."""
 
-    Attributes:
-        number: Counts setpoints.
-        values: Value of each output.
-        t_ns: Instant of the cycle that made it.
-    """
-
-    number: int
-    values: Sequence[float]
-    t_ns: int
+    number: int  #: Counts setpoints.
+    values: Sequence[float]  #: Value of each output.
+    t_ns: int  #: Instant of the cycle that made it.
 
 
 class _RoundResult(NamedTuple):
-    """The result of a round.
+    """The result of a round."""
 
-    Attributes:
-        number: Counts rounds.
-        era: The era in which it began.
-        samples: Sample of each input; none if the device was not read.
-        read_back: Read-back value of each output.
-        flags: Flags of each channel.
-        taken: Whether the device accepted the last setpoint.
-        setpoint: The newest setpoint when it began, which the read-back can show.
-        began_ns: Instant at which it began.
-    """
-
-    number: int
-    era: int
-    samples: Sequence[Sample]
-    read_back: Sequence[float]
-    flags: Sequence[Flags]
-    taken: bool
-    setpoint: _Setpoint
-    began_ns: int
+    number: int  #: Counts rounds.
+    era: int  #: The era in which it began.
+    samples: Sequence[Sample]  #: Sample of each input; none if the device was not read.
+    read_back: Sequence[float]  #: Read-back value of each output.
+    flags: Sequence[Flags]  #: Flags of each channel.
+    taken: bool  #: Whether the device accepted the last setpoint.
+    setpoint: _Setpoint  #: The newest setpoint when it began, which the read-back can show.
+    began_ns: int  #: Instant at which it began.
 
 
 class DeviceWorker(DeviceWrapper):

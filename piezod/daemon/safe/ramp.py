@@ -44,42 +44,29 @@ CONFIRM: Final = "if the read-back is right, `piezod safe --confirm-output` star
 
 
 class AxisOutcome(NamedTuple):
-    """The result for an axis.
+    """The result for an axis."""
 
-    Attributes:
-        from_v: Voltage at which the ramp began, in V; NaN if it was never known.
-        from_noted: Whether that is the last written voltage, because the amplifier reported none.
-        safe_v: Voltage at which the ramp should end, in V.
-        read_back_v: Read-back voltage at the end, in V; NaN if there is none.
-        why: Why the voltage is unknown; empty if the axis is safe.
-        written_v: Voltage that was written last, by this ramp or before it, in V; NaN if that is
-            not known, or if the amplifier goes to rest from there when it is closed.
-    """
-
-    from_v: float
+    from_v: float  #: Voltage at which the ramp began, in V; NaN if it was never known.
+    #: Whether that is the last written voltage, because the amplifier reported none.
     from_noted: bool
-    safe_v: float
-    read_back_v: float
-    why: str
+    safe_v: float  #: Voltage at which the ramp should end, in V.
+    read_back_v: float  #: Read-back voltage at the end, in V; NaN if there is none.
+    why: str  #: Why the voltage is unknown; empty if the axis is safe.
+    #: Voltage that was written last, by this ramp or before it, in V; NaN if that is not known, or
+    #: if the amplifier goes to rest from there when it is closed.
     written_v: float = nan
 
 
 class Before(NamedTuple):
-    """What is known of the process that drove an amplifier before.
+    """What is known of the process that drove an amplifier before."""
 
-    Attributes:
-        last_v: Last written voltage of each axis, in V; NaN if it is not known.
-        expected: Identity that the amplifier must have, apart from its firmware; None accepts any.
-        rate_hz: Rate of the loop, in Hz.
-        clean: Whether it has ended in order, and so has closed the amplifier.
-        confirmed: Whether a person answers for the read-back, whatever was written last; without a
-            read-back, that the output is at the safe voltage.
-    """
-
-    last_v: Sequence[float]
+    last_v: Sequence[float]  #: Last written voltage of each axis, in V; NaN if it is not known.
+    #: Identity that the amplifier must have, apart from its firmware; None accepts any.
     expected: Identity | None
-    rate_hz: float
-    clean: bool
+    rate_hz: float  #: Rate of the loop, in Hz.
+    clean: bool  #: Whether it has ended in order, and so has closed the amplifier.
+    #: Whether a person answers for the read-back, whatever was written last; without a read-back,
+    #: that the output is at the safe voltage.
     confirmed: bool
 
 

@@ -18,17 +18,13 @@ from piezod.units import s_to_ns
 
 
 class Noted(NamedTuple):
-    """What the loop has stored.
+    """What the loop has stored."""
 
-    Attributes:
-        drive_v: Last written voltage of each axis, in V, if known.
-        identities: Identity of each device when the loop opened it, if known.
-        clean: Whether the loop has ended in order, and so has closed its devices.
-    """
-
-    drive_v: Mapping[str, float]
-    identities: Mapping[str, Identity]
-    clean: bool = False
+    drive_v: Mapping[str, float]  #: Last written voltage of each axis, in V, if known.
+    identities: Mapping[
+        str, Identity
+    ]  #: Identity of each device when the loop opened it, if known.
+    clean: bool = False  #: Whether the loop has ended in order, and so has closed its devices.
 
 
 def ramp_down(

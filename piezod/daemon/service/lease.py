@@ -17,15 +17,10 @@ _NO_ANSWER: Final = 500
 
 
 class Holding(NamedTuple):
-    """A client that has the lease.
+    """A client that has the lease."""
 
-    Attributes:
-        peer: The client.
-        until_s: Instant at which the lease expires, in s; infinite during a session.
-    """
-
-    peer: Peer
-    until_s: float
+    peer: Peer  #: The client.
+    until_s: float  #: Instant at which the lease expires, in s; infinite during a session.
 
     @property
     def bound(self) -> bool:

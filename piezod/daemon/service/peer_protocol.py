@@ -21,20 +21,14 @@ _BAD_COUNT: Final = 10
 
 
 class ConnectionLimits(NamedTuple):
-    """Limits of a connection.
+    """Limits of a connection."""
 
-    Attributes:
-        message_s: Longest time for a request to arrive, header and body, in s.
-        idle_s: Longest pause between requests, in s.
-        blocked_s: Longest time that an answer waits for its reader, in s.
-        per_user: Connections of one user that are served; as many more can only stop the stage.
-        fresh_s: Time after which a connection without a request makes room for another one, in s.
-    """
-
-    message_s: float = 5.0
-    idle_s: int = 60
-    blocked_s: float = 5.0
+    message_s: float = 5.0  #: Longest time for a request to arrive, header and body, in s.
+    idle_s: int = 60  #: Longest pause between requests, in s.
+    blocked_s: float = 5.0  #: Longest time that an answer waits for its reader, in s.
+    #: Connections of one user that are served; as many more can only stop the stage.
     per_user: int = 16
+    #: Time after which a connection without a request makes room for another one, in s.
     fresh_s: float = 1.0
 
 

@@ -26,40 +26,25 @@ _STOPPED: Final = frozenset({State.BLIND, State.FAULT})
 
 
 class ServiceState(NamedTuple):
-    """The state that all requests share.
+    """The state that all requests share."""
 
-    Attributes:
-        stage: The stage.
-        roles: Gives the role of each user.
-        lease: The lease of the stage.
-        downloads: Users with a download in progress.
-        urgent_notes: Limits the audit entries of urgent requests.
-        streams: The setpoint streams in progress.
-        recorders: Process and client that started the newest recording, by its name. The clients of
-            `piezod web` are one process.
-    """
-
-    stage: RunningStage
-    roles: Roles
-    lease: Lease
-    downloads: set[int]
-    urgent_notes: UrgentNotes
-    streams: OpenStreams
+    stage: RunningStage  #: The stage.
+    roles: Roles  #: Gives the role of each user.
+    lease: Lease  #: The lease of the stage.
+    downloads: set[int]  #: Users with a download in progress.
+    urgent_notes: UrgentNotes  #: Limits the audit entries of urgent requests.
+    streams: OpenStreams  #: The setpoint streams in progress.
+    #: Process and client that started the newest recording, by its name. The clients of `piezod
+    #: web` are one process.
     recorders: dict[str, tuple[int, str]]
 
 
 class RequestContext(NamedTuple):
-    """An admitted request.
+    """An admitted request."""
 
-    Attributes:
-        state: The state that it shares with other requests.
-        peer: The client that sent it.
-        access: What its endpoint requires and allows.
-    """
-
-    state: ServiceState
-    peer: Peer
-    access: Access
+    state: ServiceState  #: The state that it shares with other requests.
+    peer: Peer  #: The client that sent it.
+    access: Access  #: What its endpoint requires and allows.
 
     @property
     def stage(self) -> RunningStage:

@@ -42,25 +42,15 @@ Rows = Iterable[tuple[Labels, float]]
 
 
 class StageFacts(NamedTuple):
-    """What the metrics tell of a stage, besides the shared memory.
+    """What the metrics tell of a stage, besides the shared memory."""
 
-    Attributes:
-        name: Name of the stage.
-        loop: Connection to its loop.
-        healthy: Whether the loop runs cycles.
-        cycle_age_s: Time since the supervisor saw a new cycle, in s.
-        detections: How often each fault was detected since the daemon started.
-        recording: Status of the running or the last recording.
-        lease_held: Whether a client has the lease.
-    """
-
-    name: str
-    loop: LoopConnection
-    healthy: bool
-    cycle_age_s: float
-    detections: Mapping[Fault, int]
-    recording: Recording
-    lease_held: bool
+    name: str  #: Name of the stage.
+    loop: LoopConnection  #: Connection to its loop.
+    healthy: bool  #: Whether the loop runs cycles.
+    cycle_age_s: float  #: Time since the supervisor saw a new cycle, in s.
+    detections: Mapping[Fault, int]  #: How often each fault was detected since the daemon started.
+    recording: Recording  #: Status of the running or the last recording.
+    lease_held: bool  #: Whether a client has the lease.
 
 
 def metrics_text(facts: StageFacts, *, openmetrics: bool) -> bytes:

@@ -24,17 +24,11 @@ _log = logger("parameters")
 
 
 class _Kept(NamedTuple):
-    """The parameters of a loop that has ended.
+    """The parameters of a loop that has ended."""
 
-    Attributes:
-        axes: Parameters by name of the axis.
-        file_models: Model of each axis in its configuration.
-        lost: What cannot be kept, for people.
-    """
-
-    axes: Mapping[str, AxisParameters]
-    file_models: Mapping[str, ModelFile | None]
-    lost: list[str]
+    axes: Mapping[str, AxisParameters]  #: Parameters by name of the axis.
+    file_models: Mapping[str, ModelFile | None]  #: Model of each axis in its configuration.
+    lost: list[str]  #: What cannot be kept, for people.
 
 
 class LearnedParameters:

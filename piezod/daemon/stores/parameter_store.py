@@ -30,17 +30,12 @@ def _utc_now() -> datetime:
 
 
 class Loaded(NamedTuple):
-    """The result of a load.
+    """The result of a load."""
 
-    Attributes:
-        document: The parameters; None if no file is valid.
-        copy: Which file: "newest", "number 7", or "" without one.
-        rejected: Newer files that were skipped, newest first. People must be told of them, and must
-            agree before the stage adapts from older parameters.
-    """
-
-    document: ParameterDocument | None
-    copy: str
+    document: ParameterDocument | None  #: The parameters; None if no file is valid.
+    copy: str  #: Which file: "newest", "number 7", or "" without one.
+    #: Newer files that were skipped, newest first. People must be told of them, and must agree
+    #: before the stage adapts from older parameters.
     rejected: tuple[Rejected, ...]
 
 

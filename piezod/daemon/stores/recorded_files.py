@@ -35,21 +35,19 @@ class EventSource(Protocol):
 
 
 class RecordedStage(NamedTuple):
-    """What is recorded of a stage.
+    """What is recorded of a stage."""
 
-    Attributes:
-        open_reader: Returns a new reader of records that begins with the next one.
-        open_events: Returns a new reader of events that begins with the next one.
-        dtype: Returns the dtype of a record, see `telemetry.arrays.record_dtype`.
-        learned: Returns the present parameters of the axes, by name.
-        models: Returns the texts of the model files in use, by axis.
-    """
-
+    #: Returns a new reader of records that begins with the next one.
     open_reader: Callable[[], RecordSource]
+    #: Returns a new reader of events that begins with the next one.
     open_events: Callable[[], EventSource]
+    #: Returns the dtype of a record, see `telemetry.arrays.record_dtype`.
     dtype: Callable[[], np.dtype[np.void]]
+    #: Returns the present parameters of the axes, by name.
     learned: Callable[[], Mapping[str, LearnedAxis]]
-    models: Callable[[], Mapping[str, str]]
+    models: Callable[
+        [], Mapping[str, str]
+    ]  #: Returns the texts of the model files in use, by axis.
 
 
 class RecordedFiles:

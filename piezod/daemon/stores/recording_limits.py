@@ -10,17 +10,11 @@ _RESERVE_SHARE: Final = 0.05
 
 
 class RecordingLimits(NamedTuple):
-    """Limits of a recording and of all recordings of a stage.
+    """Limits of a recording and of all recordings of a stage."""
 
-    Attributes:
-        file_s: Time after which a recording goes on in another file, in s.
-        file_bytes: Size after which it does.
-        total_bytes: Size of all recordings; the oldest are removed.
-    """
-
-    file_s: float = inf
-    file_bytes: float = inf
-    total_bytes: float = inf
+    file_s: float = inf  #: Time after which a recording goes on in another file, in s.
+    file_bytes: float = inf  #: Size after which it does.
+    total_bytes: float = inf  #: Size of all recordings; the oldest are removed.
 
 
 def no_room(folder: Path) -> str:

@@ -5,17 +5,11 @@ from typing import NamedTuple
 
 
 class RunOptions(NamedTuple):
-    """Options of the command line, besides the configuration.
+    """Options of the command line, besides the configuration."""
 
-    Attributes:
-        strict_rt: Whether arming is refused if the loop is not real-time.
-        require_device: Whether the run ends if a device is absent at the start.
-        shadow: Whether nothing is ever written.
-    """
-
-    strict_rt: bool = False
-    require_device: bool = False
-    shadow: bool = False
+    strict_rt: bool = False  #: Whether arming is refused if the loop is not real-time.
+    require_device: bool = False  #: Whether the run ends if a device is absent at the start.
+    shadow: bool = False  #: Whether nothing is ever written.
 
 
 class Ending(Enum):

@@ -65,24 +65,17 @@ place is taken or cannot be made.
 
 @dataclass(frozen=True, slots=True)
 class EmulatorPlugin:
-    """An emulator with the name of its profile, found by the group `piezod.emulators`.
+    """An emulator with the name of its profile, found by the group `piezod.emulators`."""
 
-    Attributes:
-        name: Name of the profile, as `piezod emulate` accepts it.
-        summary: One line for lists: the device.
-        wire: Kind of connection; serial devices are served at a pty, TCP devices at a port.
-        create: Makes the device from its rig, with one axis per channel in order, and its serial
-            number, "" for the default. None if the wire carries no byte stream.
-        channels: Default number of axes of the rig.
-        serve: Serves the device if the wire carries no byte stream.
-        stream_port: Distance from the first TCP port to the second one, at which the device sends a
-            stream; 0 if there is none.
-    """
-
-    name: str
-    summary: str
+    name: str  #: Name of the profile, as `piezod emulate` accepts it.
+    summary: str  #: One line for lists: the device.
+    #: Kind of connection; serial devices are served at a pty, TCP devices at a port.
     wire: Literal["serial", "tcp", "can", "socket"]
+    #: Makes the device from its rig, with one axis per channel in order, and its serial number, ""
+    #: for the default. None if the wire carries no byte stream.
     create: Callable[[SharedRig, str], Emulator] | None = None
-    channels: int = 1
-    serve: Serve | None = None
+    channels: int = 1  #: Default number of axes of the rig.
+    serve: Serve | None = None  #: Serves the device if the wire carries no byte stream.
+    #: Distance from the first TCP port to the second one, at which the device sends a stream; 0 if
+    #: there is none.
     stream_port: int = 0

@@ -71,21 +71,13 @@ _VALUE: Final = re.compile(r"(\d{1,6}(?:\.\d{1,9})?)(?:-(\d{1,6}(?:\.\d{1,9})?))
 
 
 class WireFault(NamedTuple):
-    """One wire fault.
+    """One wire fault."""
 
-    Attributes:
-        kind: Kind of the fault.
-        first: First affected reply, counted from 1; 0 for at once.
-        last: Last affected reply; None for no end.
-        every: Only replies whose number is a multiple of this are affected.
-        value: Range of its value; None for the default.
-    """
-
-    kind: WireFaultKind
-    first: int = 1
-    last: int | None = None
-    every: int = 1
-    value: tuple[float, float] | None = None
+    kind: WireFaultKind  #: Kind of the fault.
+    first: int = 1  #: First affected reply, counted from 1; 0 for at once.
+    last: int | None = None  #: Last affected reply; None for no end.
+    every: int = 1  #: Only replies whose number is a multiple of this are affected.
+    value: tuple[float, float] | None = None  #: Range of its value; None for the default.
 
     def affects(self, number: int) -> bool:
         """Return whether it affects the reply of this number."""
@@ -94,29 +86,18 @@ class WireFault(NamedTuple):
 
 
 class ActiveFault(NamedTuple):
-    """A fault that happens now.
+    """A fault that happens now."""
 
-    Attributes:
-        kind: Kind of the fault.
-        value: Its value; None for a random one.
-    """
-
-    kind: WireFaultKind
-    value: float | None
+    kind: WireFaultKind  #: Kind of the fault.
+    value: float | None  #: Its value; None for a random one.
 
 
 class ReplyFate(NamedTuple):
-    """Effect of wire faults on one reply.
+    """Effect of wire faults on one reply."""
 
-    Attributes:
-        late_ns: Delay of the reply, in ns.
-        noise: Bytes before it, with the same delay.
-        copies: Bytes of the reply, once per copy.
-    """
-
-    late_ns: int
-    noise: bytes
-    copies: list[bytes]
+    late_ns: int  #: Delay of the reply, in ns.
+    noise: bytes  #: Bytes before it, with the same delay.
+    copies: list[bytes]  #: Bytes of the reply, once per copy.
 
 
 def parse(text: str) -> WireFault:

@@ -56,32 +56,21 @@ Progress: TypeAlias = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Wanted:
-    """Fixed part of an automatic choice; None means free.
+    """Fixed part of an automatic choice; None means free."""
 
-    Attributes:
-        order: Operators on each side; if it or `spacing` is given, no surface is tried.
-        spacing: Position of the thresholds.
-        creep: Whether creep is fitted.
-        surface: Whether a surface may be tried.
-    """
-
+    #: Operators on each side; if it or `spacing` is given, no surface is tried.
     order: int | None = None
-    spacing: Spacing | None = None
-    creep: bool | None = None
-    surface: bool = True
+    spacing: Spacing | None = None  #: Position of the thresholds.
+    creep: bool | None = None  #: Whether creep is fitted.
+    surface: bool = True  #: Whether a surface may be tried.
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A candidate of the choice.
+    """A candidate of the choice."""
 
-    Attributes:
-        fit: Fit to the whole record.
-        validation: Errors of prediction on held-out data.
-    """
-
-    fit: Fit
-    validation: CrossValidation
+    fit: Fit  #: Fit to the whole record.
+    validation: CrossValidation  #: Errors of prediction on held-out data.
 
     @property
     def n_parameters(self) -> int:
@@ -100,21 +89,16 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """Result of an automatic choice.
+    """Result of an automatic choice."""
 
-    Attributes:
-        candidates: All candidates, in the order of their fit.
-        best: The candidate with the smallest product of the rms errors of position and voltage.
-        taken: The simplest candidate that is as good.
-        limit_pct: Largest rms error of the position that is as good as that of the best, in %.
-        no_surface: Why no surface was tried; empty if one was.
-    """
-
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]  #: All candidates, in the order of their fit.
+    #: The candidate with the smallest product of the rms errors of position and voltage.
     best: Candidate
-    taken: Candidate
-    limit_pct: float
-    no_surface: str = ""
+    taken: Candidate  #: The simplest candidate that is as good.
+    limit_pct: (
+        float  #: Largest rms error of the position that is as good as that of the best, in %.
+    )
+    no_surface: str = ""  #: Why no surface was tried; empty if one was.
 
 
 def choose(

@@ -25,31 +25,23 @@ LEAST_DECADES = 0.1
 
 @dataclass(frozen=True)
 class Breakdown:
-    """Parts of the residual of the position, rms in % of its range.
+    """Parts of the residual of the position, rms in % of its range."""
 
-    Attributes:
-        total_pct: The residual without its mean, of the record before averaging and smoothing.
-        drift_pct: Drift of the return points.
-        return_point_drift_pct: Range of the mean residuals at the visits of the lowest and of the
-            highest voltage, the larger one; None if there are fewer than three visits.
-        rate_pct: Loops that widen with the rate of the drive.
-        widening_pct: Growth of their width per decade of the rate, in % of the swing; None if the
-            record has only one rate.
-        vibration_pct: Vibration at one frequency that the drive does not have.
-        vibration_hz: That frequency; None if there is none.
-        noise_pct: White noise.
-        rest_pct: Everything else: mainly the shape of the loops.
-    """
-
-    total_pct: float
-    drift_pct: float
+    total_pct: (
+        float  #: The residual without its mean, of the record before averaging and smoothing.
+    )
+    drift_pct: float  #: Drift of the return points.
+    #: Range of the mean residuals at the visits of the lowest and of the highest voltage, the
+    #: larger one; None if there are fewer than three visits.
     return_point_drift_pct: float | None
-    rate_pct: float
+    rate_pct: float  #: Loops that widen with the rate of the drive.
+    #: Growth of their width per decade of the rate, in % of the swing; None if the record has only
+    #: one rate.
     widening_pct: float | None
-    vibration_pct: float
-    vibration_hz: float | None
-    noise_pct: float
-    rest_pct: float
+    vibration_pct: float  #: Vibration at one frequency that the drive does not have.
+    vibration_hz: float | None  #: That frequency; None if there is none.
+    noise_pct: float  #: White noise.
+    rest_pct: float  #: Everything else: mainly the shape of the loops.
 
 
 def breakdown_of(fit: Fit, record: Record) -> Breakdown:

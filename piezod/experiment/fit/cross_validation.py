@@ -15,19 +15,12 @@ from piezod.experiment.fit.residuals import Residuals
 
 @dataclass(frozen=True)
 class Block:
-    """One block of a record, and the model that was fitted to the others.
+    """One block of a record, and the model that was fitted to the others."""
 
-    Attributes:
-        start_s: Time of its first sample, in s.
-        end_s: Time of its last sample, in s.
-        model: The model.
-        residuals: Residuals of the block.
-    """
-
-    start_s: float
-    end_s: float
-    model: StageModel
-    residuals: Residuals
+    start_s: float  #: Time of its first sample, in s.
+    end_s: float  #: Time of its last sample, in s.
+    model: StageModel  #: The model.
+    residuals: Residuals  #: Residuals of the block.
 
     @property
     def errors(self) -> dict[str, float]:
@@ -37,13 +30,9 @@ class Block:
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Errors over all blocks.
+    """Errors over all blocks."""
 
-    Attributes:
-        blocks: The blocks, in the order of time.
-    """
-
-    blocks: tuple[Block, ...]
+    blocks: tuple[Block, ...]  #: The blocks, in the order of time.
 
     @property
     def errors(self) -> dict[str, float]:

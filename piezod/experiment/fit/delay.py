@@ -20,27 +20,20 @@ power."""
 
 @dataclass(frozen=True)
 class DelayEstimate:
-    """Estimate of the delay of a record.
+    """Estimate of the delay of a record."""
 
-    Attributes:
-        delay_s: The delay that fits best, in s.
-        candidates_s: (n,) delays that were tried, in s.
-        criterion_pct: (n,) rms error of the voltage or of the position, predicted for each, in %
-            of its range.
-        one_frequency: Whether the drive has a single frequency. A delay then looks like a wider
-            loop, and the model absorbs part of it.
-        uncertainty_s: Uncertainty of the delay: the time in which the drive moves by the rms error
-            of the best fit, since a shift could hide in that error. It is at least half a step
-            between candidates, and at least one sample period if the drive has one frequency.
-        of_position: Whether the criterion is the error of the position.
-    """
-
-    delay_s: float
-    candidates_s: FloatArray
+    delay_s: float  #: The delay that fits best, in s.
+    candidates_s: FloatArray  #: (n,) delays that were tried, in s.
+    #: (n,) rms error of the voltage or of the position, predicted for each, in % of its range.
     criterion_pct: FloatArray
+    #: Whether the drive has a single frequency. A delay then looks like a wider loop, and the model
+    #: absorbs part of it.
     one_frequency: bool
+    #: Uncertainty of the delay: the time in which the drive moves by the rms error of the best fit,
+    #: since a shift could hide in that error. It is at least half a step between candidates, and at
+    #: least one sample period if the drive has one frequency.
     uncertainty_s: float
-    of_position: bool = False
+    of_position: bool = False  #: Whether the criterion is the error of the position.
 
 
 def estimate_delay(

@@ -30,17 +30,11 @@ MIN_TIME_RATIO = 5.0
 
 
 class Swings(NamedTuple):
-    """Swings from one turning point to the next; arrays of shape (k,).
+    """Swings from one turning point to the next; arrays of shape (k,)."""
 
-    Attributes:
-        sizes: Lengths, as shares of the range.
-        middles: Middles, from 0 at the lowest displacement to 1 at the highest.
-        durations_s: Durations, with holds on the way, in s.
-    """
-
-    sizes: FloatArray
-    middles: FloatArray
-    durations_s: FloatArray
+    sizes: FloatArray  #: Lengths, as shares of the range.
+    middles: FloatArray  #: Middles, from 0 at the lowest displacement to 1 at the highest.
+    durations_s: FloatArray  #: Durations, with holds on the way, in s.
 
 
 def missing_excitation(record: Record) -> tuple[str, ...]:

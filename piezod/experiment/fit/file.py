@@ -40,39 +40,26 @@ _BEYOND = 0.01  # share of the range; noise and creep may exceed the range by it
 
 @dataclass(frozen=True)
 class FileFit:
-    """A model fitted to a file, and its quality.
+    """A model fitted to a file, and its quality."""
 
-    Attributes:
-        data: The file.
-        test_data: Another file on which the model was judged, None without one.
-        recorded: The record in the file.
-        record: The record of the fit: a long record is averaged.
-        taken: The model, its fit, and its errors.
-        other: The same fit with creep if `taken` has none, and without if it has; None for LMS,
-            which has no creep, and if no creep could be fitted.
-        raw: The same fit as `taken` to the unsmoothed displacement, and judged on it; None for LMS,
-            which never smooths.
-        uncertainty: Uncertainty of the model.
-        parts: Parts of the residual of the position in the record.
-        choice: Candidates among which the model was chosen, None if it was given.
-        untold: Excitation that the record lacks, a sentence each.
-        warnings: Warnings for the user of the model, a sentence each.
-        configured_mode: First mode in the configuration of the axis; None if there is none, or if
-            the file does not tell.
-    """
-
-    data: Path
-    test_data: Path | None
-    recorded: Record
-    record: Record
-    taken: Judgement
+    data: Path  #: The file.
+    test_data: Path | None  #: Another file on which the model was judged, None without one.
+    recorded: Record  #: The record in the file.
+    record: Record  #: The record of the fit: a long record is averaged.
+    taken: Judgement  #: The model, its fit, and its errors.
+    #: The same fit with creep if `taken` has none, and without if it has; None for LMS, which has
+    #: no creep, and if no creep could be fitted.
     other: Judgement | None
+    #: The same fit as `taken` to the unsmoothed displacement, and judged on it; None for LMS, which
+    #: never smooths.
     raw: Judgement | None
-    uncertainty: Uncertainty
-    parts: Breakdown
-    choice: Choice | None
-    untold: tuple[str, ...]
-    warnings: tuple[str, ...]
+    uncertainty: Uncertainty  #: Uncertainty of the model.
+    parts: Breakdown  #: Parts of the residual of the position in the record.
+    choice: Choice | None  #: Candidates among which the model was chosen, None if it was given.
+    untold: tuple[str, ...]  #: Excitation that the record lacks, a sentence each.
+    warnings: tuple[str, ...]  #: Warnings for the user of the model, a sentence each.
+    #: First mode in the configuration of the axis; None if there is none, or if the file does not
+    #: tell.
     configured_mode: FirstModeConfig | None = None
 
     def beside(self, configured_mode: FirstModeConfig | None) -> "FileFit":
@@ -149,19 +136,12 @@ def identify_file(
 
 
 class _Given(NamedTuple):
-    """The files of an identification.
+    """The files of an identification."""
 
-    Attributes:
-        source: The file of the fit.
-        record: Its record: a long one is averaged.
-        test_record: That of the test, None without one.
-        notes: What to know about the files, a sentence each.
-    """
-
-    source: Source
-    record: Record
-    test_record: Record | None
-    notes: tuple[str, ...]
+    source: Source  #: The file of the fit.
+    record: Record  #: Its record: a long one is averaged.
+    test_record: Record | None  #: That of the test, None without one.
+    notes: tuple[str, ...]  #: What to know about the files, a sentence each.
 
 
 def _read(data: Path, test: Path | None, skip_s: float, axis: str | None) -> _Given:

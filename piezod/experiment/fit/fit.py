@@ -25,24 +25,16 @@ from piezod.hysteresis.path_relaxation import PathRelaxation
 
 @dataclass(frozen=True)
 class Fit:
-    """A model, and its fit.
+    """A model, and its fit."""
 
-    Attributes:
-        model: The model.
-        settings: Settings of the fit.
-        delay: Estimate of the delay, None if the delay was given.
-        smallest_slope: Smallest slope of the model; it is monotone if positive.
-        problem: The problem that was solved.
-        linearised: The problem, linear around the solution; None for LMS.
-        shows_mode: How clearly the record shows the first mode; None if the model has none.
-    """
-
-    model: StageModel
-    settings: FitSettings
-    delay: DelayEstimate | None
-    smallest_slope: float
-    problem: Problem = field(repr=False)
+    model: StageModel  #: The model.
+    settings: FitSettings  #: Settings of the fit.
+    delay: DelayEstimate | None  #: Estimate of the delay, None if the delay was given.
+    smallest_slope: float  #: Smallest slope of the model; it is monotone if positive.
+    problem: Problem = field(repr=False)  #: The problem that was solved.
+    #: The problem, linear around the solution; None for LMS.
     linearised: LinearProblem | None = field(repr=False)
+    #: How clearly the record shows the first mode; None if the model has none.
     shows_mode: ShownMode | None = None
 
     @property

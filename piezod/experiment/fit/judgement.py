@@ -18,37 +18,23 @@ class OffsetRemoved:
     """Errors after constants were removed from the predicted voltage and position of a record.
 
     From day to day a stage, or the zero of its sensor, drifts; the loops stay.
-
-    Attributes:
-        offset_pct: The constant of the voltage, in % of its range.
-        offset_um: Shift of the displacement that would cause it, in µm.
-        position_offset_um: The constant of the predicted position, in µm.
-        errors: Remaining errors, by name.
     """
 
-    offset_pct: float
-    offset_um: float
-    position_offset_um: float
-    errors: Mapping[str, float]
+    offset_pct: float  #: The constant of the voltage, in % of its range.
+    offset_um: float  #: Shift of the displacement that would cause it, in µm.
+    position_offset_um: float  #: The constant of the predicted position, in µm.
+    errors: Mapping[str, float]  #: Remaining errors, by name.
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """A fit and its errors, by name, in % of the ranges of voltage and position in its record.
+    """A fit and its errors, by name, in % of the ranges of voltage and position in its record."""
 
-    Attributes:
-        fit: The fit.
-        train: Errors on its own record.
-        validation: Errors on held-out blocks of that record.
-        test: Errors on another record, None without one.
-        test_offset_removed: The same without a constant offset.
-    """
-
-    fit: Fit
-    train: Mapping[str, float]
-    validation: CrossValidation
-    test: Mapping[str, float] | None
-    test_offset_removed: OffsetRemoved | None
+    fit: Fit  #: The fit.
+    train: Mapping[str, float]  #: Errors on its own record.
+    validation: CrossValidation  #: Errors on held-out blocks of that record.
+    test: Mapping[str, float] | None  #: Errors on another record, None without one.
+    test_offset_removed: OffsetRemoved | None  #: The same without a constant offset.
 
 
 def judge(

@@ -35,23 +35,15 @@ _PARTS = (1.0, 0.5, 0.25, 0.125)  # fractions of a step that are tried
 
 @dataclass(frozen=True)
 class Series:
-    """A normalised record with aligned drive.
+    """A normalised record with aligned drive."""
 
-    Attributes:
-        positions: (n,) displacement, in units of its range.
-        drives: (n,) voltage that belongs to it, in units of its range.
-        period_s: Sample period, in s.
-        from_rest: Whether the stage had rested before the record.
-        counted: (n,) mask of the samples that count; the others only advance the memory.
-        after_run_in: (n,) mask of the samples whose range is that of the model: also those at the
-            start whose voltage was not recorded, one delay before.
-    """
-
-    positions: FloatArray
-    drives: FloatArray
-    period_s: float
-    from_rest: bool
-    counted: Rows
+    positions: FloatArray  #: (n,) displacement, in units of its range.
+    drives: FloatArray  #: (n,) voltage that belongs to it, in units of its range.
+    period_s: float  #: Sample period, in s.
+    from_rest: bool  #: Whether the stage had rested before the record.
+    counted: Rows  #: (n,) mask of the samples that count; the others only advance the memory.
+    #: (n,) mask of the samples whose range is that of the model: also those at the start whose
+    #: voltage was not recorded, one delay before.
     after_run_in: Rows
 
     def quick(self, creep: float) -> FloatArray:
@@ -91,22 +83,15 @@ SeriesAt: TypeAlias = Callable[[float], Series]
 
 @dataclass(frozen=True)
 class Linearised:
-    """The problem around its solution: linear in all parameters.
+    """The problem around its solution: linear in all parameters."""
 
-    Attributes:
-        bank: (2, 2 M) thresholds and gains of the stops.
-        regressors: (n, 2 M + E) regressors of the weights, of the creep and of the delay, as far as
-            they are searched.
-        target: (n,) values that they must add up to.
-        counted: (n,) mask of the rows that count.
-        parameters: (2 M + E,) solution.
-    """
-
-    bank: FloatArray
+    bank: FloatArray  #: (2, 2 M) thresholds and gains of the stops.
+    #: (n, 2 M + E) regressors of the weights, of the creep and of the delay, as far as they are
+    #: searched.
     regressors: FloatArray
-    target: FloatArray
-    counted: Rows
-    parameters: FloatArray
+    target: FloatArray  #: (n,) values that they must add up to.
+    counted: Rows  #: (n,) mask of the rows that count.
+    parameters: FloatArray  #: (2 M + E,) solution.
 
     @property
     def misses(self) -> FloatArray:
@@ -142,17 +127,11 @@ class Linearised:
 
 
 class LeastSquaresFit(NamedTuple):
-    """Result of a fit.
+    """Result of a fit."""
 
-    Attributes:
-        weights: (2 M,) weights [a^l, a^r].
-        creep: Weight of each lag; zero if it was not requested.
-        linearised: The problem around this solution.
-    """
-
-    weights: FloatArray
-    creep: float
-    linearised: Linearised
+    weights: FloatArray  #: (2 M,) weights [a^l, a^r].
+    creep: float  #: Weight of each lag; zero if it was not requested.
+    linearised: Linearised  #: The problem around this solution.
 
 
 def fit_least_squares(bank: FloatArray, series: Series, *, creep: bool) -> LeastSquaresFit:

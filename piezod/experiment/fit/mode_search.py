@@ -36,28 +36,18 @@ class ShownMode(NamedTuple):
     """How clearly a record shows a mode: errors of the position on held-out blocks.
 
     They are rms errors, in % of the range of the model.
-
-    Attributes:
-        with_pct: Error of the fit with the mode.
-        without_pct: Error of the fit without it.
     """
 
-    with_pct: float
-    without_pct: float
+    with_pct: float  #: Error of the fit with the mode.
+    without_pct: float  #: Error of the fit without it.
 
 
 class ModeGuess(NamedTuple):
-    """A mode that the record may show.
+    """A mode that the record may show."""
 
-    Attributes:
-        frequency: Undamped frequency, in cycles per sample.
-        damping: Damping ratio.
-        delay_s: Delay with which it explains most, in s.
-    """
-
-    frequency: float
-    damping: float
-    delay_s: float
+    frequency: float  #: Undamped frequency, in cycles per sample.
+    damping: float  #: Damping ratio.
+    delay_s: float  #: Delay with which it explains most, in s.
 
 
 def guess_mode(

@@ -13,21 +13,14 @@ Rows = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 @dataclass(frozen=True)
 class Record:
-    """Recorded data of one axis; arrays of shape (n,), evenly in time.
+    """Recorded data of one axis; arrays of shape (n,), evenly in time."""
 
-    Attributes:
-        t_s: Times, in s.
-        drive_v: Voltage in force at these times, in V.
-        position_um: Measured position at these times, in µm.
-        run_in_s: First seconds, which only advance memory and creep, and count in no error.
-        from_rest: Whether the stage had rested before the record.
-    """
-
-    t_s: FloatArray
-    drive_v: FloatArray
-    position_um: FloatArray
+    t_s: FloatArray  #: Times, in s.
+    drive_v: FloatArray  #: Voltage in force at these times, in V.
+    position_um: FloatArray  #: Measured position at these times, in µm.
+    #: First seconds, which only advance memory and creep, and count in no error.
     run_in_s: float = 0.0
-    from_rest: bool = True
+    from_rest: bool = True  #: Whether the stage had rested before the record.
 
     @property
     def period_s(self) -> float:

@@ -9,15 +9,11 @@ from piezod.hysteresis.memory import FloatArray
 
 
 class Residuals(NamedTuple):
-    """Residuals of the samples that count, shape (k,) each.
+    """Residuals of the samples that count, shape (k,) each."""
 
-    Attributes:
-        voltage_pct: Voltage predicted from the position, minus the recorded one, in % of its range.
-        position_pct: Position predicted from the voltage, minus the recorded one, in % of its
-            range.
-    """
-
+    #: Voltage predicted from the position, minus the recorded one, in % of its range.
     voltage_pct: FloatArray
+    #: Position predicted from the voltage, minus the recorded one, in % of its range.
     position_pct: FloatArray
 
     @property

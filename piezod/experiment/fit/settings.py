@@ -10,29 +10,21 @@ from piezod.hysteresis.everett import SIZE
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """Settings of a fit.
+    """Settings of a fit."""
 
-    Attributes:
-        method: Method to find the weights.
-        order: Operators on each side, M. A surface has none; its search for the delay begins with a
-            model of this order.
-        spacing: Position of their thresholds; a surface has none.
-        creep: Whether creep is fitted, too; not by LMS.
-        lms_gain: γ, for LMS; None for the paper's, or a smaller one if that is not stable.
-        deadband: Width of the backlash before the memory, in units of the range, for LMS. Least
-            squares gets a smoothed displacement and needs none.
-        delay_s: Delay in s; estimated from the record if None.
-        smoothing: Whether noise is removed from the displacement first; not for LMS.
-    """
-
-    method: Method = Method.LEAST_SQUARES
+    method: Method = Method.LEAST_SQUARES  #: Method to find the weights.
+    #: Operators on each side, M. A surface has none; its search for the delay begins with a model
+    #: of this order.
     order: int = 19
-    spacing: Spacing = Spacing.EVEN
-    creep: bool = False
+    spacing: Spacing = Spacing.EVEN  #: Position of their thresholds; a surface has none.
+    creep: bool = False  #: Whether creep is fitted, too; not by LMS.
+    #: γ, for LMS; None for the paper's, or a smaller one if that is not stable.
     lms_gain: float | None = None
+    #: Width of the backlash before the memory, in units of the range, for LMS. Least squares gets a
+    #: smoothed displacement and needs none.
     deadband: float = 0.0
-    delay_s: float | None = None
-    smoothing: bool = True
+    delay_s: float | None = None  #: Delay in s; estimated from the record if None.
+    smoothing: bool = True  #: Whether noise is removed from the displacement first; not for LMS.
 
     @property
     def n_weights(self) -> int:

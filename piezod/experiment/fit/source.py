@@ -34,17 +34,11 @@ SHORT_UM: Final = 0.1
 
 
 class Source(NamedTuple):
-    """A record, and what its file says about it.
+    """A record, and what its file says about it."""
 
-    Attributes:
-        record: The record.
-        notes: Warnings about the file, a sentence each.
-        delay_s: Delay to use instead of an estimate, in s; None to estimate it.
-    """
-
-    record: Record
-    notes: tuple[str, ...]
-    delay_s: float | None
+    record: Record  #: The record.
+    notes: tuple[str, ...]  #: Warnings about the file, a sentence each.
+    delay_s: float | None  #: Delay to use instead of an estimate, in s; None to estimate it.
 
 
 def read_source(path: Path, skip_s: float, axis: str | None = None) -> Source:

@@ -64,25 +64,15 @@ _MODE_STEPS = {DELAY: 1e-3, FREQUENCY: 1e-6, DAMPING: 1e-5, MODE_LAG: 1e-3}
 
 @dataclass(frozen=True)
 class LinearisedSurface:
-    """The problem around its solution: linear in all parameters.
+    """The problem around its solution: linear in all parameters."""
 
-    Attributes:
-        regressors: (n, 42) regressors of all parameters.
-        target: (n,) values that they must add up to.
-        counted: (n,) mask of the rows that count.
-        fixed: (42,) mask of the parameters that are not searched.
-        parameters: (42,) solution; the delay is in sample periods.
-        drives: (n,) drives of the record, delayed.
-        period_s: Sample period, in s.
-    """
-
-    regressors: FloatArray
-    target: FloatArray
-    counted: Rows
-    fixed: Rows
-    parameters: FloatArray
-    drives: FloatArray
-    period_s: float
+    regressors: FloatArray  #: (n, 42) regressors of all parameters.
+    target: FloatArray  #: (n,) values that they must add up to.
+    counted: Rows  #: (n,) mask of the rows that count.
+    fixed: Rows  #: (42,) mask of the parameters that are not searched.
+    parameters: FloatArray  #: (42,) solution; the delay is in sample periods.
+    drives: FloatArray  #: (n,) drives of the record, delayed.
+    period_s: float  #: Sample period, in s.
 
     @property
     def misses(self) -> FloatArray:

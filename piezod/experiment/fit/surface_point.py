@@ -26,21 +26,13 @@ DrivesAt: TypeAlias = Callable[[float], FloatArray]
 
 @dataclass(frozen=True)
 class SurfaceRecord:
-    """A normalised record.
+    """A normalised record."""
 
-    Attributes:
-        drives_at: The drives, delayed.
-        positions: (n,) displacement, in units of its range.
-        period_s: Sample period, in s.
-        before: Displacement before the record, in the same unit.
-        counted: (n,) mask of the samples that count; the others only advance the memory.
-    """
-
-    drives_at: DrivesAt
-    positions: FloatArray
-    period_s: float
-    before: float
-    counted: Rows
+    drives_at: DrivesAt  #: The drives, delayed.
+    positions: FloatArray  #: (n,) displacement, in units of its range.
+    period_s: float  #: Sample period, in s.
+    before: float  #: Displacement before the record, in the same unit.
+    counted: Rows  #: (n,) mask of the samples that count; the others only advance the memory.
 
     @cached_property
     def decay(self) -> FloatArray:
@@ -54,29 +46,19 @@ class Point:
 
     With a first mode the drives are not delayed: the delay is part of the motion of the mode,
     because a held drive jumps between two samples.
-
-    Attributes:
-        record: The record.
-        parameters: (42,) parameters.
-        drives: (n,) drives.
-        quick: (n, 26) regressors of the coefficients, of the prompt slope and of the weight of the
-            path, without creep.
-        lags: (n, K) lags of the creep.
-        started: (n,) creep that a start of all lags from one adds.
-        start: Start of all lags.
-        crept: (n,) displacement with creep, without the mode and the offset.
-        predicted: (n,) displacement.
     """
 
-    record: SurfaceRecord
-    parameters: FloatArray
-    drives: FloatArray
+    record: SurfaceRecord  #: The record.
+    parameters: FloatArray  #: (42,) parameters.
+    drives: FloatArray  #: (n,) drives.
+    #: (n, 26) regressors of the coefficients, of the prompt slope and of the weight of the path,
+    #: without creep.
     quick: FloatArray
-    lags: FloatArray
-    started: FloatArray
-    start: float
-    crept: FloatArray
-    predicted: FloatArray
+    lags: FloatArray  #: (n, K) lags of the creep.
+    started: FloatArray  #: (n,) creep that a start of all lags from one adds.
+    start: float  #: Start of all lags.
+    crept: FloatArray  #: (n,) displacement with creep, without the mode and the offset.
+    predicted: FloatArray  #: (n,) displacement.
 
     @classmethod
     def at(cls, record: SurfaceRecord, parameters: FloatArray) -> Self:

@@ -11,18 +11,12 @@ from piezod.experiment.fit.surface_problem import SurfaceProblem
 
 
 class FoundSurface(NamedTuple):
-    """Result of a search.
+    """Result of a search."""
 
-    Attributes:
-        problem: The problem that was solved.
-        settings: Settings of the fit: with a mode, the displacement is not smoothed.
-        linearised: The problem, linear around its solution.
-        shows_mode: How clearly the record shows the first mode; None if it does not.
-    """
-
-    problem: SurfaceProblem
-    settings: FitSettings
-    linearised: LinearisedSurface
+    problem: SurfaceProblem  #: The problem that was solved.
+    settings: FitSettings  #: Settings of the fit: with a mode, the displacement is not smoothed.
+    linearised: LinearisedSurface  #: The problem, linear around its solution.
+    #: How clearly the record shows the first mode; None if it does not.
     shows_mode: ShownMode | None
 
 

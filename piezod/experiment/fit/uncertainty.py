@@ -26,25 +26,21 @@ class Uncertainty:
 
     The intervals follow from the scatter of the residuals. Errors of the structure of the model are
     not scatter: they are in the errors, not in here.
-
-    Attributes:
-        delay_s: Half width of the delay, in s; None if the delay was given.
-        independent_samples: Number of uncorrelated samples with the same information as the record;
-            None for LMS, like the next two.
-        creep_per_decade: Half width of the creep, as a share of a step.
-        band_pct: (k,) half width of the voltage predicted from each sample that the fit counted, in
-            % of its range.
-        spread_pct: (k,) standard deviation of that voltage over the models of the blocks.
-        block_creep_per_decade: Creep in the models of the blocks.
-        mode: Half widths of the parameters of the first mode; None without one.
     """
 
-    delay_s: float | None
+    delay_s: float | None  #: Half width of the delay, in s; None if the delay was given.
+    #: Number of uncorrelated samples with the same information as the record; None for LMS, like
+    #: the next two.
     independent_samples: float | None
-    creep_per_decade: float | None
+    creep_per_decade: float | None  #: Half width of the creep, as a share of a step.
+    #: (k,) half width of the voltage predicted from each sample that the fit counted, in % of its
+    #: range.
     band_pct: FloatArray | None
-    spread_pct: FloatArray
-    block_creep_per_decade: tuple[float, ...]
+    spread_pct: (
+        FloatArray  #: (k,) standard deviation of that voltage over the models of the blocks.
+    )
+    block_creep_per_decade: tuple[float, ...]  #: Creep in the models of the blocks.
+    #: Half widths of the parameters of the first mode; None without one.
     mode: FirstMode | None = None
 
 

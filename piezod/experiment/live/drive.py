@@ -19,19 +19,12 @@ _SAME_V: Final = 1e-6
 
 
 class LiveDrive(NamedTuple):
-    """A drive that starts at the rest voltage.
+    """A drive that starts at the rest voltage."""
 
-    Attributes:
-        settle_s: Rest before it, in s.
-        run_in_s: First part of it, which does not count, in s.
-        duration_s: Its duration, in s.
-        drive_v: Voltage over time, in V.
-    """
-
-    settle_s: float
-    run_in_s: float
-    duration_s: float
-    drive_v: WaveformConfig
+    settle_s: float  #: Rest before it, in s.
+    run_in_s: float  #: First part of it, which does not count, in s.
+    duration_s: float  #: Its duration, in s.
+    drive_v: WaveformConfig  #: Voltage over time, in V.
 
 
 class _File(ConfigModel):

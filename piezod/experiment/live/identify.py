@@ -24,22 +24,15 @@ from piezod.records.telemetry_reader import RecordedTelemetry
 
 
 class LiveRecord(NamedTuple):
-    """A recorded data file.
+    """A recorded data file."""
 
-    Attributes:
-        axis: Name of the axis.
-        file: The data file.
-        run_in_s: Its first part, which does not count, in s.
-        warnings: Warnings, a sentence each.
-        takes_surface: Whether the identifier of the axis learns a surface, so that it accepts one.
-        first_mode: First mode in the configuration of the axis; None if it has none.
-    """
-
-    axis: str
-    file: Path
-    run_in_s: float
-    warnings: tuple[str, ...]
+    axis: str  #: Name of the axis.
+    file: Path  #: The data file.
+    run_in_s: float  #: Its first part, which does not count, in s.
+    warnings: tuple[str, ...]  #: Warnings, a sentence each.
+    #: Whether the identifier of the axis learns a surface, so that it accepts one.
     takes_surface: bool = True
+    #: First mode in the configuration of the axis; None if it has none.
     first_mode: FirstModeConfig | None = None
 
 

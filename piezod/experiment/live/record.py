@@ -26,17 +26,11 @@ side a sample is."""
 
 
 class LiveRun(NamedTuple):
-    """A run on a stage.
+    """A run on a stage."""
 
-    Attributes:
-        case: The case.
-        mode: The mode.
-        metrics: Names of the errors.
-    """
-
-    case: CaseConfig
-    mode: Mode
-    metrics: tuple[str, ...]
+    case: CaseConfig  #: The case.
+    mode: Mode  #: The mode.
+    metrics: tuple[str, ...]  #: Names of the errors.
 
 
 def cut_waveform(

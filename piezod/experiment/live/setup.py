@@ -23,21 +23,14 @@ AT_REST_V = 1e-3
 
 @dataclass(frozen=True)
 class LiveAxis:
-    """One axis of a running stage.
+    """One axis of a running stage."""
 
-    Attributes:
-        config: Its configuration, without the path of its model.
-        file: The model in use, as a file, with its learned parameters; None if there is none.
-        model: The same model, with its zero at rest.
-        range_um: Lowest and highest position that may be commanded, in µm.
-        period_s: Period of the loop, in s.
-    """
-
-    config: StageAxisConfig
+    config: StageAxisConfig  #: Its configuration, without the path of its model.
+    #: The model in use, as a file, with its learned parameters; None if there is none.
     file: ModelFile | None
-    model: StageModel | None
-    range_um: tuple[float, float]
-    period_s: float
+    model: StageModel | None  #: The same model, with its zero at rest.
+    range_um: tuple[float, float]  #: Lowest and highest position that may be commanded, in µm.
+    period_s: float  #: Period of the loop, in s.
 
     @property
     def safe_at_rest(self) -> bool:
@@ -60,21 +53,13 @@ class LiveAxis:
 
 @dataclass(frozen=True)
 class LiveSetup:
-    """Setup of a running stage.
+    """Setup of a running stage."""
 
-    Attributes:
-        stage: Name of the stage.
-        rate_hz: Cycles of its loop per second.
-        seed: Seed of the random values in simulated devices.
-        axes: Axes, by name.
-        document: Its configuration, as the daemon reports it.
-    """
-
-    stage: str
-    rate_hz: float
-    seed: int
-    axes: Mapping[str, LiveAxis]
-    document: Document
+    stage: str  #: Name of the stage.
+    rate_hz: float  #: Cycles of its loop per second.
+    seed: int  #: Seed of the random values in simulated devices.
+    axes: Mapping[str, LiveAxis]  #: Axes, by name.
+    document: Document  #: Its configuration, as the daemon reports it.
 
     @property
     def safe_at_rest(self) -> bool:

@@ -17,23 +17,14 @@ from piezod.experiment.play.zeroed import ZeroedAxis
 
 @dataclass(frozen=True, eq=False)
 class PlayingAxis:
-    """An axis that plays tables.
+    """An axis that plays tables."""
 
-    Attributes:
-        stage: The axis, relative to its zero.
-        interval_ns: Time between two points of a table, in ns.
-        model: Its model.
-        maker: Makes tables for it, by its inverse model.
-        response: Its response from a file; None if it has to be measured.
-        conditions: Conditions of its tables.
-    """
-
-    stage: ZeroedAxis
-    interval_ns: int
-    model: StageModel
-    maker: TableMaker
-    response: ResponseFile | None
-    conditions: Conditions
+    stage: ZeroedAxis  #: The axis, relative to its zero.
+    interval_ns: int  #: Time between two points of a table, in ns.
+    model: StageModel  #: Its model.
+    maker: TableMaker  #: Makes tables for it, by its inverse model.
+    response: ResponseFile | None  #: Its response from a file; None if it has to be measured.
+    conditions: Conditions  #: Conditions of its tables.
 
     @classmethod
     def at_rest(

@@ -13,15 +13,10 @@ _DEGREE = 8
 
 
 class SensorLimit(NamedTuple):
-    """What the calibration of the sensor does to the true error, in % of the swing.
+    """What the calibration of the sensor does to the true error, in % of the swing."""
 
-    Attributes:
-        calibration_pct: Largest calibration error of the sensor within the motion.
-        apart_pct: Largest true error apart from it: what an exact sensor would leave.
-    """
-
-    calibration_pct: float
-    apart_pct: float
+    calibration_pct: float  #: Largest calibration error of the sensor within the motion.
+    apart_pct: float  #: Largest true error apart from it: what an exact sensor would leave.
 
 
 def sensor_limit(

@@ -16,17 +16,11 @@ FEWEST_POINTS = 16
 
 
 class PeriodicCommand(NamedTuple):
-    """One period of a command.
+    """One period of a command."""
 
-    Attributes:
-        name: Name of the waveform, for people.
-        values_um: (n,) displacement at each point, in µm.
-        interval_ns: Time between two points, in ns.
-    """
-
-    name: str
-    values_um: FloatArray
-    interval_ns: int
+    name: str  #: Name of the waveform, for people.
+    values_um: FloatArray  #: (n,) displacement at each point, in µm.
+    interval_ns: int  #: Time between two points, in ns.
 
     @property
     def period_s(self) -> float:

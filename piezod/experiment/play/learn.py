@@ -42,28 +42,19 @@ class Errors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PassReport:
-    """One play.
+    """One play."""
 
-    Attributes:
-        label: `INVERSE`, `RESPONSE`, `STORED`, or "pass 1" and so on.
-        measured: Errors of the average of the measured periods.
-        true: Errors of all true samples that count; NaN if the truth is not known.
-        limit: What the calibration of the sensor does to the true error.
-        noise_pct: Rms noise of the average, in % of the swing.
-        significant: Number of learned harmonics whose error exceeds the noise, with the mean.
-        table: Table of the play.
-        error_um: (n,) command minus measured displacement, average of the periods, in µm.
-        true_error_um: (n,) command minus true displacement, average of the periods, in µm.
-    """
-
-    label: str
-    measured: Errors
-    true: Errors
-    limit: SensorLimit
-    noise_pct: float
-    significant: int
-    table: AxisTable
-    error_um: FloatArray
+    label: str  #: `INVERSE`, `RESPONSE`, `STORED`, or "pass 1" and so on.
+    measured: Errors  #: Errors of the average of the measured periods.
+    true: Errors  #: Errors of all true samples that count; NaN if the truth is not known.
+    limit: SensorLimit  #: What the calibration of the sensor does to the true error.
+    noise_pct: float  #: Rms noise of the average, in % of the swing.
+    significant: int  #: Number of learned harmonics whose error exceeds the noise, with the mean.
+    table: AxisTable  #: Table of the play.
+    error_um: (
+        FloatArray  #: (n,) command minus measured displacement, average of the periods, in µm.
+    )
+    #: (n,) command minus true displacement, average of the periods, in µm.
     true_error_um: FloatArray
 
     @property
@@ -74,23 +65,14 @@ class PassReport:
 
 @dataclass(frozen=True, eq=False)
 class LearnedPlay:
-    """Result of learning.
+    """Result of learning."""
 
-    Attributes:
-        given: The command as given.
-        command: The command with learned harmonics only; errors refer to it.
-        reports: All plays, in order.
-        best: The play with the smallest measured error among those with the response.
-        wanted_um: (n,) input of the inverse model of that play, in µm.
-        stopped: Why learning stopped, for people.
-    """
-
-    given: PeriodicCommand
-    command: PeriodicCommand
-    reports: tuple[PassReport, ...]
-    best: PassReport
-    wanted_um: FloatArray
-    stopped: str
+    given: PeriodicCommand  #: The command as given.
+    command: PeriodicCommand  #: The command with learned harmonics only; errors refer to it.
+    reports: tuple[PassReport, ...]  #: All plays, in order.
+    best: PassReport  #: The play with the smallest measured error among those with the response.
+    wanted_um: FloatArray  #: (n,) input of the inverse model of that play, in µm.
+    stopped: str  #: Why learning stopped, for people.
 
 
 def learn(

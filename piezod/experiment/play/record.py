@@ -49,15 +49,10 @@ class BadRecordError(DataError):
 
 
 class CountedPeriods(NamedTuple):
-    """The last periods of a play, after the settling ones; shape (periods, n) each.
+    """The last periods of a play, after the settling ones; shape (periods, n) each."""
 
-    Attributes:
-        position_um: Measured displacement, in µm.
-        true_um: True displacement, in µm; NaN if it is not known.
-    """
-
-    position_um: FloatArray
-    true_um: FloatArray
+    position_um: FloatArray  #: Measured displacement, in µm.
+    true_um: FloatArray  #: True displacement, in µm; NaN if it is not known.
 
 
 def counted_periods(record: AxisRecord, table: AxisTable, counted: int) -> CountedPeriods:

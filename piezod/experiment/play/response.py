@@ -28,38 +28,24 @@ SIGMAS = 2.0
 
 
 class MultisineSettings(NamedTuple):
-    """Settings of the measurement.
+    """Settings of the measurement."""
 
-    Attributes:
-        interval_ns: Time between two points of the table, in ns.
-        lowest_hz: Lowest frequency, in Hz; a period lasts its inverse.
-        highest_hz: Highest frequency, in Hz.
-        amplitude: Largest deviation of the position, as a share of the range of the model.
-    """
-
-    interval_ns: int
-    lowest_hz: float
-    highest_hz: float
-    amplitude: float
+    interval_ns: int  #: Time between two points of the table, in ns.
+    lowest_hz: float  #: Lowest frequency, in Hz; a period lasts its inverse.
+    highest_hz: float  #: Highest frequency, in Hz.
+    amplitude: float  #: Largest deviation of the position, as a share of the range of the model.
 
 
 class KnownResponse(NamedTuple):
-    """The response from the input of the inverse model to the samples.
+    """The response from the input of the inverse model to the samples."""
 
-    Attributes:
-        model: The response, with a static gain of one.
-        highest_hz: Highest frequency at which it is known, in Hz.
-        frequency_hz: (n,) frequencies of the measurement, in Hz; empty for a response from a file.
-        misfit: (n,) relative error of the model there, beyond the noise.
-        shift: Share by which the frequencies of its modes may be wrong.
-        hold_s: Time for which a point is held, in s, if the model does not contain it, else 0.
-    """
-
-    model: ResponseModel
-    highest_hz: float
+    model: ResponseModel  #: The response, with a static gain of one.
+    highest_hz: float  #: Highest frequency at which it is known, in Hz.
+    #: (n,) frequencies of the measurement, in Hz; empty for a response from a file.
     frequency_hz: FloatArray
-    misfit: FloatArray
-    shift: float
+    misfit: FloatArray  #: (n,) relative error of the model there, beyond the noise.
+    shift: float  #: Share by which the frequencies of its modes may be wrong.
+    #: Time for which a point is held, in s, if the model does not contain it, else 0.
     hold_s: float = 0.0
 
     def at(self, frequency_hz: FloatArray) -> ComplexArray:

@@ -7,15 +7,10 @@ from piezod.devices.played_axis import AxisRecord, AxisTable
 
 
 class AtRest(NamedTuple):
-    """An axis at rest.
+    """An axis at rest."""
 
-    Attributes:
-        t_s: Present time of the stage, in s.
-        drive_v: Voltage at which a table begins, in V.
-    """
-
-    t_s: float
-    drive_v: float
+    t_s: float  #: Present time of the stage, in s.
+    drive_v: float  #: Voltage at which a table begins, in V.
 
 
 class PlayedStage(Protocol):

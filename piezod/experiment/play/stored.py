@@ -25,21 +25,13 @@ _SAME_UM = 1e-6
 
 
 class Conditions(NamedTuple):
-    """Conditions of a learned table; under other ones it is not used.
+    """Conditions of a learned table; under other ones it is not used."""
 
-    Attributes:
-        axis: Name of the axis.
-        device: Identity of the device that plays.
-        model_sha256: Hash of the model of the axis.
-        sensor_delay_s: Part of the delay that is the sensor's, in s.
-        rest_v: Voltage at rest, in V.
-    """
-
-    axis: str
-    device: Identity
-    model_sha256: str
-    sensor_delay_s: float
-    rest_v: float
+    axis: str  #: Name of the axis.
+    device: Identity  #: Identity of the device that plays.
+    model_sha256: str  #: Hash of the model of the axis.
+    sensor_delay_s: float  #: Part of the delay that is the sensor's, in s.
+    rest_v: float  #: Voltage at rest, in V.
 
     def changed(self, table: TableFile, command: PeriodicCommand) -> Iterator[str]:
         """Yield the conditions of a table that have changed, in words.
@@ -132,15 +124,11 @@ def file_part(name: str) -> str:
 
 
 class FoundTable(NamedTuple):
-    """A stored table for a command.
+    """A stored table for a command."""
 
-    Attributes:
-        wanted_um: (n,) its input of the inverse model, in µm; None if no table may be used.
-        note: Which table is used, or why none is, for people.
-    """
-
+    #: (n,) its input of the inverse model, in µm; None if no table may be used.
     wanted_um: FloatArray | None
-    note: str
+    note: str  #: Which table is used, or why none is, for people.
 
 
 def find_table(folder: Path, conditions: Conditions, command: PeriodicCommand) -> FoundTable:

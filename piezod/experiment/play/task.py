@@ -20,61 +20,37 @@ MOST_LEFT_OUT = 0.25
 
 
 class PlaySettings(NamedTuple):
-    """Settings of the plays.
+    """Settings of the plays."""
 
-    Attributes:
-        passes: Largest number of corrections.
-        settle_s: Time of the waveform before the periods that count, in s.
-        record_s: Time of the periods that count, in s.
-    """
-
-    passes: int
-    settle_s: float
-    record_s: float
+    passes: int  #: Largest number of corrections.
+    settle_s: float  #: Time of the waveform before the periods that count, in s.
+    record_s: float  #: Time of the periods that count, in s.
 
 
 @dataclass(frozen=True, eq=False)
 class LearningTask:
-    """What is learned, and how.
+    """What is learned, and how."""
 
-    Attributes:
-        given: The command as given.
-        command: The command with learned harmonics only.
-        maker: Makes tables for the axis.
-        harmonics: Response and sensor at the harmonics of the command.
-        static_gain: Mean displacement per mean input, with creep.
-        settings: Settings of the plays.
-        drift: Drift of the axis, from all of its plays.
-        first_um: (n,) input that was learned before, in µm; None to begin with the response.
-    """
-
-    given: PeriodicCommand
-    command: PeriodicCommand
-    maker: TableMaker
-    harmonics: Harmonics
-    static_gain: float
-    settings: PlaySettings
-    drift: Drift
+    given: PeriodicCommand  #: The command as given.
+    command: PeriodicCommand  #: The command with learned harmonics only.
+    maker: TableMaker  #: Makes tables for the axis.
+    harmonics: Harmonics  #: Response and sensor at the harmonics of the command.
+    static_gain: float  #: Mean displacement per mean input, with creep.
+    settings: PlaySettings  #: Settings of the plays.
+    drift: Drift  #: Drift of the axis, from all of its plays.
+    #: (n,) input that was learned before, in µm; None to begin with the response.
     first_um: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class KnownAxis:
-    """What is known of an axis.
+    """What is known of an axis."""
 
-    Attributes:
-        maker: Makes tables for it, by its inverse model.
-        creep: Its creep.
-        response: From the input of the inverse model to the samples.
-        sensor_delay_s: Part of the delay that is the sensor's, in s.
-        drift: Its drift since the first play.
-    """
-
-    maker: TableMaker
-    creep: CreepLaw
-    response: KnownResponse
-    sensor_delay_s: float
-    drift: Drift = field(default_factory=Drift)
+    maker: TableMaker  #: Makes tables for it, by its inverse model.
+    creep: CreepLaw  #: Its creep.
+    response: KnownResponse  #: From the input of the inverse model to the samples.
+    sensor_delay_s: float  #: Part of the delay that is the sensor's, in s.
+    drift: Drift = field(default_factory=Drift)  #: Its drift since the first play.
 
     def task(
         self,

@@ -26,38 +26,23 @@ def keep_nothing(_number: int, _learned: LearnedPlay, _conditions: Conditions) -
 
 @dataclass(frozen=True, eq=False)
 class PlayedResult:
-    """What was played on one axis.
+    """What was played on one axis."""
 
-    Attributes:
-        axis: Name of the axis.
-        response: Its response.
-        conditions: Conditions of its tables.
-        plays: The learned waveforms, in order.
-        notes: Notes on stored tables, for people.
-    """
-
-    axis: str
-    response: KnownResponse
-    conditions: Conditions
-    plays: tuple[LearnedPlay, ...]
-    notes: tuple[str, ...]
+    axis: str  #: Name of the axis.
+    response: KnownResponse  #: Its response.
+    conditions: Conditions  #: Conditions of its tables.
+    plays: tuple[LearnedPlay, ...]  #: The learned waveforms, in order.
+    notes: tuple[str, ...]  #: Notes on stored tables, for people.
 
 
 @dataclass(frozen=True, eq=False)
 class PlayedExperiment:
-    """What was played in an experiment.
+    """What was played in an experiment."""
 
-    Attributes:
-        title: Description, for people.
-        seed: Seed of the random values in simulated devices.
-        axes: Each axis, in order.
-        warnings: Warnings, a sentence each.
-    """
-
-    title: str
-    seed: int
-    axes: tuple[PlayedResult, ...]
-    warnings: tuple[str, ...] = ()
+    title: str  #: Description, for people.
+    seed: int  #: Seed of the random values in simulated devices.
+    axes: tuple[PlayedResult, ...]  #: Each axis, in order.
+    warnings: tuple[str, ...] = ()  #: Warnings, a sentence each.
 
 
 class PlayMeter:

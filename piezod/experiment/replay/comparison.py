@@ -30,51 +30,31 @@ rms. Instants between two cycles, at which a request arrived, are not recorded."
 
 
 class ModeRow(NamedTuple):
-    """Errors of one recorded mode.
+    """Errors of one recorded mode."""
 
-    Attributes:
-        recorded: The recorded mode.
-        replayed: The mode in the replay.
-        duration_s: Time with an error, in s.
-        recorded_rms_um: Rms of the recorded error, in µm.
-        recorded_worst_um: Largest recorded error, in µm.
-        rms_um: Rms of the error in the replay, in µm.
-        worst_um: Largest error in the replay, in µm.
-        drive_rms_v: Rms of the difference of the drives, in V.
-        drive_worst_v: Largest difference of the drives, in V.
-    """
-
-    recorded: str
-    replayed: str
-    duration_s: float
-    recorded_rms_um: float
-    recorded_worst_um: float
-    rms_um: float
-    worst_um: float
-    drive_rms_v: float
-    drive_worst_v: float
+    recorded: str  #: The recorded mode.
+    replayed: str  #: The mode in the replay.
+    duration_s: float  #: Time with an error, in s.
+    recorded_rms_um: float  #: Rms of the recorded error, in µm.
+    recorded_worst_um: float  #: Largest recorded error, in µm.
+    rms_um: float  #: Rms of the error in the replay, in µm.
+    worst_um: float  #: Largest error in the replay, in µm.
+    drive_rms_v: float  #: Rms of the difference of the drives, in V.
+    drive_worst_v: float  #: Largest difference of the drives, in V.
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A replay beside its recording.
+    """A replay beside its recording."""
 
-    Attributes:
-        replay: The replay.
-        rows: One row for each recorded mode.
-        repeats: Whether the drive is that of the recording.
-        stand_in: The model that stands in for the stage.
-        stand_in_um: Rms error with which that model describes the positions of the record, without
-            a constant, in µm; smaller differences of errors mean nothing. NaN if it was not chosen.
-        warnings: Reservations, a sentence each.
-    """
-
-    replay: Replay
-    rows: tuple[ModeRow, ...]
-    repeats: bool
-    stand_in: Literal["replayed", "fitted"]
+    replay: Replay  #: The replay.
+    rows: tuple[ModeRow, ...]  #: One row for each recorded mode.
+    repeats: bool  #: Whether the drive is that of the recording.
+    stand_in: Literal["replayed", "fitted"]  #: The model that stands in for the stage.
+    #: Rms error with which that model describes the positions of the record, without a constant, in
+    #: µm; smaller differences of errors mean nothing. NaN if it was not chosen.
     stand_in_um: float
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...]  #: Reservations, a sentence each.
 
 
 def replay_recording(

@@ -15,31 +15,18 @@ from piezod.records.telemetry_reader import RecordedTelemetry
 
 @dataclass(frozen=True)
 class RecordedAxis:
-    """What an axis did in each recorded cycle; arrays of shape (n,).
+    """What an axis did in each recorded cycle; arrays of shape (n,)."""
 
-    Attributes:
-        t_s: Instants of the cycles, in s since the start of the recording.
-        t_ns: The same since the first cycle, in ns.
-        sample_ns: Instants of the samples, in ns since the first cycle.
-        position_um: Measured position, in µm; NaN if it may not be used.
-        command_um: Command, in µm; NaN if there was none.
-        in_force_v: Voltage in force when the sample was taken, in V.
-        next_v: Voltage in force when the next sample was taken, in V.
-        modes: Mode of each cycle.
-        follows: Whether the axis followed a command.
-        skipped: Periods that the loop skipped before the cycle.
-    """
-
-    t_s: FloatArray
-    t_ns: NDArray[np.int64]
-    sample_ns: NDArray[np.int64]
-    position_um: FloatArray
-    command_um: FloatArray
-    in_force_v: FloatArray
-    next_v: FloatArray
-    modes: NDArray[np.str_]
-    follows: NDArray[np.bool_]
-    skipped: NDArray[np.int64]
+    t_s: FloatArray  #: Instants of the cycles, in s since the start of the recording.
+    t_ns: NDArray[np.int64]  #: The same since the first cycle, in ns.
+    sample_ns: NDArray[np.int64]  #: Instants of the samples, in ns since the first cycle.
+    position_um: FloatArray  #: Measured position, in µm; NaN if it may not be used.
+    command_um: FloatArray  #: Command, in µm; NaN if there was none.
+    in_force_v: FloatArray  #: Voltage in force when the sample was taken, in V.
+    next_v: FloatArray  #: Voltage in force when the next sample was taken, in V.
+    modes: NDArray[np.str_]  #: Mode of each cycle.
+    follows: NDArray[np.bool_]  #: Whether the axis followed a command.
+    skipped: NDArray[np.int64]  #: Periods that the loop skipped before the cycle.
 
     @property
     def judged(self) -> NDArray[np.bool_]:

@@ -28,18 +28,12 @@ from piezod.units import NS_PER_S
 
 @dataclass(frozen=True)
 class Replay:
-    """A recording and its replay; arrays of shape (n,).
+    """A recording and its replay; arrays of shape (n,)."""
 
-    Attributes:
-        recorded: The recording.
-        modes: Mode of each cycle in the replay.
-        next_v: Voltage in force after each cycle in the replay, in V.
-        position_um: Position in the replay, in µm; NaN if the recorded sample may not be used.
-    """
-
-    recorded: RecordedAxis
-    modes: NDArray[np.str_]
-    next_v: FloatArray
+    recorded: RecordedAxis  #: The recording.
+    modes: NDArray[np.str_]  #: Mode of each cycle in the replay.
+    next_v: FloatArray  #: Voltage in force after each cycle in the replay, in V.
+    #: Position in the replay, in µm; NaN if the recorded sample may not be used.
     position_um: FloatArray
 
     @property

@@ -47,52 +47,31 @@ SLEW_PART: Final = 0.9
 
 
 class Wanted(NamedTuple):
-    """What the user asked for; None for the default.
+    """What the user asked for; None for the default."""
 
-    Attributes:
-        offsets_v: Voltages about which the axis is driven, in V; empty for the middle.
-        amplitude_v: Largest deviation from them, in V.
-        low_hz: Lowest line, in Hz.
-        high_hz: Highest line, in Hz.
-        periods: Number of averaged periods.
-    """
-
+    #: Voltages about which the axis is driven, in V; empty for the middle.
     offsets_v: Many[float] = ()
-    amplitude_v: float | None = None
-    low_hz: float | None = None
-    high_hz: float | None = None
-    periods: int | None = None
+    amplitude_v: float | None = None  #: Largest deviation from them, in V.
+    low_hz: float | None = None  #: Lowest line, in Hz.
+    high_hz: float | None = None  #: Highest line, in Hz.
+    periods: int | None = None  #: Number of averaged periods.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResponsePlan:
-    """The drive about one voltage.
+    """The drive about one voltage."""
 
-    Attributes:
-        offset_v: The voltage, in V.
-        amplitude_v: Largest deviation from it, in V.
-        largest_v: Largest allowed amplitude, in V.
-        rate_hz: Cycles per second.
-        period: Samples of a period.
-        periods: Number of averaged periods.
-        rest: First sample of the rest, and the one after its last.
-        first: First sample of the averaged periods.
-        harmonics: (n,) lines, as multiples of the lowest frequency.
-        drive_v: The waveform, from the rest voltage on.
-        samples: Its duration, in samples.
-    """
-
-    offset_v: float
-    amplitude_v: float
-    largest_v: float
-    rate_hz: float
-    period: int
-    periods: int
-    rest: tuple[int, int]
-    first: int
-    harmonics: IntArray
-    drive_v: Sequence
-    samples: int
+    offset_v: float  #: The voltage, in V.
+    amplitude_v: float  #: Largest deviation from it, in V.
+    largest_v: float  #: Largest allowed amplitude, in V.
+    rate_hz: float  #: Cycles per second.
+    period: int  #: Samples of a period.
+    periods: int  #: Number of averaged periods.
+    rest: tuple[int, int]  #: First sample of the rest, and the one after its last.
+    first: int  #: First sample of the averaged periods.
+    harmonics: IntArray  #: (n,) lines, as multiples of the lowest frequency.
+    drive_v: Sequence  #: The waveform, from the rest voltage on.
+    samples: int  #: Its duration, in samples.
 
     @property
     def duration_s(self) -> float:

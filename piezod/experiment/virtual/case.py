@@ -38,15 +38,10 @@ ends."""
 
 
 class VirtualRun(NamedTuple):
-    """One axis in one case and one mode.
+    """One axis in one case and one mode."""
 
-    Attributes:
-        recording: The recording.
-        warnings: Warnings for its reader.
-    """
-
-    recording: Recording
-    warnings: tuple[str, ...]
+    recording: Recording  #: The recording.
+    warnings: tuple[str, ...]  #: Warnings for its reader.
 
 
 def run_case(

@@ -38,21 +38,14 @@ from piezod.units import NS_PER_S
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """An axis with its model.
+    """An axis with its model."""
 
-    Attributes:
-        config: Configuration of the axis, with the first mode of its model if it has none.
-        model: The model, with its zero at rest.
-        creeping: The creep of the axis so far.
-        account: Origin of the model.
-        warnings: Warnings for the user of the model.
-    """
-
+    #: Configuration of the axis, with the first mode of its model if it has none.
     config: AxisConfig
-    model: StageModel
-    creeping: Creeping
-    account: Identification
-    warnings: tuple[str, ...]
+    model: StageModel  #: The model, with its zero at rest.
+    creeping: Creeping  #: The creep of the axis so far.
+    account: Identification  #: Origin of the model.
+    warnings: tuple[str, ...]  #: Warnings for the user of the model.
 
 
 def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str, IdentifiedAxis]:

@@ -31,19 +31,12 @@ _WIDE_RATIO: Final = 30.0
 
 
 class Mark(NamedTuple):
-    """Appearance of a dot.
+    """Appearance of a dot."""
 
-    Attributes:
-        shape: Name of the matplotlib marker.
-        colour: Colour of edge and filling.
-        size: Size in points.
-        edge: Width of the edge, in points.
-    """
-
-    shape: str
-    colour: str
-    size: float = 7.0
-    edge: float = 1.0
+    shape: str  #: Name of the matplotlib marker.
+    colour: str  #: Colour of edge and filling.
+    size: float = 7.0  #: Size in points.
+    edge: float = 1.0  #: Width of the edge, in points.
 
     def line(
         self, values: list[float], rows: list[int], label: str = "", *, filled: bool = True

@@ -30,19 +30,13 @@ _PERIODS = 2
 
 @dataclass(frozen=True, eq=False)
 class PlayedErrors:
-    """Errors of one play.
+    """Errors of one play."""
 
-    Attributes:
-        label: Name of the play.
-        error_um: (n,) command minus displacement over one period, in µm; the true one if known.
-        measured_pct: Largest and rms measured error, in % of the swing.
-        true_pct: The same of the true displacement; NaN if it is not known.
-    """
-
-    label: str
+    label: str  #: Name of the play.
+    #: (n,) command minus displacement over one period, in µm; the true one if known.
     error_um: FloatArray
-    measured_pct: tuple[float, float]
-    true_pct: tuple[float, float]
+    measured_pct: tuple[float, float]  #: Largest and rms measured error, in % of the swing.
+    true_pct: tuple[float, float]  #: The same of the true displacement; NaN if it is not known.
 
 
 @house_style()

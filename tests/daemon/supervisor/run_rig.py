@@ -22,23 +22,15 @@ from tests.daemon.waiting import eventually
 
 
 class Rig(NamedTuple):
-    """A stage that can be run.
+    """A stage that can be run."""
 
-    Attributes:
-        config: Its configuration.
-        paths: Its files.
-        loops: The loop processes that were started.
-        loop_code: Code of Python for the loop process, in a list; without any it is a fake loop.
-        rescues: What the rescuers were asked to do.
-        left: What they leave: the lines of axes that are not at their safe voltages.
-    """
-
-    config: Path
-    paths: StagePaths
-    loops: list["Popen[bytes]"]
+    config: Path  #: Its configuration.
+    paths: StagePaths  #: Its files.
+    loops: list["Popen[bytes]"]  #: The loop processes that were started.
+    #: Code of Python for the loop process, in a list; without any it is a fake loop.
     loop_code: list[str]
-    rescues: list[str]
-    left: list[str]
+    rescues: list[str]  #: What the rescuers were asked to do.
+    left: list[str]  #: What they leave: the lines of axes that are not at their safe voltages.
 
     def run(self, during: Callable[[], None]) -> bool:
         """Run the stage; call a function meanwhile, and end the stage after it."""

@@ -242,23 +242,14 @@ def test_foreign_frames_end_with_patience() -> None:
 
 
 class Fate(NamedTuple):
-    """Fate of a reply.
+    """Fate of a reply."""
 
-    Attributes:
-        late_ms: Delay beyond the time-out; below 0 for in time.
-        lost: Whether it is lost.
-        twice: Whether it comes twice.
-        cut: Number of its bytes that arrive.
-        noise: Bytes before it.
-        foreign_ms: Times after the request at which unsolicited frames come.
-    """
-
-    late_ms: int
-    lost: bool
-    twice: bool
-    cut: int
-    noise: bytes
-    foreign_ms: Sequence[int]
+    late_ms: int  #: Delay beyond the time-out; below 0 for in time.
+    lost: bool  #: Whether it is lost.
+    twice: bool  #: Whether it comes twice.
+    cut: int  #: Number of its bytes that arrive.
+    noise: bytes  #: Bytes before it.
+    foreign_ms: Sequence[int]  #: Times after the request at which unsolicited frames come.
 
 
 FATES = st.builds(

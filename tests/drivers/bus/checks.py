@@ -323,15 +323,10 @@ def _near(device: Any, value: float) -> bool:
 
 
 class Row(NamedTuple):
-    """A check.
+    """A check."""
 
-    Attributes:
-        check: The check.
-        ids: Faults that a driver detects if it passes; it applies to drivers that detect all of
-            them.
-    """
-
-    check: Callable[[Session], None]
+    check: Callable[[Session], None]  #: The check.
+    #: Faults that a driver detects if it passes; it applies to drivers that detect all of them.
     ids: tuple[str, ...] = ()
 
 

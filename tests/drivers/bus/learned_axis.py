@@ -53,19 +53,12 @@ class TrueBench(SharedRig):
 
 
 class Connected(NamedTuple):
-    """A device, active, and its emulator.
+    """A device, active, and its emulator."""
 
-    Attributes:
-        device: The device.
-        emulator: The emulated device.
-        pair: Its channels.
-        held_ns: Time for which it holds the first point, and which it does not record.
-    """
-
-    device: PlayingBusDevice
-    emulator: Emulator
-    pair: ChannelPair
-    held_ns: int = 0
+    device: PlayingBusDevice  #: The device.
+    emulator: Emulator  #: The emulated device.
+    pair: ChannelPair  #: Its channels.
+    held_ns: int = 0  #: Time for which it holds the first point, and which it does not record.
 
 
 Connect = Callable[[SharedRig, TestTime], Connected]

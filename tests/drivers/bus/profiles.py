@@ -16,30 +16,21 @@ Options = Callable[[str, float], Mapping[str, object]]
 
 @dataclass(frozen=True)
 class Profile:
-    """A device and its driver.
+    """A device and its driver."""
 
-    Attributes:
-        name: Name of the profile, as in `piezod emulate`.
-        driver: Name of the driver.
-        wiring: Channels of the device, all of them in use.
-        options: Options of the driver.
-        arguments: Arguments of `piezod emulate`.
-        unseen: Ids of faults that the driver detects, but not for this device.
-        streams: Whether it sends by itself, so that the age of a value is unknown.
-        takes_long: Whether its faults and its fuzzing are left to `make stress`, because another
-            profile of its driver shows the same.
-        shorter: Waits of the driver, in ns by constant, that are shorter in tests of faults: an
-            emulated device sends a reply in one piece.
-    """
-
-    name: str
-    driver: str
-    wiring: Wiring
-    options: Options
-    arguments: tuple[str, ...] = ()
+    name: str  #: Name of the profile, as in `piezod emulate`.
+    driver: str  #: Name of the driver.
+    wiring: Wiring  #: Channels of the device, all of them in use.
+    options: Options  #: Options of the driver.
+    arguments: tuple[str, ...] = ()  #: Arguments of `piezod emulate`.
+    #: Ids of faults that the driver detects, but not for this device.
     unseen: frozenset[str] = frozenset()
-    streams: bool = False
+    streams: bool = False  #: Whether it sends by itself, so that the age of a value is unknown.
+    #: Whether its faults and its fuzzing are left to `make stress`, because another profile of its
+    #: driver shows the same.
     takes_long: bool = False
+    #: Waits of the driver, in ns by constant, that are shorter in tests of faults: an emulated
+    #: device sends a reply in one piece.
     shorter: Mapping[str, int] = field(default_factory=dict)
 
     def maker(self, where: str, timeout_ms: float = 2000.0) -> Callable[[], Any]:
@@ -51,13 +42,9 @@ class Profile:
 
 @dataclass(frozen=True)
 class Port:
-    """Options of a driver with `port` and `timeout_ms`.
+    """Options of a driver with `port` and `timeout_ms`."""
 
-    Attributes:
-        others: The other options.
-    """
-
-    others: Mapping[str, object] = field(default_factory=dict)
+    others: Mapping[str, object] = field(default_factory=dict)  #: The other options.
 
     def __call__(self, where: str, timeout_ms: float) -> Mapping[str, object]:
         """Return the options for a place."""
@@ -66,13 +53,9 @@ class Port:
 
 @dataclass(frozen=True)
 class Tcp:
-    """Options of a driver with `host`, `tcp_port` and `timeout_ms`.
+    """Options of a driver with `host`, `tcp_port` and `timeout_ms`."""
 
-    Attributes:
-        others: The other options.
-    """
-
-    others: Mapping[str, object] = field(default_factory=dict)
+    others: Mapping[str, object] = field(default_factory=dict)  #: The other options.
 
     def __call__(self, where: str, timeout_ms: float) -> Mapping[str, object]:
         """Return the options for a place."""

@@ -34,23 +34,15 @@ CYCLES = 20
 
 
 class Player(NamedTuple):
-    """A device that plays.
+    """A device that plays."""
 
-    Attributes:
-        profile: Its emulator.
-        driver: Its driver.
-        options: Options of the driver.
-        wiring: Its channels.
-        calibration: Calibration of its output to V, as in a configuration.
-        n_lead_in: Points of the lead-in.
-    """
-
-    profile: str
-    driver: str
-    options: dict[str, object]
-    wiring: Wiring
+    profile: str  #: Its emulator.
+    driver: str  #: Its driver.
+    options: dict[str, object]  #: Options of the driver.
+    wiring: Wiring  #: Its channels.
+    #: Calibration of its output to V, as in a configuration.
     calibration: str = "{kind: line, gain: 1}"
-    n_lead_in: int = 200
+    n_lead_in: int = 200  #: Points of the lead-in.
 
     def options_at(self, where: str) -> dict[str, object]:
         """Return the options for a place that an emulator prints."""

@@ -34,14 +34,10 @@ MANY: Final = 20
 
 @dataclass(frozen=True)
 class Step:
-    """An expected request of a script, and its replies.
+    """An expected request of a script, and its replies."""
 
-    Attributes:
-        sent: All bytes that the driver sends in this step.
-        replies: Parts of the reply, each with a delay to the one before it, in ns.
-    """
-
-    sent: bytes
+    sent: bytes  #: All bytes that the driver sends in this step.
+    #: Parts of the reply, each with a delay to the one before it, in ns.
     replies: tuple[tuple[int, bytes], ...] = ()
 
 

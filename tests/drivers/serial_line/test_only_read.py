@@ -38,23 +38,14 @@ HELD_V = 33.0
 
 
 class Case(NamedTuple):
-    """A device, and the requests that must not be sent to it.
+    """A device, and the requests that must not be sent to it."""
 
-    Attributes:
-        name: Name of the case.
-        channel: Its input; "" if it has none.
-        emulator: Constructs the emulator.
-        dialogue: Constructs the dialogue.
-        before: Changes at the device by its user, so that the driver could undo something.
-        changing: Beginnings or parts of any request that changes outputs or modes.
-    """
-
-    name: str
-    channel: str
-    emulator: Callable[[SharedRig], Emulator]
-    dialogue: Callable[[EmulatedLine, Wiring], Dialogue]
-    before: bytes
-    changing: Sequence[bytes]
+    name: str  #: Name of the case.
+    channel: str  #: Its input; "" if it has none.
+    emulator: Callable[[SharedRig], Emulator]  #: Constructs the emulator.
+    dialogue: Callable[[EmulatedLine, Wiring], Dialogue]  #: Constructs the dialogue.
+    before: bytes  #: Changes at the device by its user, so that the driver could undo something.
+    changing: Sequence[bytes]  #: Beginnings or parts of any request that changes outputs or modes.
 
 
 def psj(profile: ProfileName, before: bytes) -> Case:

@@ -100,17 +100,11 @@ def at_rate(stage: Identified, rate_hz: float) -> Identified:
 
 
 class Ringing(NamedTuple):
-    """The largest vibration of a stage that learns from a wave, between the harmonics of the wave.
+    """The largest vibration between the harmonics of the wave that a stage learns from."""
 
-    Attributes:
-        amplitude_pct: Its amplitude, in % of the travel.
-        frequency_hz: Its frequency, in Hz.
-        learned: Whether the stage has kept what it learned: it did not follow badly.
-    """
-
-    amplitude_pct: float
-    frequency_hz: float
-    learned: bool
+    amplitude_pct: float  #: Its amplitude, in % of the travel.
+    frequency_hz: float  #: Its frequency, in Hz.
+    learned: bool  #: Whether the stage has kept what it learned: it did not follow badly.
 
 
 def ringing(stage: Identified) -> Ringing:

@@ -36,18 +36,12 @@ EDGES: Final = [
 
 
 class Edge(NamedTuple):
-    """The edge of self-oscillation.
+    """The edge of self-oscillation."""
 
-    Attributes:
-        steady: Largest factor of the allowed pace with which nothing rings; 0 if the allowed one
-            rings.
-        rings: Smallest factor that was found to ring.
-        ringing: How it rings.
-    """
-
+    #: Largest factor of the allowed pace with which nothing rings; 0 if the allowed one rings.
     steady: float
-    rings: float
-    ringing: Ringing
+    rings: float  #: Smallest factor that was found to ring.
+    ringing: Ringing  #: How it rings.
 
 
 def edge_of(stage: Identified, patch: pytest.MonkeyPatch, most: float) -> Edge:

@@ -26,16 +26,11 @@ AFTER_S = 20.0
 
 
 class Change(NamedTuple):
-    """How a stage changes.
+    """How a stage changes."""
 
-    Attributes:
-        gain: Part by which the displacement grows.
-        hysteresis: Part by which its irreversible part grows.
-        keeps_travel: Whether the reversible part shrinks so that full swings stay as large.
-    """
-
-    gain: float
-    hysteresis: float
+    gain: float  #: Part by which the displacement grows.
+    hysteresis: float  #: Part by which its irreversible part grows.
+    #: Whether the reversible part shrinks so that full swings stay as large.
     keeps_travel: bool = False
 
 

@@ -72,18 +72,13 @@ def gone() -> Fault:
 
 @dataclass
 class Course:
-    """What happened in a run through a fault.
+    """What happened in a run through a fault."""
 
-    Attributes:
-        rig: What ran.
-        learning_cycles: Cycles of the fault in which something was learned.
-        learned: What was known at the beginning of the fault, at its end, and some time after.
-        worst: Worst true error during the fault, and up to each of these times, in %.
-    """
-
-    rig: StressRig
-    learning_cycles: int = 0
+    rig: StressRig  #: What ran.
+    learning_cycles: int = 0  #: Cycles of the fault in which something was learned.
+    #: What was known at the beginning of the fault, at its end, and some time after.
     learned: list[FloatArray] = field(default_factory=list)
+    #: Worst true error during the fault, and up to each of these times, in %.
     worst: list[float] = field(default_factory=list)
 
     def watch(self, _cycle: int) -> None:

@@ -14,19 +14,14 @@ _BOOT: Final = ("virtio_pci", "9pnet_virtio", "9p")
 
 
 class Kernel(NamedTuple):
-    """A kernel to boot.
+    """A kernel to boot."""
 
-    Attributes:
-        image: The kernel.
-        initial: Its initial file system: the modules for the root, and a script that mounts it.
-        modules: Folder of its other modules, for `modprobe --dirname`.
-        release: Its version.
-    """
-
-    image: Path
-    initial: Path
-    modules: Path
-    release: str
+    image: Path  #: The kernel.
+    initial: (
+        Path  #: Its initial file system: the modules for the root, and a script that mounts it.
+    )
+    modules: Path  #: Folder of its other modules, for `modprobe --dirname`.
+    release: str  #: Its version.
 
 
 def fetch(cache: Path) -> Kernel:

@@ -13,19 +13,12 @@ _ID_MASK: Final = 0x7FF
 
 
 class Pdo(NamedTuple):
-    """A PDO of a node, as requested or as found.
+    """A PDO of a node, as requested or as found."""
 
-    Attributes:
-        settings: Index of its communication parameters.
-        mapping: Index of its mapping.
-        transmission: Transmission type.
-        entries: Entries of its mapping.
-    """
-
-    settings: int
-    mapping: int
-    transmission: int
-    entries: tuple[int, ...]
+    settings: int  #: Index of its communication parameters.
+    mapping: int  #: Index of its mapping.
+    transmission: int  #: Transmission type.
+    entries: tuple[int, ...]  #: Entries of its mapping.
 
     @classmethod
     def for_outputs(cls, number: int, outputs: Sequence[int]) -> "Pdo":
@@ -45,16 +38,11 @@ class Pdo(NamedTuple):
 
 
 class PdoLayout(NamedTuple):
-    """The positions of channels in a PDO of the node.
+    """The positions of channels in a PDO of the node."""
 
-    Attributes:
-        id: Identifier of the PDO.
-        positions: Index of the word of each channel.
-        fill: Value of each word that belongs to no channel of ours; 0 for the others.
-    """
-
-    id: int
-    positions: tuple[int, ...]
+    id: int  #: Identifier of the PDO.
+    positions: tuple[int, ...]  #: Index of the word of each channel.
+    #: Value of each word that belongs to no channel of ours; 0 for the others.
     fill: tuple[int, ...]
 
     def frame(self, words: Sequence[int]) -> Frame:

@@ -23,18 +23,12 @@ _LAST: Final = 0x01
 
 
 class SdoReadRequest(NamedTuple):
-    """A request for the word of a channel.
+    """A request for the word of a channel."""
 
-    Attributes:
-        frames: The request.
-        address: Index and sub-index of the object; the reply repeats them.
-        answers: Identifier of the reply.
-        next: The request for the first segment, for a node that sends the word in segments.
-    """
-
-    frames: tuple[Frame]
-    address: bytes
-    answers: frozenset[int]
+    frames: tuple[Frame]  #: The request.
+    address: bytes  #: Index and sub-index of the object; the reply repeats them.
+    answers: frozenset[int]  #: Identifier of the reply.
+    #: The request for the first segment, for a node that sends the word in segments.
     next: tuple[Frame]
 
     def is_answered_by(self, frame: Frame) -> bool:

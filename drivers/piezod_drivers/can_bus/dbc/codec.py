@@ -6,32 +6,20 @@ from typing import Literal, NamedTuple
 
 
 class DbcSignal(NamedTuple):
-    """A signal: some bits of a frame, in the terms of a DBC file.
+    """A signal: some bits of a frame, in the terms of a DBC file."""
 
-    Attributes:
-        name: Name of the signal.
-        start: The first bit: the lowest bit of a little-endian signal, the highest bit of a
-            big-endian one; bit i of byte j is 8·j + i.
-        bits: Number of bits.
-        big_endian: Whether the highest byte comes first.
-        signed: Whether the highest bit is the sign.
-        scale: Physical value of one count.
-        offset: Physical value of count 0.
-        lowest: Lowest physical value; None if the file does not limit it.
-        highest: Highest physical value; None if the file does not limit it.
-        unit: Unit of the physical value; may be empty.
-    """
-
-    name: str
+    name: str  #: Name of the signal.
+    #: The first bit: the lowest bit of a little-endian signal, the highest bit of a big-endian one;
+    #: bit i of byte j is 8·j + i.
     start: int
-    bits: int
-    big_endian: bool = False
-    signed: bool = False
-    scale: float = 1.0
-    offset: float = 0.0
-    lowest: float | None = None
-    highest: float | None = None
-    unit: str = ""
+    bits: int  #: Number of bits.
+    big_endian: bool = False  #: Whether the highest byte comes first.
+    signed: bool = False  #: Whether the highest bit is the sign.
+    scale: float = 1.0  #: Physical value of one count.
+    offset: float = 0.0  #: Physical value of count 0.
+    lowest: float | None = None  #: Lowest physical value; None if the file does not limit it.
+    highest: float | None = None  #: Highest physical value; None if the file does not limit it.
+    unit: str = ""  #: Unit of the physical value; may be empty.
 
     @property
     def order(self) -> Literal["big", "little"]:
@@ -69,21 +57,13 @@ class DbcSignal(NamedTuple):
 
 
 class DbcMessage(NamedTuple):
-    """A frame with signals.
+    """A frame with signals."""
 
-    Attributes:
-        name: Name of the message.
-        id: Identifier.
-        n_bytes: Number of data bytes, 0 to 8.
-        extended: Whether the identifier has 29 bits.
-        signals: The signals by name.
-    """
-
-    name: str
-    id: int
-    n_bytes: int
-    extended: bool
-    signals: Mapping[str, DbcSignal]
+    name: str  #: Name of the message.
+    id: int  #: Identifier.
+    n_bytes: int  #: Number of data bytes, 0 to 8.
+    extended: bool  #: Whether the identifier has 29 bits.
+    signals: Mapping[str, DbcSignal]  #: The signals by name.
 
 
 class SignalReader:

@@ -17,18 +17,13 @@ class HeldOutput(NamedTuple):
     """An output that no axis uses, but that the message of a used output also sets.
 
     It is sent with the value that was read back.
-
-    Attributes:
-        name: Name of the output.
-        target: Identifier of its message, and its signal.
-        read_back: Identifier of the message that reads it back, and the reader.
-        range: Lowest and highest value that it can be set to.
     """
 
-    name: str
-    target: tuple[int, str]
+    name: str  #: Name of the output.
+    target: tuple[int, str]  #: Identifier of its message, and its signal.
+    #: Identifier of the message that reads it back, and the reader.
     read_back: tuple[int, SignalReader]
-    range: tuple[float, float]
+    range: tuple[float, float]  #: Lowest and highest value that it can be set to.
 
     def held_value(self, value: float) -> float:
         """Return the value to send so that the output stays as it was read back.

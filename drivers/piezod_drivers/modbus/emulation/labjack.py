@@ -28,23 +28,14 @@ DAC: Final = 1000
 
 
 class LabJackModel(NamedTuple):
-    """Properties in which the models differ.
+    """Properties in which the models differ."""
 
-    Attributes:
-        product: Number of the product.
-        n_inputs: Number of inputs.
-        n_low_inputs: Number of them, the last ones, whose range is 0 to 2.5 V.
-        highest_v: Highest voltage of the outputs, in V.
-        n_codes: Number of steps of the outputs.
-        usual_serial: Serial number if no other is given.
-    """
-
-    product: int
-    n_inputs: int
-    n_low_inputs: int
-    highest_v: float
-    n_codes: int
-    usual_serial: int
+    product: int  #: Number of the product.
+    n_inputs: int  #: Number of inputs.
+    n_low_inputs: int  #: Number of them, the last ones, whose range is 0 to 2.5 V.
+    highest_v: float  #: Highest voltage of the outputs, in V.
+    n_codes: int  #: Number of steps of the outputs.
+    usual_serial: int  #: Serial number if no other is given.
 
 
 T4: Final = LabJackModel(4, 12, 8, 5.0, (1 << 10) - 1, 440_010_001)

@@ -30,28 +30,20 @@ class ModbusRefusal(Exception):  # noqa: N818 - a reply of the device
 
 
 class RegisterCell(NamedTuple):
-    """A number in one or two registers.
+    """A number in one or two registers."""
 
-    Attributes:
-        layout: Coding of the number.
-        get: Returns the number.
-        set: Stores a number, or raises `ModbusRefusal`; None if it cannot be written.
-    """
-
-    layout: Struct
-    get: Callable[[], float]
+    layout: Struct  #: Coding of the number.
+    get: Callable[[], float]  #: Returns the number.
+    #: Stores a number, or raises `ModbusRefusal`; None if it cannot be written.
     set: Callable[[float], None] | None
 
 
 class RegisterPort(NamedTuple):
-    """A register that takes or gives any number of words at its own address.
+    """A register that takes or gives any number of words at its own address."""
 
-    Attributes:
-        read: Returns this number of words; None if it cannot be read.
-        write: Takes words, or raises `ModbusRefusal`; None if it cannot be written.
-    """
-
+    #: Returns this number of words; None if it cannot be read.
     read: Callable[[int], bytes] | None = None
+    #: Takes words, or raises `ModbusRefusal`; None if it cannot be written.
     write: Callable[[bytes], None] | None = None
 
 

@@ -90,58 +90,36 @@ ERRORS: Final[Mapping[int, str]] = {
 
 
 class InputScale(NamedTuple):
-    """Scale of an input: volts = offset + slope · (code - center).
+    """Scale of an input: volts = offset + slope · (code - center)."""
 
-    Attributes:
-        center: Code at which the slope changes.
-        above: Slope for codes from there on, in V.
-        below: Slope for lower codes, in V.
-        offset: Voltage at this code, in V.
-    """
-
-    center: float
-    above: float
-    below: float
-    offset: float = 0.0
+    center: float  #: Code at which the slope changes.
+    above: float  #: Slope for codes from there on, in V.
+    below: float  #: Slope for lower codes, in V.
+    offset: float = 0.0  #: Voltage at this code, in V.
 
 
 class ScaleSource(NamedTuple):
-    """Place of the scale of an input in flash memory.
+    """Place of the scale of an input in flash memory."""
 
-    Attributes:
-        address: Address of the first byte.
-        n_floats: Number of FLOAT32 values there.
-    """
-
-    address: int
-    n_floats: int
+    address: int  #: Address of the first byte.
+    n_floats: int  #: Number of FLOAT32 values there.
 
 
 class StreamPlan(NamedTuple):
-    """Properties of the stream of a device.
+    """Properties of the stream of a device."""
 
-    Attributes:
-        shortest_ns: Shortest interval between two scans, in ns.
-        address_ns: Time that each address of the scan list needs, in ns.
-        n_steps: Number of steps of an output over its range.
-        flash: Address of the constants in flash memory.
-        ranges: Index of the constants for the value of an input's range register, in V; 0 is the
-            default.
-        sets_of_input: Number of sets of constants for each input; 0 if all inputs share them.
-        set_floats: Number of floats in each set.
-        n_high: Number of inputs with constants of their own; later inputs share one set.
-        has_trigger: Whether a stream can wait for a trigger or follow an external clock.
-    """
-
-    shortest_ns: int
-    address_ns: int
-    n_steps: int
-    flash: int
+    shortest_ns: int  #: Shortest interval between two scans, in ns.
+    address_ns: int  #: Time that each address of the scan list needs, in ns.
+    n_steps: int  #: Number of steps of an output over its range.
+    flash: int  #: Address of the constants in flash memory.
+    #: Index of the constants for the value of an input's range register, in V; 0 is the default.
     ranges: Mapping[float, int]
-    sets_of_input: int
-    set_floats: int
-    n_high: int
-    has_trigger: bool = True
+    sets_of_input: int  #: Number of sets of constants for each input; 0 if all inputs share them.
+    set_floats: int  #: Number of floats in each set.
+    n_high: int  #: Number of inputs with constants of their own; later inputs share one set.
+    has_trigger: bool = (
+        True  #: Whether a stream can wait for a trigger or follow an external clock.
+    )
 
     def scale_source(self, channel: int, range_v: float) -> ScaleSource | None:
         """Return the place of an input's scale; None if the range is unknown."""

@@ -8,19 +8,12 @@ from piezod_drivers.modbus.register import NumberType, Register, Table
 
 
 class IdentityField(NamedTuple):
-    """The register that holds a part of the identity.
+    """The register that holds a part of the identity."""
 
-    Attributes:
-        table: Table of the register.
-        address: Address of the register.
-        type: Coding of the number.
-        to_text: Converts the number to text.
-    """
-
-    table: Table
-    address: int
-    type: NumberType
-    to_text: Callable[[float], str]
+    table: Table  #: Table of the register.
+    address: int  #: Address of the register.
+    type: NumberType  #: Coding of the number.
+    to_text: Callable[[float], str]  #: Converts the number to text.
 
 
 class Constant(NamedTuple):
@@ -28,25 +21,17 @@ class Constant(NamedTuple):
 
     It holds a number that never changes, which also reveals a wrong order of words, or a setting on
     which the scale of the values depends.
-
-    Attributes:
-        table: Table of the register.
-        address: Address of the register.
-        type: Coding of the number.
-        number: The number that it holds, or the lowest allowed one.
-        highest: The highest allowed number; None if only `number` is allowed.
-        channel: The channel whose setting it is; it is checked only if this channel is used. None:
-            it is checked always.
-        remedy: What to do if it holds another number, for people.
     """
 
-    table: Table
-    address: int
-    type: NumberType
-    number: float
-    highest: float | None = None
+    table: Table  #: Table of the register.
+    address: int  #: Address of the register.
+    type: NumberType  #: Coding of the number.
+    number: float  #: The number that it holds, or the lowest allowed one.
+    highest: float | None = None  #: The highest allowed number; None if only `number` is allowed.
+    #: The channel whose setting it is; it is checked only if this channel is used. None: it is
+    #: checked always.
     channel: str | None = None
-    remedy: str = ""
+    remedy: str = ""  #: What to do if it holds another number, for people.
 
     def allows(self, found: float) -> bool:
         """Return whether the register may hold this number."""
@@ -58,69 +43,43 @@ class Constant(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """A holding register of a watchdog.
+    """A holding register of a watchdog."""
 
-    Attributes:
-        address: Address of the register.
-        type: Coding of the number.
-        number: The number that it is set to.
-        is_written: Whether it is written; a status is not.
-        is_readable: Whether it can be read back; a command cannot.
-    """
-
-    address: int
-    type: NumberType
-    number: float
-    is_written: bool = True
-    is_readable: bool = True
+    address: int  #: Address of the register.
+    type: NumberType  #: Coding of the number.
+    number: float  #: The number that it is set to.
+    is_written: bool = True  #: Whether it is written; a status is not.
+    is_readable: bool = True  #: Whether it can be read back; a command cannot.
 
 
 class WatchdogPlan(NamedTuple):
-    """How a device's watchdog is armed.
+    """How a device's watchdog is armed."""
 
-    Attributes:
-        off: Settings that stop it: at first if another setting differs, and at the end.
-        settings: Returns its settings for a time-out in s and a safe value.
-        on: Settings that start it.
-        objection: Returns why a time-out in s or a safe value is impossible, "" if both are
-            possible.
-        writes: The functions for writing that the watchdog notices.
-    """
-
+    #: Settings that stop it: at first if another setting differs, and at the end.
     off: Sequence[Setting]
+    #: Returns its settings for a time-out in s and a safe value.
     settings: Callable[[float, float], Sequence[Setting]]
-    on: Sequence[Setting]
+    on: Sequence[Setting]  #: Settings that start it.
+    #: Returns why a time-out in s or a safe value is impossible, "" if both are possible.
     objection: Callable[[float, float], str]
-    writes: tuple[int, ...]
+    writes: tuple[int, ...]  #: The functions for writing that the watchdog notices.
 
 
 @dataclass(frozen=True, slots=True)
 class ModbusProfile:
-    """A device whose registers are known.
+    """A device whose registers are known."""
 
-    Attributes:
-        name: Name in configurations.
-        maker: Maker.
-        model: Name of the model.
-        registers: All registers that can be used.
-        write_functions: Functions that it has for writing.
-        feedback: Whether it has LabJack's combined function.
-        constants: Registers that always hold the same number.
-        identity_fields: Registers with model, serial number and firmware, by these words.
-        max_rate_hz: Highest rate of requests, independent of the line.
-        watchdog: How to arm its watchdog; None if that is unknown.
-    """
-
-    name: str
-    maker: str
-    model: str
-    registers: tuple[Register, ...]
-    write_functions: tuple[int, ...] = (6, 16)
-    feedback: bool = False
-    constants: tuple[Constant, ...] = ()
+    name: str  #: Name in configurations.
+    maker: str  #: Maker.
+    model: str  #: Name of the model.
+    registers: tuple[Register, ...]  #: All registers that can be used.
+    write_functions: tuple[int, ...] = (6, 16)  #: Functions that it has for writing.
+    feedback: bool = False  #: Whether it has LabJack's combined function.
+    constants: tuple[Constant, ...] = ()  #: Registers that always hold the same number.
+    #: Registers with model, serial number and firmware, by these words.
     identity_fields: tuple[tuple[str, IdentityField], ...] = ()
-    max_rate_hz: float = 1000.0
-    watchdog: WatchdogPlan | None = None
+    max_rate_hz: float = 1000.0  #: Highest rate of requests, independent of the line.
+    watchdog: WatchdogPlan | None = None  #: How to arm its watchdog; None if that is unknown.
 
 
 def register_row(

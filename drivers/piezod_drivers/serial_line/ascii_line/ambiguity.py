@@ -15,17 +15,11 @@ _PLAIN_ESCAPES: Final = frozenset("dDsSwWtnrfvx")
 
 
 class Ambiguity(NamedTuple):
-    """Two positions that may come next and match the same character.
+    """Two positions that may come next and match the same character."""
 
-    Attributes:
-        first: The position that comes first in the expression.
-        texts: The text of both positions.
-        repeated: Whether a repeated group contains both, so that the choice recurs.
-    """
-
-    first: int
-    texts: tuple[str, str]
-    repeated: bool
+    first: int  #: The position that comes first in the expression.
+    texts: tuple[str, str]  #: The text of both positions.
+    repeated: bool  #: Whether a repeated group contains both, so that the choice recurs.
 
 
 class _Part(NamedTuple):

@@ -29,19 +29,12 @@ FlagPatterns: TypeAlias = Sequence[tuple[re.Pattern[str], DeviceFlag]]
 
 
 class Exchange(NamedTuple):
-    """A compiled command and its reply.
+    """A compiled command and its reply."""
 
-    Attributes:
-        places: The placeholders of the command.
-        reply: Pattern of the reply, None if there is none.
-        names: Channels whose values are in the command or in its reply.
-        tagged: Whether the reply repeats the running number of the command.
-    """
-
-    places: tuple[Placeholder, ...]
-    reply: re.Pattern[str] | None
-    names: tuple[str, ...]
-    tagged: bool
+    places: tuple[Placeholder, ...]  #: The placeholders of the command.
+    reply: re.Pattern[str] | None  #: Pattern of the reply, None if there is none.
+    names: tuple[str, ...]  #: Channels whose values are in the command or in its reply.
+    tagged: bool  #: Whether the reply repeats the running number of the command.
 
 
 def compiled_exchange(ask: AskConfig) -> Exchange:

@@ -19,17 +19,11 @@ _TAG_SPEC: Final = re.compile(r"(?:0\dd?)?", re.ASCII)
 
 
 class Placeholder(NamedTuple):
-    """A placeholder for a value, and the text before it.
+    """A placeholder for a value, and the text before it."""
 
-    Attributes:
-        before: Text before it.
-        name: Name of the value, "" for the end of the command.
-        spec: Format as in Python's `format`.
-    """
-
-    before: str
-    name: str
-    spec: str
+    before: str  #: Text before it.
+    name: str  #: Name of the value, "" for the end of the command.
+    spec: str  #: Format as in Python's `format`.
 
 
 def parsed(template: str) -> tuple[Placeholder, ...]:

@@ -28,15 +28,10 @@ _IDENTITY: Final = r"([^\n]{1,400})\n"
 
 
 class GcsDrive(NamedTuple):
-    """Properties of the outputs that are known before the device is opened.
+    """Properties of the outputs that are known before the device is opened."""
 
-    Attributes:
-        read_back: Query of the value in force.
-        max_rate_hz: Highest rate that the line allows.
-    """
-
-    read_back: str
-    max_rate_hz: float
+    read_back: str  #: Query of the value in force.
+    max_rate_hz: float  #: Highest rate that the line allows.
 
 
 class GcsDialogue(ABC):

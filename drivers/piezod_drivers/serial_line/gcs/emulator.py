@@ -59,27 +59,16 @@ class ProtocolQuirks(Protocol):
 
 
 class GcsModel(NamedTuple):
-    """Properties in which controllers differ.
+    """Properties in which controllers differ."""
 
-    Attributes:
-        identity: Reply to `*IDN?`, with a placeholder for the serial number.
-        ids: Identifiers of the axes in order; the rig's number of axes is used.
-        serial: Usual serial number.
-        number: Format of a measured value.
-        servo_error: Error code of `SVA` while the servo is on.
-        lowest_v: Lowest voltage.
-        highest_v: Highest voltage.
-        longest: Length of the longest command, in bytes.
-    """
-
-    identity: str
-    ids: Sequence[str]
-    serial: str
-    number: str
-    servo_error: int
-    lowest_v: float
-    highest_v: float
-    longest: int = 256
+    identity: str  #: Reply to `*IDN?`, with a placeholder for the serial number.
+    ids: Sequence[str]  #: Identifiers of the axes in order; the rig's number of axes is used.
+    serial: str  #: Usual serial number.
+    number: str  #: Format of a measured value.
+    servo_error: int  #: Error code of `SVA` while the servo is on.
+    lowest_v: float  #: Lowest voltage.
+    highest_v: float  #: Highest voltage.
+    longest: int = 256  #: Length of the longest command, in bytes.
 
 
 @dataclass

@@ -8,13 +8,9 @@ ASK_ERROR: Final = b"ERR?\n"
 
 
 class Syntax(Protocol):
-    """How a generation writes requests and replies. Pure. Real-time safe.
+    """How a generation writes requests and replies. Pure. Real-time safe."""
 
-    Attributes:
-        bare: Whether the reply to the query of a switch looks like the reply to `ERR?`.
-    """
-
-    bare: bool
+    bare: bool  #: Whether the reply to the query of a switch looks like the reply to `ERR?`.
 
     def query(self, command: str, ids: Sequence[str]) -> bytes:
         """Return the query of some axes, such as `POS?` for 1 and 2."""

@@ -24,17 +24,11 @@ _ADDITIONAL: Final = 0xC0  # both top bits of the third byte
 
 
 class NewestValue(NamedTuple):
-    """The result of searching a part of a stream.
+    """The result of searching a part of a stream."""
 
-    Attributes:
-        value: The last complete value, None if there is none.
-        rest: The bytes of an incomplete word at the end.
-        broken: Whether there were bytes that belong to no word.
-    """
-
-    value: int | None
-    rest: bytes
-    broken: bool
+    value: int | None  #: The last complete value, None if there is none.
+    rest: bytes  #: The bytes of an incomplete word at the end.
+    broken: bool  #: Whether there were bytes that belong to no word.
 
 
 def newest(got: bytes, word_bytes: int) -> NewestValue:

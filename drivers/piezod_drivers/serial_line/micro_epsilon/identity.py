@@ -13,19 +13,12 @@ _MILLIMETRES: Final = re.compile(r"([0-9]{1,6}(?:\.[0-9]{1,6})?) *mm")
 
 
 class SensorIdentity(NamedTuple):
-    """Identity of a sensor.
+    """Identity of a sensor."""
 
-    Attributes:
-        name: Model.
-        serial: Serial number.
-        version: Version of its software.
-        range_mm: Measuring range in mm, 0 if it is not reported.
-    """
-
-    name: str
-    serial: str
-    version: str
-    range_mm: float
+    name: str  #: Model.
+    serial: str  #: Serial number.
+    version: str  #: Version of its software.
+    range_mm: float  #: Measuring range in mm, 0 if it is not reported.
 
 
 def parse_identity(text: str) -> SensorIdentity | None:

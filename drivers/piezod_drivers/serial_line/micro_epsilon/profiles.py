@@ -42,32 +42,19 @@ _CODES_2: Final[Mapping[int, Flags]] = MappingProxyType(
 
 
 class SensorProfile(NamedTuple):
-    """The stream of a family of sensors; displacement = count · `per_count` + `offset`.
+    """The stream of a family of sensors; displacement = count · `per_count` + `offset`."""
 
-    Attributes:
-        word_bytes: Bytes of a word: 3 with 18 bits, or 2 with 14.
-        baud: Bits per second as delivered.
-        per_count: Displacement of a count: a fraction of the measuring range, or in µm if not
-            `scaled`.
-        offset: Displacement at count 0, in the same unit.
-        lowest: Lowest count within the range.
-        highest: Highest count within the range.
-        first_code: Counts from here on are error codes.
-        codes: Meaning of some of them.
-        scaled: Whether displacements scale with the measuring range.
-        answers_commands: Whether the sensor answers text commands.
-    """
-
-    word_bytes: int
-    baud: int
+    word_bytes: int  #: Bytes of a word: 3 with 18 bits, or 2 with 14.
+    baud: int  #: Bits per second as delivered.
+    #: Displacement of a count: a fraction of the measuring range, or in µm if not `scaled`.
     per_count: float
-    offset: float
-    lowest: int
-    highest: int
-    first_code: int
-    codes: Mapping[int, Flags]
-    scaled: bool = True
-    answers_commands: bool = True
+    offset: float  #: Displacement at count 0, in the same unit.
+    lowest: int  #: Lowest count within the range.
+    highest: int  #: Highest count within the range.
+    first_code: int  #: Counts from here on are error codes.
+    codes: Mapping[int, Flags]  #: Meaning of some of them.
+    scaled: bool = True  #: Whether displacements scale with the measuring range.
+    answers_commands: bool = True  #: Whether the sensor answers text commands.
 
     def read(self, count: int, range_um: float) -> tuple[float, Flags]:
         """Return the displacement of a count in µm, NaN if it has none, and its flags."""

@@ -29,17 +29,11 @@ _POSSIBLE_SCALES: Final = (0.1, 10.0)
 
 
 class PlayHost(Protocol):
-    """What a player uses of the dialogue.
+    """What a player uses of the dialogue."""
 
-    Attributes:
-        inputs: Numbers of the channels of the inputs.
-        outputs: Numbers of the channels of the outputs.
-        um_per_count: Scale of each input, in µm.
-    """
-
-    inputs: tuple[int, ...]
-    outputs: tuple[int, ...]
-    um_per_count: list[float]
+    inputs: tuple[int, ...]  #: Numbers of the channels of the inputs.
+    outputs: tuple[int, ...]  #: Numbers of the channels of the outputs.
+    um_per_count: list[float]  #: Scale of each input, in µm.
 
     def ask_words(
         self, writes: bytes, poll: codec.Poll, timeout_ns: int | None = None
@@ -61,19 +55,12 @@ class PlayHost(Protocol):
 
 
 class WaveState(NamedTuple):
-    """State of a play.
+    """State of a play."""
 
-    Attributes:
-        point: Index of the present point.
-        active: Whether all wavetables are played.
-        commanded: Whether a command is not 0.
-        recording: Whether the recorder records.
-    """
-
-    point: int
-    active: bool
-    commanded: bool
-    recording: bool
+    point: int  #: Index of the present point.
+    active: bool  #: Whether all wavetables are played.
+    commanded: bool  #: Whether a command is not 0.
+    recording: bool  #: Whether the recorder records.
 
 
 class WaveRequests:

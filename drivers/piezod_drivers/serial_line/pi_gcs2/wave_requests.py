@@ -30,19 +30,12 @@ _WHOLE: Final = r"([0-9]{1,9})\n"
 
 
 class PlayHost(Protocol):
-    """What a player uses of the dialogue.
+    """What a player uses of the dialogue."""
 
-    Attributes:
-        conversation: Requests and replies.
-        wiring: The channels in use.
-        numbers: Number of the generator and of the piezo channel of each output.
-        slow_ns: Longest wait for a reply outside of the loop, in ns.
-    """
-
-    conversation: Conversation
-    slow_ns: int
-    wiring: Wiring
-    numbers: Sequence[str]
+    conversation: Conversation  #: Requests and replies.
+    slow_ns: int  #: Longest wait for a reply outside of the loop, in ns.
+    wiring: Wiring  #: The channels in use.
+    numbers: Sequence[str]  #: Number of the generator and of the piezo channel of each output.
 
     def ask_slowly(self, request: bytes, reply: GcsReply) -> list[bytes]:
         """Send a request and return the values of its reply. Not real-time safe."""
@@ -62,19 +55,12 @@ class PlayHost(Protocol):
 
 
 class Memory(NamedTuple):
-    """Sizes that a controller reports.
+    """Sizes that a controller reports."""
 
-    Attributes:
-        servo_ns: Time of a servo cycle, in ns.
-        wave_points: Points of all waves together.
-        record_points: Points of all tables of the recorder together.
-        n_record_tables: Number of these tables.
-    """
-
-    servo_ns: int
-    wave_points: int
-    record_points: int
-    n_record_tables: int
+    servo_ns: int  #: Time of a servo cycle, in ns.
+    wave_points: int  #: Points of all waves together.
+    record_points: int  #: Points of all tables of the recorder together.
+    n_record_tables: int  #: Number of these tables.
 
 
 class WaveRequests:

@@ -11,17 +11,11 @@ ReadingUse: TypeAlias = Literal["nothing", "position", "voltage"]
 
 
 class StatusBits(NamedTuple):
-    """A fault in a status word.
+    """A fault in a status word."""
 
-    Attributes:
-        mask: Bits of the fault.
-        present: Whether the fault is present if one of these bits is set, or if none is.
-        flag: The fault.
-    """
-
-    mask: int
-    present: bool
-    flag: DeviceFlag
+    mask: int  #: Bits of the fault.
+    present: bool  #: Whether the fault is present if one of these bits is set, or if none is.
+    flag: DeviceFlag  #: The fault.
 
 
 class PsjProfile(NamedTuple):

@@ -104,17 +104,11 @@ class Hardware(NamedTuple):
 
 
 class CubeStatus(NamedTuple):
-    """Status of a piezo amplifier.
+    """Status of a piezo amplifier."""
 
-    Attributes:
-        output: Voltage in counts, `FULL_SCALE` at the highest voltage.
-        position: Reading of its own strain gauge, in counts.
-        bits: Status bits, see `StatusBit`.
-    """
-
-    output: int
-    position: int
-    bits: int
+    output: int  #: Voltage in counts, `FULL_SCALE` at the highest voltage.
+    position: int  #: Reading of its own strain gauge, in counts.
+    bits: int  #: Status bits, see `StatusBit`.
 
 
 class StatusBit(IntEnum):

@@ -24,25 +24,15 @@ _LIMITS_V: Final = {0.0: 75.0, 1.0: 100.0, 2.0: 150.0}
 
 
 class MdtCommands(NamedTuple):
-    """The commands, with placeholders for the axis (X, Y or Z) and the voltage.
+    """The commands, with placeholders for the axis (X, Y or Z) and the voltage."""
 
-    Attributes:
-        identity: Query of the identity.
-        echo_off: Switches off an echo that is on.
-        limit: Query of the switch at the back: 75, 100 or 150 V.
-        lowest: Query of the lowest voltage of an axis.
-        highest: Query of the highest voltage of an axis.
-        get: Query of the voltage of an axis.
-        put: Sets the voltage of an axis.
-    """
-
-    identity: str
-    echo_off: str
-    limit: str
-    lowest: str
-    highest: str
-    get: str
-    put: str
+    identity: str  #: Query of the identity.
+    echo_off: str  #: Switches off an echo that is on.
+    limit: str  #: Query of the switch at the back: 75, 100 or 150 V.
+    lowest: str  #: Query of the lowest voltage of an axis.
+    highest: str  #: Query of the highest voltage of an axis.
+    get: str  #: Query of the voltage of an axis.
+    put: str  #: Sets the voltage of an axis.
 
 
 LONG_COMMANDS: Final = MdtCommands(

@@ -17,17 +17,11 @@ _PAIR: Final = {ord("\r"): ord("\n"), ord("\n"): ord("\r")}
 
 
 class MdtModel(NamedTuple):
-    """Properties in which the amplifiers differ.
+    """Properties in which the amplifiers differ."""
 
-    Attributes:
-        name: Reported model.
-        axes: Names of its axes.
-        firmware: Reported firmware.
-    """
-
-    name: str
-    axes: str
-    firmware: str
+    name: str  #: Reported model.
+    axes: str  #: Names of its axes.
+    firmware: str  #: Reported firmware.
 
 
 class MdtEmulator:

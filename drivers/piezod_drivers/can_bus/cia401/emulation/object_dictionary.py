@@ -15,22 +15,14 @@ _TPDO_ID: Final = 0x4000_0000
 
 
 class Entry(NamedTuple):
-    """An object of a node.
+    """An object of a node."""
 
-    Attributes:
-        name: Name as in an EDS file.
-        n_bytes: Length; 0 for a text.
-        value: Value after power-up.
-        access: Whether it can be written.
-        is_signed: Whether the value is signed.
-        mapping: Kind of PDO that it can be mapped into; "" for none.
-    """
-
-    name: str
-    n_bytes: int
-    value: int | str
-    access: Access = "ro"
-    is_signed: bool = False
+    name: str  #: Name as in an EDS file.
+    n_bytes: int  #: Length; 0 for a text.
+    value: int | str  #: Value after power-up.
+    access: Access = "ro"  #: Whether it can be written.
+    is_signed: bool = False  #: Whether the value is signed.
+    #: Kind of PDO that it can be mapped into; "" for none.
     mapping: Literal["", "rpdo", "tpdo", "both"] = ""
 
 

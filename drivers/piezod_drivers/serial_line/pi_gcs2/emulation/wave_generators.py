@@ -23,27 +23,16 @@ _NO_TABLE, _NO_MODE = 75, 406
 
 @dataclass
 class WaveGenerator:
-    """A generator, which drives the axis of the same number.
+    """A generator, which drives the axis of the same number."""
 
-    Attributes:
-        table: Wave table; 0 for none.
-        cycles: Number of cycles; 0 for no end.
-        offset: Added to every value; a generator that starts at its end changes it.
-        mode: Mode of the last start.
-        running: Whether it plays.
-        point: Index of the next point.
-        done: Complete cycles since the start.
-        output: Its last value; None before the first.
-    """
-
-    table: int = 0
-    cycles: int = 0
-    offset: float = 0.0
-    mode: int = STOP
-    running: bool = False
-    point: int = 0
-    done: int = 0
-    output: float | None = None
+    table: int = 0  #: Wave table; 0 for none.
+    cycles: int = 0  #: Number of cycles; 0 for no end.
+    offset: float = 0.0  #: Added to every value; a generator that starts at its end changes it.
+    mode: int = STOP  #: Mode of the last start.
+    running: bool = False  #: Whether it plays.
+    point: int = 0  #: Index of the next point.
+    done: int = 0  #: Complete cycles since the start.
+    output: float | None = None  #: Its last value; None before the first.
 
 
 class WaveGenerators:
