@@ -195,7 +195,7 @@ class CompensatedAxis:
         gate = self.identifier.gate
         credible = gate.credible and not (gate.skipped or not_applied or forced)
         if self.compensator.learns_in_use and not (forced or not_applied):
-            self._prove_model(command_um, sample)
+            self._prove_model(command_um)
         trim = 0.0
         if self.trim.active:
             trim = self.trim.step(
@@ -261,9 +261,10 @@ class CompensatedAxis:
             **(movement or _NO_MOVEMENT),
         )
 
-    def _prove_model(self, command_um: float, sample: Sample) -> None:
+    def _prove_model(self, command_um: float) -> None:
         """Compare the learned model with the first one, and go back to that if it was worse."""
-        if not self.identifier.gate.comparable:
+        sample = self.identifier.compared
+        if sample is None:
             return
         command, first = self._position_um.to_unit(command_um), self.proof.first
         errors = self._error_of(sample), self.identifier.error_of(first)

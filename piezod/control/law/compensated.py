@@ -157,6 +157,7 @@ def _identifier(
         model.position_um,
         history,
         s_to_ns(model.delay_s),
+        period_ns,
         _convergence(model, period_ns),
         LearningGate(period_ns, latency_ns=s_to_ns(config.compensator.sensor_delay_s)),
         creep,

@@ -1,7 +1,8 @@
 """Adaptation in the loop: which samples it learns from, how, and whether the result is better."""
 
+from collections import deque
 from math import isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 from piezod.config.gate_reasons import GateReason
 from piezod.control.law.compensator import DriveHistory
@@ -120,15 +121,30 @@ class LearningGate:
         return GateReason.NOISY if noisy else None
 
 
+class _Arrived(NamedTuple):
+    """A sample, as it was when it arrived."""
+
+    sample: Sample  #: The sample.
+    admitted: bool  #: Whether the gate was open.
+    accurate: bool  #: Whether it is accurate.
+    comparable: bool  #: Whether it shows how well the stage follows.
+    expected: float  #: Displacement in the compensator's memory then, normalised.
+    added: float  #: Part of the displacement that was due to modes, normalised.
+
+
 class Identifier:
     """Learns the inverse model of one axis, paper section 2.3. All methods are real-time safe.
+
+    With a negative delay a sample answers a voltage that is written after it has arrived. It then
+    waits for that voltage: it is learned from some cycles later.
 
     Args:
         adaptation: The learning algorithm, with the weights to start from.
         drive_v: Range of the drive that is [0, 1] for the model, in V.
         position_um: Range of the displacement that is [0, 1] for the model, in µm.
         history: Voltages in force, appended by the axis.
-        delay_ns: Delay of the displacement behind the voltage, in ns.
+        delay_ns: Delay of the displacement behind the voltage, in ns; either sign.
+        period_ns: Period of the loop, in ns.
         convergence: Criterion of convergence; None if a model is known already.
         gate: Decides which samples the identifier learns from.
         creep: Creep so far, and the displacement.
@@ -141,6 +157,7 @@ class Identifier:
         position_um: AffineRange,
         history: DriveHistory,
         delay_ns: int,
+        period_ns: int,
         convergence: Convergence | None,
         gate: LearningGate,
         creep: CreepState = AT_REST,
@@ -150,11 +167,16 @@ class Identifier:
         self._history, self._delay_ns, self._convergence = history, delay_ns, convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
+        self._waiting = deque[_Arrived]()
+        self._cycles_early = max(0, -(delay_ns // period_ns))
         self.gain_halved = self._skipped_last = False
         """Whether only every second sample is learned from."""
         self._drive = 0.0
         self.converged = False
         """Whether the weights have converged, over a window that ends with the last sample."""
+        self.compared: Sample | None = None
+        """The last sample whose voltage is known; None if it does not show how well the stage
+        follows."""
 
     @property
     def weights(self) -> FloatArray:
@@ -192,10 +214,7 @@ class Identifier:
     def learn(
         self, t_ns: int, sample: Sample, *, limited: bool, expected: float, added: float = 0.0
     ) -> None:
-        """Take the sample of this cycle and learn from it if the gate is open. Call once per cycle.
-
-        If the sample is not accurate, the memory advances with the displacement that the
-        compensator expects: the stage moves anyway, and a missed extremum would be wrong for long.
+        """Take the sample of this cycle, and learn if the gate is open. Call once per cycle.
 
         Args:
             t_ns: Instant of the cycle, in ns.
@@ -204,27 +223,50 @@ class Identifier:
             expected: Displacement in the compensator's memory, normalised.
             added: Part of the displacement that is due to modes, normalised.
         """
-        lags, gains, weights = self._lags, self._creep.gains, self._creep.weights
-        convergence = self._convergence
-        crept = advance_creep(lags, gains, weights, self._quick) + added
+        gate = self.gate
         position = self._position_um.to_unit(sample.position_um)
-        # The sample answers the voltage that was in force one delay before it.
-        self._drive = drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
         # At rest S3 drops no sample. Far outside the range one would make a creep of many ranges,
         # from which wrong weights are learned. Without a model the range is unknown.
-        valid = sample.valid and (convergence is not None or is_physical(position))
-        learns = self.gate.admits(
-            valid=valid, age_ns=t_ns - sample.t_ns, limited=limited, drive=drive, position=position
+        valid = sample.valid and (self._convergence is not None or is_physical(position))
+        drive, age_ns = self._drive_of(sample), t_ns - sample.t_ns
+        admitted = gate.admits(
+            valid=valid, age_ns=age_ns, limited=limited, drive=drive, position=position
         )
+        self._waiting.append(
+            _Arrived(sample, admitted, gate.accurate, gate.comparable, expected, added)
+        )
+        if len(self._waiting) <= self._cycles_early:
+            return
+        arrived = self._waiting.popleft()
+        self.compared = arrived.sample if arrived.comparable and gate.comparable else None
+        # What closed the gate meanwhile may have spoilt the voltage that the sample waited for.
+        self._learn_from(arrived, arrived.admitted and admitted)
+
+    def _drive_of(self, sample: Sample) -> float:
+        """Return the drive that a sample answers: the one in force one delay before it."""
+        return self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
+
+    def _learn_from(self, arrived: _Arrived, learns: bool) -> None:
+        """Advance by a sample whose voltage is known.
+
+        If the sample is not accurate, the memory advances with the displacement that the
+        compensator expects: the stage moves anyway, and a missed extremum would be wrong for long.
+        """
+        crept = arrived.added + advance_creep(
+            self._lags, self._creep.gains, self._creep.weights, self._quick
+        )
+        self._drive = drive = self._drive_of(arrived.sample)
         if self.gain_halved and learns:
             # Half of the samples halve the gain of any algorithm.
             self._skipped_last = not self._skipped_last
             learns = not self._skipped_last
         # Creep and modes are in the unit of the operators, the position in that of the sensor.
+        position = self._position_um.to_unit(arrived.sample.position_um)
         without_creep = position + self._zeroed - crept / (1.0 + self.scale)
-        if not self.gate.accurate:
-            without_creep = (expected + self.offset) / (1.0 + self.scale)
+        if not arrived.accurate:
+            without_creep = (arrived.expected + self.offset) / (1.0 + self.scale)
         # The error and its convergence follow paper eq. (30) and the criterion below it.
+        convergence = self._convergence
         before = self.adaptation.position if convergence else 0.0
         error = self.adaptation.step(without_creep, drive, learns)
         # The lags of the creep follow this displacement at the next sample.

@@ -48,6 +48,7 @@ def compensated(
         POSITION_UM,
         history,
         delay_ns,
+        MS,
         Convergence(0.1, window=2),
         gate or FakeGate(),
     )

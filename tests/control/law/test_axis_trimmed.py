@@ -38,7 +38,9 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
         drive_v=RANGE,
         position_um=RANGE,
         compensator=Compensator(FORM, WEIGHTS, mode=mode, fade_cycles=FADE, trimmed_follows=adapts),
-        identifier=Identifier(adaptation, RANGE, RANGE, history, 0, converged, LearningGate(MS)),
+        identifier=Identifier(
+            adaptation, RANGE, RANGE, history, 0, MS, converged, LearningGate(MS)
+        ),
         history=history,
         limits=Limits(0.0, 1.0, 1e9),
         in_force_v=0.0,

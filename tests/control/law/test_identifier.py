@@ -27,7 +27,7 @@ def identifier(
         history.append(k * MS, float(k))
     convergence = Convergence(0.1, window=2)
     gate = gate or FakeGate()
-    return Identifier(lms, DRIVE_V, POSITION_UM, history, delay_ns, convergence, gate)
+    return Identifier(lms, DRIVE_V, POSITION_UM, history, delay_ns, MS, convergence, gate)
 
 
 def learn(subject: Identifier, position_um: float = 0.0, valid: bool = True) -> None:
@@ -54,6 +54,38 @@ def test_sample_is_paired_with_the_voltage_one_delay_before(delay_ns: int, drive
     learn(identifier(lms, delay_ns))
 
     assert [drive for _, drive in lms.pairs] == pytest.approx([drive_v / 100], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("delay_ns", "drives_v"),
+    [(-MS // 2, [None, 8.5, 9.5]), (-MS, [None, 9.0, 10.0]), (-3 * MS // 2, [None, None, 9.5])],
+)
+def test_early_sample_waits_for_its_voltage(delay_ns: int, drives_v: list[float | None]) -> None:
+    """With a negative delay a sample is paired as soon as the voltage that it answers is known."""
+    lms, history = RecordingIdentifier(errors=[0.0] * 3), DriveHistory(0.0, entries=8)
+    subject = Identifier(lms, DRIVE_V, POSITION_UM, history, delay_ns, MS, None, FakeGate())
+
+    learned: list[float | None] = []
+    for k in (8, 9, 10):
+        history.append(k * MS, float(k))
+        before = len(lms.pairs)
+        subject.learn(k * MS, Sample(k * MS, 0.0, True), limited=False, expected=0.3)
+        learned += [100.0 * drive for _, drive in lms.pairs[before:]] or [None]
+
+    assert learned == [drive and pytest.approx(drive, abs=1e-7) for drive in drives_v]
+
+
+def test_early_sample_is_not_learned_from_if_the_gate_closes_before_its_voltage_is_known() -> None:
+    """It may be what spoilt the voltage that the sample waited for."""
+    lms, gate = RecordingIdentifier(errors=[0.0] * 3), FakeGate()
+    subject = identifier(lms, -MS // 2, gate=gate)
+
+    learn(subject)
+    gate.reason = GateReason.LIMITED
+    learn(subject)
+
+    assert lms.learned == [False]
+    assert subject.compared is None
 
 
 def test_age_of_a_sample_counts() -> None:
@@ -108,7 +140,7 @@ def test_impossible_position_makes_no_creep(far_um: float) -> None:
     lms = RecordingIdentifier()
     creep = CreepState(Creep(np.array([0.1]), np.array([0.5])), np.zeros(1), 0.0, 0.0)
     history, gate = DriveHistory(0.0, entries=8), LearningGate(MS)
-    subject = Identifier(lms, DRIVE_V, POSITION_UM, history, 0, None, gate, creep)
+    subject = Identifier(lms, DRIVE_V, POSITION_UM, history, 0, MS, None, gate, creep)
     for position_um in (far_um, far_um, far_um, -5.0):
         subject.learn(8 * MS, Sample(8 * MS, position_um, True), limited=True, expected=0.0)
 

@@ -37,7 +37,7 @@ class Bench:
         self.inverse = inverse()
         self.gate = LearningGate(MS)
         self.identifier = Identifier(
-            adaptation, UNIT, UNIT, self.history, 0, Convergence(0.01, 100), self.gate, creep
+            adaptation, UNIT, UNIT, self.history, 0, MS, Convergence(0.01, 100), self.gate, creep
         )
         self.t_ns = 0
 
