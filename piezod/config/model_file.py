@@ -37,6 +37,7 @@ _FORM_KEYS = {
 """Keys that files of one version only have."""
 SURFACE_COEFFICIENTS = 24
 """Number of coefficients of a surface."""
+_NO_HELD = {1: "no held_s", 2: "no held_s", 3: "held_s, in s: 1 / rate_hz of the loop that drove"}
 
 
 class SourceConfig(ConfigModel):
@@ -82,7 +83,10 @@ class ModelFile(ConfigModel):
     """A model of a stage over normalised drive and displacement, 0 to 1."""
 
     format: Literal["piezod-model"] = "piezod-model"
-    version: Literal[1, 2] = Field(default=1, description="1: stop operators; 2: a surface.")
+    version: Literal[1, 2, 3] = Field(
+        default=1,
+        description="1: stop operators; 2: a surface; 3: either, and `held_s`.",
+    )
     created_at: Text = Field(description="Time of creation, ISO 8601 with the offset from UTC.")
     created_by: Text = Field(description="Program and version that made it.")
     method: Literal["lms", "least-squares", "surface"] = Field(description="Method of the fit.")
@@ -93,7 +97,13 @@ class ModelFile(ConfigModel):
     position_low_um: PositionUm = Field(description="Position at 0 of the model, µm.")
     position_high_um: PositionUm = Field(description="Position at 1 of the model, µm.")
     delay_s: Annotated[float, FILE_DELAY_S] = Field(
-        description="Delay from drive to sensor in the data, s; negative if samples are told early."
+        description="Delay from drive to sensor in the data, whose drive counts as a straight line "
+        "from sample to sample, s; negative if samples are told early."
+    )
+    held_s: Annotated[float, Quantity(0, 10, "s")] | None = Field(
+        default=None,
+        description="Time for which the drive of the data held each voltage, s; 0 if it changed "
+        "evenly. In a loop with another period the delay is another one.",
     )
     creep_time_constants_s: TimeConstants = Field(
         default=(), description="Time constants of the lags of the creep, s."
@@ -128,9 +138,14 @@ class ModelFile(ConfigModel):
     )
 
     @property
+    def is_surface(self) -> bool:
+        """Whether it is a surface, and not made of stop operators."""
+        return bool(self.surface_coefficients)
+
+    @property
     def operators(self) -> str:
         """Its operators, for people."""
-        if self.version == 2:
+        if self.is_surface:
             return "a surface"
         count = len(self.right_stop_thresholds)
         return f"{count} operator{'' if count == 1 else 's'} on each side"
@@ -141,7 +156,7 @@ class ModelFile(ConfigModel):
         Args:
             weights: Left stops first, as in the loop; or the coefficients of the surface.
         """
-        if self.version == 2:
+        if self.is_surface:
             return self.model_copy(update={"surface_coefficients": tuple(weights)})
         left = len(self.left_stop_thresholds)
         return self.model_copy(
@@ -176,23 +191,22 @@ class ModelFile(ConfigModel):
         yield from _broken_side("left", self.left_stop_thresholds, self.left_stop_weights)
 
     def _broken_form(self) -> Iterator[BrokenRule]:
-        stops = {
-            "right_stop_thresholds": self.right_stop_thresholds,
-            "left_stop_thresholds": self.left_stop_thresholds,
-        }
-        needed = SURFACE_COEFFICIENTS if self.version == 2 else 0
-        if len(self.surface_coefficients) != needed:
-            got = len(self.surface_coefficients)
-            # The texts name the key, because a missing one has no place in the file.
-            what = f"a file of version {self.version} has {needed} surface_coefficients (got {got})"
-            yield ("surface_coefficients",), what
+        if (self.held_s is None) == (self.version == 3):
+            yield ("held_s",), f"a file of version {self.version} has {_NO_HELD[self.version]}"
+        surface = self.version == 2 or (self.version == 3 and self.is_surface)
+        form = f"a file of version {self.version}" + (
+            f" with {'a surface' if surface else 'stops'}" if self.version == 3 else ""
+        )
+        needed, got = SURFACE_COEFFICIENTS if surface else 0, len(self.surface_coefficients)
+        # The texts name the key, because a missing one has no place in the file.
+        if got != needed:
+            yield ("surface_coefficients",), f"{form} has {needed} surface_coefficients (got {got})"
         for key in ("surface_activation", "surface_path"):
-            if getattr(self, key) and self.version == 1:
-                yield (key,), f"a file of version 1 has no {key}"
-        for key, thresholds in stops.items():
-            if bool(thresholds) == (self.version == 2):
-                count = "no" if self.version == 2 else "at least one of"
-                yield (key,), f"a file of version {self.version} has {count} {key}"
+            if getattr(self, key) and not surface:
+                yield (key,), f"{form} has no {key}"
+        for key in ("right_stop_thresholds", "left_stop_thresholds"):
+            if bool(getattr(self, key)) == surface:
+                yield (key,), f"{form} has {'no' if surface else 'at least one of'} {key}"
 
 
 def _broken_order(high_key: str, high: float, low_key: str, low: float) -> Iterator[BrokenRule]:
@@ -231,7 +245,7 @@ def load_model(path: Path) -> ModelFile:
 def dump_model(model: ModelFile) -> str:
     """Write a model as the text of a model file; `load_model` gives back the same model."""
     document = model.model_dump(exclude_none=True)
-    # Without the keys of the other version, so that older programs read files of version 1.
+    # Without the keys of the other form.
     kept = {key: value for key, value in document.items() if value or key not in _FORM_KEYS}
     return "# Model of a stage for piezod.\n" + _block(kept, "")
 

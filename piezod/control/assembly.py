@@ -160,7 +160,9 @@ def _build_axis(
     config: DaemonConfig, name: str, model: StageModel | None, in_force_v: float, lag_ns: int
 ) -> WatchedAxis:
     """Return an axis and its watches."""
-    axis, period_ns = with_found_mode(config.axes[name], model), round(NS_PER_S / config.rate_hz)
+    period_ns = round(NS_PER_S / config.rate_hz)
+    model = model and model.at(period_ns / NS_PER_S)
+    axis = with_found_mode(config.axes[name], model)
     law_model = model or _proportional_model(axis)
     mode = config.mode if model else Mode.UNCOMPENSATED
     creep = _at_rest(law_model, period_ns / NS_PER_S)

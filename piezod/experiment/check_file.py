@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from piezod.config.axes import AxisConfig
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
-from piezod.config.model_file import ModelFile
+from piezod.config.model_file import ModelFile, load_model
 from piezod.config.modes import Mode
 from piezod.config.response_file import ResponseFile, load_response
 from piezod.config.yaml_loader import load_yaml
@@ -137,6 +137,7 @@ def _describe_stage(path: Path) -> _Description:
     warnings = (
         *stage_warnings(config),
         *_without_model(config.axes),
+        *_of_unknown_rate(config.axes),
         *_unknown_modes(config.axes, config.rate_hz),
     )
     return _Description(contents, warnings, _margins(config.axes, config.rate_hz), tuple(named))
@@ -156,6 +157,21 @@ def _without_model(axes: Mapping[str, AxisConfig]) -> tuple[str, ...]:
             "and name the file as `model`, relative to this one"
         )
     return tuple(warnings)
+
+
+def _of_unknown_rate(axes: Mapping[str, AxisConfig]) -> Iterator[str]:
+    """Yield a warning for each axis whose model may have been identified at another rate."""
+    for name, axis in axes.items():
+        if axis.model is None:
+            continue
+        file = load_model(axis.model)
+        if file.held_s is None:
+            yield (
+                f"axis {name}: its model file is of version {file.version} and does not tell the "
+                "rate at which the stage was identified: its delay is right at that rate only. "
+                "Identify again, or write `version: 3` and `held_s`, the period of the loop that "
+                f"drove the stage, in s, into {axis.model.name}"
+            )
 
 
 def _unknown_modes(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:

@@ -116,7 +116,7 @@ def test_any_model_round_trips(
             '"model"',
             "2:9: format: unknown value (got 'model'), allowed: piezod-model",
         ),
-        ("version: 1", "version: 3", "3:10: version: unknown value (got 3), allowed: 1 or 2"),
+        ("version: 1", "version: 4", "3:10: version: unknown value (got 4), allowed: 1, 2 or 3"),
         (
             '"least-squares"',
             "guess",
@@ -224,11 +224,11 @@ def test_broken_model_is_told_with_its_place(
 ) -> None:
     """The model files of an experiment are checked with it."""
     path = tmp_path / "m.yaml"
-    path.write_text(TEXT.replace("version: 1", "version: 3"), encoding="utf-8")
+    path.write_text(TEXT.replace("version: 1", "version: 4"), encoding="utf-8")
 
     assert problems_of(*WITH_MODEL, (IDENTIFICATION, "")) == [
-        f"test.yaml:10:12: axes.x.model: {path}:3:10: version: unknown value (got 3), "
-        "allowed: 1 or 2"
+        f"test.yaml:10:12: axes.x.model: {path}:3:10: version: unknown value (got 4), "
+        "allowed: 1, 2 or 3"
     ]
 
 

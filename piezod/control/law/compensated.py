@@ -166,9 +166,9 @@ def _identifier(
 
 def _in_loop(model: StageModel, dynamics: StageDynamics | None, period_s: float) -> StageModel:
     """Return a model for a loop with this period, in s."""
+    model = model.at(period_s)
     # The delay of a response is more accurate: that of an identification is of slow motion only.
-    delay_s = model.delay_s if dynamics is None else dynamics.delay_s
-    return replace(model, form=model.form.sampled(period_s), delay_s=delay_s)
+    return model if dynamics is None else replace(model, delay_s=dynamics.delay_s)
 
 
 def _shaper(config: AxisConfig, dynamics: StageDynamics | None, period_s: float) -> ReferenceShaper:

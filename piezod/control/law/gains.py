@@ -30,7 +30,7 @@ def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: boo
     """
     for name, axis in axes.items():
         if axis.model is not None:
-            model, _ = read_model(axis.model)
+            model = read_model(axis.model)[0].at(period_s)
             properties = LoopProperties(model.form, model.delay_s, period_s)
             check_axis_gains(name, with_found_mode(axis, model), properties, trimmed=trimmed)
             continue

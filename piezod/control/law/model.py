@@ -27,11 +27,22 @@ class StageModel:
     weights: FloatArray  #: (form.size,) weights of the form.
     drive_v: AffineRange  #: Range of the drive that is [0, 1], paper eq. (28), in V.
     position_um: AffineRange  #: Range of the displacement without creep that is [0, 1], in µm.
-    delay_s: float  #: Delay of the displacement behind the voltage, in s.
+    #: Delay of the displacement behind the voltage, in s. The voltage counts as a straight line
+    #: from cycle to cycle, which is half of `held_s` later than what an amplifier holds.
+    delay_s: float
     creep: CreepLaw = NO_CREEP  #: Creep, which adds to the displacement of the hysteresis.
     #: First mode, if the data showed one; the loop uses it if its configuration has none.
     mode: FirstMode | None = None
     error_um: float = 0.0  #: Worst error of a position in the identification, in µm; 0 if unknown.
+    #: Time for which the drive holds each voltage, in s; None if that of the identification is
+    #: unknown.
+    held_s: float | None = None
+
+    def at(self, period_s: float) -> "StageModel":
+        """Return the model for a loop that holds each voltage for one period, in s."""
+        earlier_s = 0.0 if self.held_s is None else 0.5 * (period_s - self.held_s)
+        form, delay_s = self.form.sampled(period_s), self.delay_s - earlier_s
+        return replace(self, form=form, delay_s=delay_s, held_s=period_s)
 
     def zeroed_at(self, rest_v: float) -> "StageModel":
         """Return the model with the displacement at rest as zero.

@@ -36,6 +36,7 @@ def from_model_file(file: ModelFile) -> StageModel:
         drive_v=AffineRange.checked(file.drive_low_v, file.drive_high_v),
         position_um=position_um,
         delay_s=file.delay_s,
+        held_s=file.held_s,
         creep=CreepLaw(np.array(file.creep_time_constants_s), np.array(file.creep_weights)),
         mode=FirstMode(**file.first_mode.model_dump()) if file.first_mode else None,
         error_um=(file.fit.position_error_max_pct or 0.0) / 100.0 * position_um.width,
@@ -44,19 +45,12 @@ def from_model_file(file: ModelFile) -> StageModel:
 
 def _hysteresis(file: ModelFile) -> tuple[ModelForm, FloatArray]:
     """Return the form of the model in a file, and its weights."""
-    match file.version:
-        case 1:
-            bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
-            return StopForm(bank), np.array([*file.left_stop_weights, *file.right_stop_weights])
-        case 2:
-            form = SurfaceForm(
-                file.surface_activation,
-                file.surface_prompt_slope,
-                path=PathRelaxation(**file.surface_path.model_dump())
-                if file.surface_path
-                else None,
-            )
-            return form, np.array(file.surface_coefficients)
+    if not file.is_surface:
+        bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
+        return StopForm(bank), np.array([*file.left_stop_weights, *file.right_stop_weights])
+    path = PathRelaxation(**file.surface_path.model_dump()) if file.surface_path else None
+    form = SurfaceForm(file.surface_activation, file.surface_prompt_slope, path=path)
+    return form, np.array(file.surface_coefficients)
 
 
 def read_model(path: Path) -> tuple[StageModel, ModelFile]:

@@ -126,11 +126,18 @@ class Stage:
         return self._self_test
 
     def end_self_test(self, t_ns: int) -> None:
-        """Leave BOOT if the self-test has ended. Real-time safe."""
-        blocked = bool(self.register.blocking)
+        """Leave BOOT if the self-test has ended. Real-time safe.
+
+        A voltage that the sensor contradicts is not ramped down: it stays until a person looks.
+        """
+        blocked, away = bool(self.register.blocking), self.away()
+        doubt = self.judge.doubt() if self._self_test.ramps_first and away else ""
         event = self._self_test.end(
-            at_safe=not self.away(), blocked=blocked, output_known=self.output.known
+            at_safe=not away, blocked=blocked, output_known=self.output.known and not doubt
         )
+        if event is not None and doubt:
+            text = f"the voltage that was found stays: {doubt}"
+            self.note(StageEvent(t_ns, "error", "output", text))
         if event is not None:
             self.go(event, t_ns)
 

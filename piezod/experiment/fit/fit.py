@@ -141,7 +141,7 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         weights = problem.lms(bank, delay_s)
     else:
         weights, creep, linearised = problem.least_squares(bank, delay_s)
-    model = problem.model(bank, weights, creep, delay_s)
+    model = replace(problem.model(bank, weights, creep, delay_s), held_s=record.held_s)
     slope = model.form.smallest_slope(model.weights)
     return Fit(model, settings, estimate, slope, problem, linearised)
 
@@ -156,7 +156,7 @@ def _fit_surface(record: Record, settings: FitSettings) -> Fit:
     problem, linearised = found.problem, found.linearised
     if estimate is not None and not one_frequency:
         estimate = problem.delay(linearised)
-    model = problem.model(linearised.parameters)
+    model = replace(problem.model(linearised.parameters), held_s=record.held_s)
     slope = model.form.smallest_slope(model.weights)
     return Fit(model, found.settings, estimate, slope, problem, linearised, found.shows_mode)
 

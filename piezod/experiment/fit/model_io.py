@@ -54,11 +54,13 @@ def to_model_file(
 def model_fields(model: StageModel) -> dict[str, Any]:
     """Return the fields of a model file that describe a model, with exact numbers, by name."""
     fields: dict[str, Any] = {
+        "version": 3,
         "drive_low_v": model.drive_v.low,
         "drive_high_v": model.drive_v.high,
         "position_low_um": model.position_um.low,
         "position_high_um": model.position_um.high,
         "delay_s": model.delay_s,
+        "held_s": model.held_s,
         "creep_time_constants_s": tuple(model.creep.time_constants_s.tolist()),
         "creep_weights": tuple(model.creep.weights.tolist()),
     }
@@ -69,7 +71,6 @@ def model_fields(model: StageModel) -> dict[str, Any]:
             return fields | _stop_fields(bank, model.weights)
         case SurfaceForm(path=path):
             return fields | {
-                "version": 2,
                 "surface_coefficients": tuple(model.weights.tolist()),
                 "surface_activation": model.form.activation,
                 "surface_prompt_slope": model.form.prompt_slope,

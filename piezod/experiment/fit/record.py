@@ -21,11 +21,17 @@ class Record:
     #: First seconds, which only advance memory and creep, and count in no error.
     run_in_s: float = 0.0
     from_rest: bool = True  #: Whether the stage had rested before the record.
+    averaged: int = 1  #: Number of samples that each one is the mean of.
 
     @property
     def period_s(self) -> float:
         """Sample period, in s."""
         return float((self.t_s[-1] - self.t_s[0]) / (self.t_s.size - 1))
+
+    @property
+    def held_s(self) -> float:
+        """Time for which the drive held each voltage, in s: until the next was sampled."""
+        return self.period_s / self.averaged
 
     def drive_delayed_by(self, delay_s: float) -> FloatArray:
         """Return the voltage that was in force one delay before each sample, in V, shape (n,).

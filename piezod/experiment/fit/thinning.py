@@ -48,4 +48,5 @@ def _averaged(record: Record, count: int) -> Record:
         t_s=mean(record.t_s),
         drive_v=mean(record.drive_v),
         position_um=mean(record.position_um),
+        averaged=record.averaged * count,
     )

@@ -163,7 +163,7 @@ def _known_delay_s(axis: AxisConfig, period_s: float) -> float | None:
 def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
     in_file, file = read_model(path)
     with prefix_errors(name):
-        model = in_file.zeroed_at(axis.limits.rest_v)
+        model = in_file.zeroed_at(axis.limits.rest_v).at(period_ns / NS_PER_S)
     no_samples = np.empty(0)
     account = Identification(
         axis=name,

@@ -279,7 +279,7 @@ def test_false_read_back_of_a_killed_daemon_is_not_taken_for_the_safe_voltage() 
     stage.run(40.0)
 
     assert (stage.state, stage.rig.steps_v) == ("FAULT", [])
-    assert "60 V written last" in stage.texts()
+    assert "last write 60 V" in stage.texts()
 
 
 def test_stop_in_fault_says_what_helps_while_a_voltage_stays() -> None:

@@ -15,6 +15,7 @@ from hypothesis.stateful import (
 )
 
 from piezod.config.modes import Mode
+from piezod.config.states import State
 from piezod.config.waveforms.shapes import Sine, Triangle
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.stage.peer import Peer
@@ -220,6 +221,20 @@ def test_new_loop_begins_at_the_output() -> None:
     stage.restart()
 
     assert stage.x.drive_v == pytest.approx(output_v, abs=1.1)
+
+
+def test_new_loop_leaves_an_output_whose_read_back_the_sensor_contradicts() -> None:
+    """What it read back may be false: a ramp that begins there would be a step."""
+    stage = CommandedStage()
+    stage.cycle()
+    stage.fail_output(OutputKind.FALSE_READ_BACK, 300, 150.0)
+
+    stage.restart()
+    for _ in range(20):
+        stage.cycle()
+
+    assert stage.controller.state is State.FAULT
+    assert not stage.command(PEOPLE[0], rq.Arm())
 
 
 @pytest.mark.parametrize("request_", [rq.Hold(), rq.Stop()])
