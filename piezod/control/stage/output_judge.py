@@ -92,6 +92,7 @@ class OutputJudge:
         self._boundary, self._note, self._memory_known = boundary, note, memory_known
         self._expected_um, self._agreed_ns = [nan] * len(axes), [0] * len(axes)
         self._since_ns = [0] * len(axes)
+        self._learned_um = [0.0] * len(axes)  # most that the model was away since the last rest
         self.forget()
 
     # ------------------------------------------------------------------ cycle by cycle
@@ -110,6 +111,8 @@ class OutputJudge:
         self._answered = False
         law, watch = self._axes[index].law, self._watches[index]
         expected_um = self._expected_um[index] = law.expected_um
+        learned_um = law.bound.distance * watch.sensor.width_um if law.bound else 0.0
+        self._learned_um[index] = max(self._learned_um[index], learned_um)
         if not watch.amplifier.follows:
             self._means[index] = self._means[index].with_one(position_um - expected_um)
             return
@@ -120,6 +123,7 @@ class OutputJudge:
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
             mean = _NO_MEAN if wrong else before.with_one(position_um - expected_um)
             self._rests[index] = _Rest(read_back_v, expected_um, mean, self._memory_known())
+            self._learned_um[index] = learned_um
             (self._zeros.add if mean.cycles else self._zeros.discard)(index)
             # Not in motion, which may pass a false read-back by chance.
             self._false.pop(index, None)
@@ -204,7 +208,8 @@ class OutputJudge:
             read_back_v: Read-back of each axis, in V; NaN without one, or if the axis is lost.
             t_ns: Instant of the cycle, in ns.
             lost: Why nothing can tell the voltage of an axis, for people.
-            settles: Whether the outputs may still settle after a play.
+            settles: Whether the outputs may still settle after a play, a cycle away from its last
+                voltage: both count, and the guard keeps the writes near the read-back.
 
         Returns:
             Why a voltage is unknown, for people, empty if all axes were taken over; and whether
@@ -218,8 +223,10 @@ class OutputJudge:
                 source = Source.UNKNOWN if i in lost else Source.AGREED
                 found.append(InForce(kept_v, source, lost.get(i, "")))
                 continue
-            explained = settles or self._left_alone(i, drive_v)
-            known = self._evidence(i, drive_v, t_ns, explained=explained)
+            if settles and isfinite(self._boundary.written_v[i]):
+                found.append(InForce(self._boundary.written_v[i], Source.AGREED))
+                continue
+            known = self._evidence(i, drive_v, t_ns, explained=self._left_alone(i, drive_v))
             found.append(self._judge(i, known, t_ns))
         amplifiers = self._boundary.amplifiers
         are_known = [isfinite(one.drive_v) for one in found]
@@ -312,14 +319,13 @@ class OutputJudge:
         mean = self._means[index]
         mean = mean if mean.cycles else _NO_MEAN.with_one(position_um - expected_um)
         averaged = min(mean.cycles, rest.mean.cycles)
-        # What was learned, perhaps from a sensor that lies, may be as wrong as it is far.
-        bound = self._axes[index].law.bound
-        learned_um = bound.distance * sensor.width_um if bound else 0.0
         least_um = max(
             LEAST_WAY * sensor.width_um,
             LEAST_WAY_SIGMAS * sensor.noise_um / sqrt(max(averaged, 1)),
             LEAST_WAY_PART * abs(predicted_um),
-            LEAST_WAY_ERRORS * (sensor.model_error_um + learned_um),
+            # What was learned, perhaps from a sensor that lies, may be as wrong as it is far, and
+            # drops out of the model when a fault is found.
+            LEAST_WAY_ERRORS * (sensor.model_error_um + self._learned_um[index]),
         )
         settled = t_ns - self._agreed_ns[index] > SETTLE_NS + sensor.answer_ns
         if not (rest.memory_known and settled):

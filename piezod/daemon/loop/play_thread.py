@@ -125,6 +125,7 @@ class _PlayThread(threading.Thread):
         self._job, self._axis = job, job.player.axis
         self._idle, self._now_ns, self._file = idle, clock.now_ns, file
         self.aborted, self._may_play = threading.Event(), False
+        self._ended_v = nan
         self.outcome = PlayOutcome(nan, "the play did not end in order")
 
     def run(self) -> None:
@@ -144,11 +145,16 @@ class _PlayThread(threading.Thread):
             self._store(self._job.table, None, why)
 
     def _stopped(self) -> PlayOutcome:
-        """Stop the device; return the voltage in force: before the start, that of the loop."""
+        """Stop the device; return the voltage in force: before the start, that of the loop.
+
+        A play that has ended keeps its last voltage, even if its record cannot be read.
+        """
         drive_v = self._axis.abort(self._now_ns())
-        if self._may_play or not isfinite(drive_v):  # nor is it known if the device does not answer
+        if not isfinite(drive_v):  # nor is it known if the device does not answer
             return PlayOutcome(drive_v)
-        return PlayOutcome(self._job.table.first_v, commanded=True)
+        commanded_v = self._ended_v if self._may_play else self._job.table.first_v
+        known = isfinite(commanded_v)
+        return PlayOutcome(commanded_v if known else drive_v, commanded=known)
 
     def _check(self) -> None:
         """End the play here if it is to be aborted.
@@ -178,10 +184,11 @@ class _PlayThread(threading.Thread):
         self._check_output(taken)
         self._may_play = True  # nobody knows whether a request that fails has started it
         self._axis.player.start(self._now_ns())
-        self._wait(taken)
+        if self._wait(taken):
+            self._ended_v = self._end_v(taken)
         self._check()
         self._store(taken, self._axis.recording(self._check), "")
-        return PlayOutcome(self._end_v(taken), commanded=True)
+        return PlayOutcome(self._ended_v, commanded=True)
 
     def _wait_for_start(self, taken: AxisTable) -> None:
         """Wait for the instant at which the play is to begin, or until it is aborted.
@@ -210,8 +217,8 @@ class _PlayThread(threading.Thread):
                 f"V of the first point, {taken.first_v:.4g} V: check the amplifier"
             )
 
-    def _wait(self, taken: AxisTable) -> None:
-        """Wait until the play has ended, or is to be aborted.
+    def _wait(self, taken: AxisTable) -> bool:
+        """Wait until the play has ended, or is to be aborted; return whether it has ended.
 
         Raises:
             PlayError: If it fails or does not end.
@@ -221,11 +228,12 @@ class _PlayThread(threading.Thread):
             asked_ns = self._now_ns()
             progress = self._axis.player.progress(asked_ns)
             if progress.state is PlayState.ENDED:
-                return
+                return True
             if progress.state is not PlayState.PLAYING:
                 raise PlayError(progress.reason or f"the device is {progress.state.value}")
             if asked_ns > end_ns:  # not the present time: this thread may have been delayed
                 raise PlayError("the device plays on after the end of the table")
+        return False
 
     def _end_v(self, taken: AxisTable) -> float:
         """Return the voltage after the end, in V; NaN if no source says what the device does."""

@@ -8,11 +8,13 @@ from typing import Any, cast
 import pytest
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.watch.sensor import SensorWatch
-from piezod.devices.interface import Device
+from piezod.devices.interface import Device, Sample
 from piezod.messages import requests as rq
 from piezod.testing.faulty import SensorAmplifier
+from piezod.units import s_to_ns
 from tests.control.rig_stage import RigStage, quick_config, shipped_config
 
 SLEW_V_PER_S, RATE_HZ, TOLERANCE_V = 400.0, 200, 0.75
@@ -239,6 +241,28 @@ def test_way_within_the_error_of_the_model_proves_nothing() -> None:
 
     assert max(stage.rig.steps_v, default=0.0) <= STEP_V + TOLERANCE_V
     assert "nothing tells which of them is right" in stage.texts()
+
+
+@pytest.mark.parametrize("gain", [0.9, 1.15])
+def test_way_within_what_was_learned_from_a_lying_sensor_proves_nothing(gain: float) -> None:
+    """An output sticks; the fault drops what was learned, and with it the expected position."""
+    stage = UnrulyStage(position_um=0.0)
+    stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE))
+    read, since_ns = stage.rig.inner.read, stage.t_ns
+
+    def lying(now_ns: int) -> Sequence[Sample]:
+        (sample,) = read(now_ns)
+        shown = 1.0 + (gain - 1.0) * min((now_ns - since_ns) / s_to_ns(2.0), 1.0)
+        return [sample._replace(position_um=shown * sample.position_um)]
+
+    stage.rig.read = lying  # type: ignore[attr-defined] # in place of that of the rig
+    stage.do(wave().model_copy(update={"duration_s": 1000.0}))
+    stage.run(30.3)
+    stage.rig.steps_v.clear()
+    stage.rig.obeys = False
+    stage.run(5.0)
+
+    assert max(stage.rig.steps_v) <= STEP_V + TOLERANCE_V
 
 
 def test_way_proves_nothing_while_the_memory_is_unknown() -> None:

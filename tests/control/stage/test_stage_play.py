@@ -190,6 +190,20 @@ def test_false_read_back_after_a_play_is_not_driven_from(false_v: float) -> None
     assert not written_v or written_v[0] == pytest.approx(20.0, abs=1.2)
 
 
+@pytest.mark.parametrize("towards", [-0.9, 0.9])
+def test_writes_after_a_play_go_on_from_its_last_point(towards: float) -> None:
+    """A read-back within a cycle of it may be late: both are near the writes that follow."""
+    stage = PlayingStage(config=quick_config())
+    step_v = stage.config.axes["x"].limits.slew_v_per_s / stage.config.rate_hz
+    stage.channels.writes.clear()
+    stage.device.false_v = 20.0 + towards * step_v
+    stage.runner.end(20.0, commanded=True)
+    stage.run(0.1)
+    written_v = [drive_v for _, (drive_v,) in stage.channels.writes]
+
+    assert written_v[0] == pytest.approx(20.0, abs=1.2)
+
+
 @pytest.mark.parametrize("false_v", [70.0, 140.0])
 def test_false_read_back_after_an_abort_is_not_driven_from(false_v: float) -> None:
     """What the amplifier measures at the abort is no second witness: the sensor excludes it."""

@@ -16,7 +16,7 @@ from piezod.control.guard import Limits
 from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.loop import play_thread
 from piezod.daemon.loop.placement import DevicePlace, Placement, RoundTrips
-from piezod.daemon.loop.play_thread import AxisPlayer, PlayThreads
+from piezod.daemon.loop.play_thread import AxisPlayer, PlayError, PlayThreads
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Device, Identity
@@ -57,7 +57,7 @@ class FakePlayer:
         self.state, self.reason, self.at_end = PlayState.LOADED, "", at_end
         self.loaded: Table | None = None
         self.output = 2.0
-        self.refuses = self.refuses_capabilities = ""
+        self.refuses = self.refuses_capabilities = self.unreadable = ""
         self.slow = ""
         """The exchange that does not end before it is cancelled: load or record."""
         self.under_way = ""
@@ -106,6 +106,8 @@ class FakePlayer:
 
     def recording(self, check: Check) -> PlayedRecord:
         self.step("record", check)
+        if self.unreadable:
+            raise PlayError(self.unreadable)
         positions = np.array([[1.0], [np.nan], [2.0]])
         return PlayedRecord(1_000_000, positions, 0, np.empty((3, 0)))
 
@@ -209,8 +211,8 @@ def test_abort_ends_a_play(tmp_path: Path) -> None:
 def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
     """It ends loading and reading in their middle.
 
-    Before the start the voltage is the first one, which the loop has written; later it is the one
-    that the device reports.
+    Before the start the voltage is the first one, which the loop has written; after the end it is
+    the last one.
     """
     player = FakePlayer()
     player.slow = slow
@@ -222,9 +224,19 @@ def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
     played.threads.abort()
     outcome = played.outcome()
 
-    assert outcome.drive_v == pytest.approx(20.0 if slow == "load" else 25.0)
-    assert outcome.commanded == (slow == "load")
+    assert outcome == PlayOutcome(20.0 if slow == "load" else 30.0, commanded=True)
     assert played.document()["failed"] == "it was aborted"
+
+
+def test_play_whose_record_cannot_be_read_has_ended_at_its_last_voltage(tmp_path: Path) -> None:
+    """What the device has recorded may be as wrong as its read-back."""
+    player = FakePlayer()
+    player.unreadable = "the recorded values differ from the table"
+    played = Played(tmp_path, player)
+    eventually(lambda: player.state is PlayState.PLAYING)
+    player.state = PlayState.ENDED
+
+    assert played.outcome() == PlayOutcome(30.0, player.unreadable, commanded=True)
 
 
 def test_play_begins_at_its_instant(tmp_path: Path) -> None:
