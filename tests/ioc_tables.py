@@ -1,4 +1,4 @@
-"""The tables of docs/ioc.md, from the declarations of the records: `python -m tests.ioc_tables`.
+"""The lists of docs/ioc.md, from the declarations of the records: `python -m tests.ioc_tables`.
 
 A test compares them with what is in the page.
 """
@@ -18,42 +18,38 @@ END: Final = "<!-- end -->\n"
 
 
 def page() -> str:
-    """Return the page with its tables written anew."""
+    """Return the page with its lists written anew."""
     text = PAGE.read_text(encoding="utf-8")
-    tables = {
-        "motor": field_table(),
-        "fixed": fixed_list(),
-        "axis": record_table(AXIS),
-        "stage": record_table(STAGE),
+    lists = {
+        "motor": following_fields(),
+        "fixed": fixed_fields(),
+        "axis": records_of(AXIS),
+        "stage": records_of(STAGE),
     }
-    for name, lines in tables.items():
+    for name, lines in lists.items():
         before, begin, rest = text.partition(BEGIN.format(name))
         _, end, after = rest.partition(END)
         if not (begin and end):
-            raise ValueError(f"{PAGE} has no marks for the table {name}")
+            raise ValueError(f"{PAGE} has no marks for the list {name}")
         text = "".join((before, begin, *(f"{line}\n" for line in lines), end, after))
     return text
 
 
-def record_table(records: Sequence[Record]) -> Iterator[str]:
-    """Yield the lines of a table of records; those with the same contents share a line."""
-    yield "| record | type | contents |"
-    yield "|---|---|---|"
+def records_of(records: Sequence[Record]) -> Iterator[str]:
+    """Yield a line for each record; those with the same contents share one."""
     for (kind, contents), same in groupby(records, lambda each: (_type(each), _contents(each))):
-        yield f"| {_names(same)} | {kind} | {contents} |"
+        yield f"- {_names(same)} ({kind}): {contents}"
 
 
-def field_table() -> Iterator[str]:
-    """Yield the lines of the table of the fields of a motor record that follow the stage."""
-    yield "| fields | contents |"
-    yield "|---|---|"
+def following_fields() -> Iterator[str]:
+    """Yield the lines of the fields of a motor record that follow the stage."""
     following = [each for each in FIELDS if not each.fixed]
     for what, same in groupby(following, lambda each: each.what + "; write it" * each.put):
-        yield f"| {_names(same)} | {what} |"
+        yield f"- {_names(same)}: {what}"
 
 
-def fixed_list() -> Iterator[str]:
-    """Yield the lines of a list of the fixed fields, one for each value."""
+def fixed_fields() -> Iterator[str]:
+    """Yield a line for each value that fields keep."""
     fixed: dict[str, list[Field]] = {}
     for each in FIELDS:
         if each.fixed:
