@@ -7,6 +7,7 @@ import inspect
 import subprocess
 import sys
 from collections.abc import Generator, Iterator
+from itertools import groupby
 from pathlib import Path
 from textwrap import wrap
 from types import NoneType
@@ -17,7 +18,7 @@ from typer.main import get_command
 from piezod.client import StageClient
 from piezod.client.commands import StageCommands
 from piezod.client.reports import StageReports
-from piezod.messages.endpoints import Endpoint, Group
+from piezod.messages.endpoints import Endpoint, Group, Role
 from piezod.messages.requests import TABLE
 
 ROOT: Final = Path(__file__).parents[1]
@@ -81,7 +82,8 @@ def verb_table() -> Iterator[str]:
         yield f"| **{group}** | |"
         for row in TABLE.values():
             if row.group is group:
-                yield f"| `{usages[row.verb]}` | {_cell(row.help)} |"
+                summary = row.help.partition("\n")[0].replace("|", "\\|")
+                yield f"| `{usages[row.verb]}` | {summary} |"
 
 
 def method_table() -> Iterator[str]:
@@ -99,17 +101,13 @@ def method_table() -> Iterator[str]:
 
 
 def endpoint_table() -> Iterator[str]:
-    """Yield the lines of the table of endpoints."""
-    yield "| endpoint | method of the clients | least role | lease | body at most |"
-    yield "|---|---|---|---|---|"
-    for row in TABLE.values():
-        access = row.access
-        lease = "needed" if access.lease else ""
-        body = f"{access.most_bytes // 1024} KiB" if row.method == "POST" else ""
-        yield (
-            f"| `{row.method} /v1/{row.path}` | {_method(row)} | {access.role.name.lower()} "
-            f"| {lease} | {'lines of 1 KiB' if row.streamed else body} |"
-        )
+    """Yield the lines of the table of endpoints, by the rights that they need."""
+    rows = sorted(TABLE.values(), key=_rights)
+    yield "| least role | lease | endpoints |"
+    yield "|---|---|---|"
+    for (role, lease), same in groupby(rows, _rights):
+        endpoints = ", ".join(map(_endpoint, same))
+        yield f"| {role.name.lower()} | {'needed' if lease else ''} | {endpoints} |"
 
 
 def usage_of_verbs() -> dict[str, str]:
@@ -136,8 +134,18 @@ def _parameters(command: Any) -> Iterator[str]:
             yield f"[{parameter.opts[0]} {parameter.metavar}]"
 
 
-def _method(row: Endpoint) -> str:
-    return "–" if row.name == "openapi" else f"`{row.name}`"
+def _rights(row: Endpoint) -> tuple[Role, bool]:
+    return row.access.role, row.access.lease
+
+
+def _endpoint(row: Endpoint) -> str:
+    """Return method and path; in brackets a client's method of another name, and a larger body."""
+    notes = [f"`{row.name}`"] if row.name != row.path else []
+    if row.streamed:
+        notes.append("lines of 1 KiB")
+    elif row.access.most_bytes > 1024:
+        notes.append(f"{row.access.most_bytes // 1024} KiB")
+    return f"`{row.method} /v1/{row.path}`" + (f" ({', '.join(notes)})" if notes else "")
 
 
 def _type_name(annotation: Any) -> str:
@@ -146,10 +154,6 @@ def _type_name(annotation: Any) -> str:
             return "a context manager"
         return f"a generator of `{get_args(annotation)[0].__name__}`"
     return f"`{annotation.__name__}`"
-
-
-def _cell(help: str) -> str:
-    return " ".join(help.split()).replace("|", "\\|")
 
 
 def _source(row: Endpoint) -> str:

@@ -1,16 +1,16 @@
-"""The tables of docs/ioc.md, from the declarations of the records: `python -m tests.ioc_tables`.
+"""The lists of docs/ioc.md, from the declarations of the records: `python -m tests.ioc_tables`.
 
 A test compares them with what is in the page.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from math import isfinite
 from pathlib import Path
 from typing import Final
 
 from piezod.ioc.motor_fields import FIELDS, Field
-from piezod.ioc.table import AXIS, STAGE, Record
+from piezod.ioc.table import AXIS, FAULT_GROUPS, STAGE, Record
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "ioc.md"
 BEGIN: Final = "<!-- {}: made by `python -m tests.ioc_tables`, begin -->\n"
@@ -18,60 +18,48 @@ END: Final = "<!-- end -->\n"
 
 
 def page() -> str:
-    """Return the page with its tables written anew."""
+    """Return the page with its lists written anew."""
     text = PAGE.read_text(encoding="utf-8")
-    tables = {
-        "motor": field_table(),
-        "fixed": fixed_table(),
-        "axis": record_table(AXIS),
-        "stage": record_table(STAGE),
+    lists = {
+        "motor": following_fields(),
+        "fixed": fixed_fields(),
+        "axis": records_of(AXIS),
+        "stage": records_of(STAGE),
     }
-    for name, lines in tables.items():
+    for name, lines in lists.items():
         before, begin, rest = text.partition(BEGIN.format(name))
         _, end, after = rest.partition(END)
         if not (begin and end):
-            raise ValueError(f"{PAGE} has no marks for the table {name}")
+            raise ValueError(f"{PAGE} has no marks for the list {name}")
         text = "".join((before, begin, *(f"{line}\n" for line in lines), end, after))
     return text
 
 
-def record_table(records: Sequence[Record]) -> Iterator[str]:
-    """Yield the lines of a table of records."""
-    yield "| record | type | unit | contents | lists |"
-    yield "|---|---|---|---|---|"
-    for each in records:
-        lists = ["archiver"] * each.archive + ["autosave"] * each.saved
-        written = "; write it" if each.kind.is_set else ""
-        yield (
-            f"| `{each.name}` | {each.kind.value.removesuffix(', set')}{written} | {each.unit} | "
-            f"{each.what}{_details(each)} | {', '.join(lists)} |"
-        )
+def records_of(records: Sequence[Record]) -> Iterator[str]:
+    """Yield a line for each record; those with the same contents share one."""
+    for (kind, contents), same in groupby(records, lambda each: (_type(each), _contents(each))):
+        yield f"- {_names(same)} ({kind}): {contents}"
 
 
-def field_table() -> Iterator[str]:
-    """Yield the lines of the table of the fields of a motor record."""
-    yield "| field | type | contents |"
-    yield "|---|---|---|"
+def following_fields() -> Iterator[str]:
+    """Yield the lines of the fields of a motor record that follow the stage."""
+    following = [each for each in FIELDS if not each.fixed]
+    for what, same in groupby(following, lambda each: each.what + "; write it" * each.put):
+        yield f"- {_names(same)}: {what}"
+
+
+def fixed_fields() -> Iterator[str]:
+    """Yield a line for each value that fields keep."""
+    fixed: dict[str, list[Field]] = {}
     for each in FIELDS:
-        if not each.fixed:
-            kind = _kind(each) + "; write it" * each.put
-            yield f"| `{each.name}` | {kind} | {each.what} |"
+        if each.fixed:
+            fixed.setdefault(_value(each), []).append(each)
+    for value, same in fixed.items():
+        yield f"- {value}: {_names(same)}"
 
 
-def fixed_table() -> Iterator[str]:
-    """Yield the lines of a table of the fixed fields, one for each value and reason."""
-    yield "| fields | type | value | reason |"
-    yield "|---|---|---|---|"
-    fixed = [each for each in FIELDS if each.fixed]
-    for (what, kind, value), fields in groupby(
-        fixed, lambda each: (each.what, _kind(each), _value(each))
-    ):
-        names = ", ".join(f"`{each.name}`" for each in fields)
-        yield f"| {names} | {kind} | {value} | {what} |"
-
-
-def _kind(field: Field) -> str:
-    return field.kind.removeprefix("DBF_").lower()
+def _names(same: Iterable[Field | Record]) -> str:
+    return ", ".join(f"`{each.name}`" for each in same)
 
 
 def _value(field: Field) -> str:
@@ -81,16 +69,22 @@ def _value(field: Field) -> str:
     return field.menu[int(field.start)] if field.menu else f"{field.start:g}"
 
 
-def _details(record: Record) -> str:
-    """Return choices, range and length, in brackets."""
-    parts = []
+def _type(record: Record) -> str:
+    return record.kind.value.replace(", set", "; write it")
+
+
+def _contents(record: Record) -> str:
+    """Return what a record has, with its unit, choices, range and length."""
+    if record.name.partition(":")[2] in FAULT_GROUPS:
+        return "Faults of this group"
+    parts = [f"{record.what}, {record.unit}" if record.unit else record.what]
     if record.choices and record.choices != ("no", "yes"):
         parts.append(", ".join(f"{i} {each}" for i, each in enumerate(record.choices)))
     if isfinite(record.low):
         parts.append(f"{record.low:g} to {record.high:g}")
     if record.length:
-        parts.append(f"at most {record.length} elements")
-    return f" ({'; '.join(parts)})" if parts else ""
+        parts.append(f"at most {record.length}")
+    return "; ".join(parts)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ import pytest
 
 from tests.gcs import dialogues
 from tests.gcs.fake_stage import Controller, Dialogue
-from tests.gcs_tables import PAGE, page
 
 
 @pytest.mark.parametrize("program", dialogues.PROGRAMS)
@@ -17,8 +16,3 @@ def test_program(controller: Controller, client: Dialogue, program: str) -> None
 
     assert controller.stage.do("goto")[0]["axis"] == "x"
     assert controller.stage.paths()[-2:] == ["hold", "resume"]
-
-
-def test_page_has_the_commands_of_each_program() -> None:
-    """The table of the page has what the dialogues send."""
-    assert PAGE.read_text(encoding="utf-8") == page()

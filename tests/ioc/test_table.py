@@ -8,7 +8,7 @@ from tests.ioc_tables import PAGE, page
 
 
 def test_page_has_every_record() -> None:
-    """The tables of the page are those of the declarations."""
+    """The lists of the page are those of the declarations."""
     assert PAGE.read_text(encoding="utf-8") == page()
 
 
