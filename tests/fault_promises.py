@@ -16,11 +16,11 @@ REACTION: Final = "reaction"
 """Names of properties in the report of a test: an id that it proves, and a measured reaction."""
 PAGE: Final = Path(__file__).parents[1] / "docs" / "faults.md"
 ROW: Final = re.compile(
-    r"^\| (?P<id>[A-Z]\d+) \| .* \| (?P<what>[^|]*) \| [^|]*"
+    r"^\| (?P<id>[A-Z]\d+) \| [^|]* \| (?P<what>[^|]*) "
     r"\| (?:(?P<limit>\d+) (?P<unit>cycles?|ms) \((?P<measured>\d*)\)[^|]*)?\|$",
     re.MULTILINE,
 )
-"""A row of the table: `| S5 | noticed | done | to do | 4 cycles (3) |`, or without a bound."""
+"""A row: `| S5 | noticed | done; what ends it | 4 cycles (3) |`, or without a bound."""
 
 
 class Promise(NamedTuple):

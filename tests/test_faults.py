@@ -9,10 +9,10 @@ from tests.fault_promises import PROMISES, PROVED, REACTION
 from tests.faults import Result, problems, results_of, with_measured
 
 PAGE = """
-| id | noticed | done | to do | within (measured) |
-| S2 | not a number | HOLD | look | 5 cycles (4) |
-| L3 | hung | killed | | 2500 ms () beyond the ramp |
-| C1 | malformed | refused | | |
+| id | noticed | done | within (measured) |
+| S2 | not a number | HOLD; resume | 5 cycles (4) |
+| L3 | hung | killed | 2500 ms () beyond the ramp |
+| C1 | malformed | refused | |
 """
 
 
