@@ -1,26 +1,20 @@
 """Runs the proofs of all faults: `python -m tests.faults` compares their times with the promises.
 
 A proof is a test with the mark `fault(id)`, see `tests.fault_promises`. The command prints the
-worst measured reaction to each fault, and writes the table into `docs/faults.md`. It fails if a
-proof fails, if an id has no proof, or if a reaction takes longer than promised or was not measured.
+worst measured reaction to each fault, and writes it into the table of `docs/faults.md`. It fails if
+a proof fails, if an id has no proof, or if a reaction takes longer than promised or was not
+measured.
 """
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import pytest
 
-from tests.fault_promises import PROMISES, PROVED, REACTION, Promise, in_words
+from tests.fault_promises import PAGE, PROMISES, PROVED, REACTION, ROW, Promise
 
-ROOT: Final = Path(__file__).parents[1]
-PAGE: Final = ROOT / "docs" / "faults.md"
-BEGIN: Final = "<!-- promises, begin -->\n"
-END: Final = "<!-- promises, end -->\n"
-HEAD: Final = "| id | promise | within | measured |\n|---|---|---|---|\n"
-_ROW: Final = re.compile(r"^\| `(\w+)` \| (.*) \| (.*) \| .* \|$", re.MULTILINE)
 _CHOSEN: Final = "fault and not (stress or hardware or realtime or peers or browser or docs)"
 
 
@@ -54,7 +48,8 @@ def main(arguments: list[str]) -> int:
     for each in wrong:
         print(each)
     if not (code or wrong):
-        write(results)
+        page = with_measured(PAGE.read_text(encoding="utf-8"), results)
+        PAGE.write_text(page, encoding="utf-8")
     return code or bool(wrong)
 
 
@@ -95,47 +90,24 @@ def _problem(promise: Promise, result: Result) -> str:
 
 
 def as_text(results: Mapping[str, Result]) -> str:
-    """Return the table, in columns."""
-    head = ("id", "promise", "within", "measured", "proofs")
-    proofs = [str(results.get(fault, Result()).proofs) for fault in PROMISES]
-    rows = [head, *((*row, count) for row, count in zip(_rows(results), proofs, strict=True))]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    """Return a line for each id: promised and measured time, and the number of proofs."""
+    rows = ((fault, each.bound, results.get(fault, Result())) for fault, each in PROMISES.items())
     return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
+        f"{fault:4} within {bound or '-':12} measured {worst or '-':>5}, proofs {proofs}"
+        for fault, bound, (proofs, worst) in rows
     )
 
 
-def section(results: Mapping[str, Result]) -> str:
-    """Return the table of the page."""
-    lines = [f"| `{row[0]}` | {' | '.join(row[1:])} |\n" for row in _rows(results)]
-    return HEAD + "".join(lines)
+def with_measured(page: str, results: Mapping[str, Result]) -> str:
+    """Return the page with the measured times in the table."""
 
+    def written(row: re.Match[str]) -> str:
+        if row["measured"] is None:
+            return row[0]
+        begin, end = (edge - row.start() for edge in row.span("measured"))
+        return f"{row[0][:begin]}{results[row['id']].worst}{row[0][end:]}"
 
-def _rows(results: Mapping[str, Result]) -> Iterator[tuple[str, ...]]:
-    for fault, promise in PROMISES.items():
-        result = results.get(fault, Result())
-        measured = "" if result.worst is None else in_words(result.worst, promise.unit)
-        yield fault, promise.what, promise.bound, measured
-
-
-def write(results: Mapping[str, Result]) -> None:
-    """Write the table into the page."""
-    before, after = _around(PAGE.read_text(encoding="utf-8"))
-    PAGE.write_text(f"{before}{BEGIN}{section(results)}{END}{after}", encoding="utf-8")
-
-
-def promises_on_the_page() -> list[tuple[str, ...]]:
-    """Return id, promise and bound of each row of the page."""
-    text = PAGE.read_text(encoding="utf-8")
-    before, after = _around(text)
-    return _ROW.findall(text.removeprefix(before).removesuffix(after))
-
-
-def _around(text: str) -> tuple[str, str]:
-    """Return the text of the page before and after the table."""
-    before, _, rest = text.partition(BEGIN)
-    return before, rest.partition(END)[2]
+    return ROW.sub(written, page)
 
 
 if __name__ == "__main__":

@@ -97,10 +97,10 @@ def _properties(source: str) -> Iterator[ast.FunctionDef]:
 
 
 def _made(name: str, module: Module) -> Path:
-    """Make the folder: the package, its tests and the settings."""
+    """Make the folder: the package, its tests, the pages that they read, and the settings."""
     folder = ROOT / "build" / "mutants" / "work" / name
     shutil.rmtree(folder, ignore_errors=True)
-    for part in ("piezod", "tests"):
+    for part in ("piezod", "tests", "docs"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     changed = folder / module.path
     changed.write_text(with_functions(changed.read_text()))

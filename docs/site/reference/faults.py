@@ -10,11 +10,12 @@ from piezod.devices import registry
 from piezod.units import NS_PER_S
 
 ENDS = {
-    Latch.L0: "by itself",
-    Latch.L1: "`piezod resume`",
-    Latch.L2: "`piezod reset`",
-    Latch.L3: "`piezod reset --engineer`",
+    Latch.L0: "itself",
+    Latch.L1: "resume",
+    Latch.L2: "reset",
+    Latch.L3: "engineer",
 }
+"""Words of the page for what ends a fault."""
 
 
 def page() -> Iterator[str]:
@@ -34,11 +35,11 @@ def page() -> Iterator[str]:
 
 def _fault(rule: FaultRule, drivers: list[str]) -> Iterator[str]:
     yield f"\n### {rule.id} {rule.name} {{ #{rule.id.lower()} }}\n"
-    rows = [("severity", rule.severity), ("reaction", _reaction(rule)), ("ends", _ends(rule))]
+    rows = [("severity", rule.severity), ("reaction", reaction(rule)), ("ends with", ends(rule))]
     others = [(case, each) for (fault, case), each in CASES.items() if fault is rule.id]
     for case, each in others:
         if case is not Case.SINGLE:
-            rows.append((f"reaction: {case.value}", f"{_reaction(each)}; ends: {_ends(each)}"))
+            rows.append((f"reaction: {case.value}", f"{reaction(each)}; ends with {ends(each)}"))
     rows.append(("what to do", sentence(rule.remedy)))
     if rule.id in NEVER_SHOWN:
         rows.append(("never shown", NEVER_SHOWN[rule.id]))
@@ -49,7 +50,8 @@ def _fault(rule: FaultRule, drivers: list[str]) -> Iterator[str]:
     yield from table(("", ""), rows)
 
 
-def _reaction(rule: FaultRule) -> str:
+def reaction(rule: FaultRule) -> str:
+    """Return the reaction, and the worse ones that follow if the fault stays."""
     text, present = rule.reaction.name, rule.reaction
     for step in _steps(rule):
         if step.reaction is not present:
@@ -57,7 +59,8 @@ def _reaction(rule: FaultRule) -> str:
     return text
 
 
-def _ends(rule: FaultRule) -> str:
+def ends(rule: FaultRule) -> str:
+    """Return what ends the fault, now and when it has stayed."""
     text, present = ENDS[rule.latch], rule.latch
     for step in _steps(rule):
         if step.latch is not present:

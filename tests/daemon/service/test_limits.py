@@ -269,7 +269,7 @@ def test_promise_names_the_limits_of_a_daemon() -> None:
     limits = ConnectionLimits()
 
     numbers = re.findall(r"\d+", PROMISES["C5"].what)
-    shown = [CLIENT_RATE_HZ, TOTAL_RATE_HZ, limits.idle_s, limits.fresh_s]
+    shown = [429, CLIENT_RATE_HZ, TOTAL_RATE_HZ, limits.idle_s, limits.fresh_s, limits.per_user]
     assert [float(number) for number in numbers] == shown
 
 
