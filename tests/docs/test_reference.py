@@ -118,7 +118,7 @@ def test_all_pages_are_in_the_navigation(pages: dict[str, str]) -> None:
 
 def test_gallery_shows_all_images() -> None:
     """Each image of the documentation is in the gallery."""
-    gallery = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    gallery = (DOCS / "measurements.md").read_text(encoding="utf-8")
 
     assert [path.name for path in Path(DOCS / "images").iterdir() if path.name not in gallery] == []
 
