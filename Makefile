@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help demo docs docs-test test test-all test-lowest coverage stress faults mutants chaos liars soak vm peers epics \
-	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel bench bench-peers figures lock clean
+	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel release bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
@@ -111,6 +111,9 @@ audit: $(STAMP) build/audit/.installed ## look for known vulnerabilities and oth
 wheel: $(STAMP) build/audit/.installed ## build sdist, wheel and the parts list of the wheel in dist/
 	$(BIN)/python -m build --no-isolation .
 	$(BIN)/python -m tests.supply.sbom dist
+
+release: $(STAMP) build/audit/.installed ## build and check what is released; tags and uploads nothing
+	$(BIN)/python -m tests.supply.release
 
 bench: $(STAMP) ## measure what a sample, a start and a recording cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done

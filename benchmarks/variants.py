@@ -1,17 +1,20 @@
 """True errors of the experiment beyond the paper on every simulated stage, for several specimens.
 
-    python -m benchmarks.variants [--seeds 1 2 3 4 5] [STAGE ...]
-    python -m benchmarks.variants --limits [--seeds 1] [STAGE ...]
+    python -m benchmarks.variants [--seeds 1 2 3 4 5] [--csv FILE] [STAGE ...]
+    python -m benchmarks.variants --limits [--seeds 1] [--csv FILE] [STAGE ...]
 
 Prints for each stage and specimen the worst of the three cases in % of the range of a case, and at
 the end of each stage the worst of its specimens. One specimen takes about half a minute. With
 `--limits` it prints the errors of the stages that miss a target, and those without the effect that
-limits them.
+limits them. `--csv` writes the worst of each stage: `docs/measured/specimens.csv` and
+`limits.csv` are such files.
 """
 
 import argparse
+import csv
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from piezod.config.modes import Mode
 from piezod.experiment.virtual.run import run_experiment
@@ -20,6 +23,29 @@ from tests.experiment.beyond import LIMITS, experiment_of
 
 MODES = (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
 METRIC = "true_tracking_max_pct"
+WORST = "worst"
+"""In place of a seed: the worst of the specimens."""
+
+
+class Line(NamedTuple):
+    """A line of the table.
+
+    Attributes:
+        variant: Name of the variant.
+        seed: Seed of the specimen, or `WORST`.
+        errors_pct: Worst true tracking error of each of `MODES`.
+        lifted: What does not limit the errors here.
+    """
+
+    variant: str
+    seed: str
+    errors_pct: list[float]
+    lifted: str = ""
+
+    def __str__(self) -> str:
+        """Return the line as it is printed."""
+        errors = " ".join(f"{error:12.2f}" for error in self.errors_pct)
+        return f"{self.variant:22} {self.seed:>5} {errors}  {self.lifted}".rstrip()
 
 
 def worst_pct(variant: str, seed: int, **rig: Any) -> list[float]:
@@ -38,29 +64,27 @@ def worst_pct(variant: str, seed: int, **rig: Any) -> list[float]:
     ]
 
 
-def lines(variants: list[str], seeds: list[int]) -> Iterator[str]:
+def lines(variants: list[str], seeds: list[int]) -> Iterator[Line]:
     """Yield the lines of the table."""
-    yield _heading()
     for variant in variants:
         rows = []
         for seed in seeds:
             rows.append(worst_pct(variant, seed))
-            yield _line(variant, str(seed), rows[-1])
-        yield _line(variant, "worst", [max(column) for column in zip(*rows, strict=True)])
+            yield Line(variant, str(seed), rows[-1])
+        yield Line(variant, WORST, [max(column) for column in zip(*rows, strict=True)])
 
 
-def limits(variants: list[str], seeds: list[int]) -> Iterator[str]:
+def limits(variants: list[str], seeds: list[int]) -> Iterator[Line]:
     """Yield the lines of the table of the limits, each the worst of the specimens."""
-    yield f"{_heading()}  without the limit"
     known: set[str] = set()
     for limit in LIMITS:
         if limit.variant not in variants:
             continue
         if limit.variant not in known:
-            yield _line(limit.variant, "worst", _worst_of(limit.variant, seeds))
+            yield Line(limit.variant, WORST, _worst_of(limit.variant, seeds))
             known.add(limit.variant)
         errors_pct = _worst_of(limit.variant, seeds, **limit.rig)
-        yield f"{_line('', 'worst', errors_pct)}  {limit.lifted}"
+        yield Line(limit.variant, WORST, errors_pct, limit.lifted)
 
 
 def _worst_of(variant: str, seeds: list[int], **rig: Any) -> list[float]:
@@ -68,12 +92,15 @@ def _worst_of(variant: str, seeds: list[int], **rig: Any) -> list[float]:
     return [max(column) for column in zip(*rows, strict=True)]
 
 
-def _heading() -> str:
-    return f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in MODES)
-
-
-def _line(variant: str, seed: str, errors_pct: list[float]) -> str:
-    return f"{variant:22} {seed:>5} " + " ".join(f"{error:12.2f}" for error in errors_pct)
+def write_csv(path: Path, table: list[Line]) -> None:
+    """Write the worst of each stage."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("stage", "changed", *MODES))
+        for line in table:
+            if line.seed == WORST:
+                errors = (f"{error:.2f}" for error in line.errors_pct)
+                writer.writerow((line.variant, line.lifted, *errors))
 
 
 def main() -> None:
@@ -81,11 +108,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", help="1 2 3 4 5, with --limits 1")
     parser.add_argument("--limits", action="store_true", help="without what limits the errors")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the worst ones there, too")
     parser.add_argument("variants", nargs="*", default=list(VARIANTS), metavar="STAGE")
     arguments = parser.parse_args()
     table, seeds = (limits, [1]) if arguments.limits else (lines, [1, 2, 3, 4, 5])
+    print(f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in MODES))
+    found = []
     for line in table(arguments.variants, arguments.seeds or seeds):
         print(line, flush=True)
+        found.append(line)
+    if arguments.csv:
+        write_csv(arguments.csv, found)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 A test with the mark `confirms` checks a profile of a driver against somebody else's program, or
 against facts of the maker. The command collects these marks from the source of the tests, writes
-`docs/evidence.md` for people, and one word per profile for `piezod drivers`. A test compares both
-files with the marks.
+the section of `docs/measurements.md` for people, and one word per profile for `piezod drivers`. A
+test compares both with the marks.
 """
 
 import ast
@@ -13,12 +13,12 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
+from docs.measured.tables import PAGE, filled, markdown
 from piezod.devices import emulators, registry
 from piezod.devices.evidence import FILE
 from piezod_drivers.modbus.profiles import PROFILES as MODBUS_PROFILES
 
 ROOT: Final = Path(__file__).parents[1]
-PAGE: Final = ROOT / "docs" / "evidence.md"
 WORDS: Final = ROOT / "drivers" / "piezod_drivers" / FILE
 MARK: Final = "confirms"
 KINDS: Final = {
@@ -34,19 +34,6 @@ DESCRIBED: Final = {"ascii", "can_dbc"}
 """Drivers for any device, with a description of it in the configuration."""
 WITHOUT_DEVICE: Final = {"simulated", "emulated"}
 """Drivers of our own simulation: there is no device to be compared with."""
-HEAD: Final = """# Evidence
-
-No driver was tried on a real device yet. An emulator has the same misunderstandings as the driver
-of the same authors. Therefore each profile is also checked against something that others wrote.
-The tables list the tests that do so; nobody has confirmed the parts that they do not list. The page
-behind the name of each driver states the doubtful ones ("not confirmed").
-`piezod drivers` shows one word for each profile: the first of this list that a test has.
-
-Do not edit this page: `python -m tests.evidence` makes it from the marks of the tests.
-
-| word | what a test compares with |
-|---|---|
-"""
 PAGES: Final = {"modbus": "modbus.md", "canopen": "can.md", "can_dbc": "can.md"}
 """The page of each driver; the others are for serial devices."""
 PEERS: Final = "tests/peers/"
@@ -65,10 +52,9 @@ class Evidence(NamedTuple):
 
 
 def main() -> None:
-    """Write the page and the words."""
-    found = marks()
-    PAGE.write_text(page(found), encoding="utf-8")
-    WORDS.write_text(words(found), encoding="utf-8")
+    """Write the section of the page, and the words."""
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), "evidence", evidence()), "utf-8")
+    WORDS.write_text(words(marks()), encoding="utf-8")
 
 
 def profiles() -> dict[str, tuple[str, ...]]:
@@ -141,24 +127,23 @@ def words(found: list[Evidence]) -> str:
     return json.dumps(table, indent=2) + "\n"
 
 
-def page(found: list[Evidence]) -> str:
-    """Return the page."""
-    return HEAD + "".join(f"{line}\n" for line in _lines(found))
-
-
-def _lines(found: list[Evidence]) -> Iterator[str]:
-    for kind, meaning in KINDS.items():
-        yield f"| {kind} | {meaning} |"
-    yield f"| {NONE} | nothing: only code of our own |"
+def evidence() -> Iterator[str]:
+    """Yield the section of the page: the words, and a table for each driver."""
+    found = marks()
+    meanings = [*KINDS.items(), (NONE, "nothing: only code of our own")]
+    yield from markdown(("word", "what a test compares with"), meanings)
     for driver, names in sorted(profiles().items()):
-        yield from ("", f"## [`{driver}`]({PAGES.get(driver, 'serial.md')})", "")
-        yield from ("| profile | word | confirmed part | by | test |", "|---|---|---|---|---|")
-        for profile in names:
-            rows = [each for each in found if (each.driver, each.profile) == (driver, profile)]
-            if not rows:
-                yield f"| `{profile}` | **{NONE}** | nobody has confirmed anything | | |"
-            for row in sorted(rows, key=lambda each: list(KINDS).index(each.kind)):
-                yield f"| `{profile}` | {row.kind} | {row.part} | {row.by} | {_link(row.test)} |"
+        yield from ("", f"### [`{driver}`]({PAGES.get(driver, 'serial.md')})", "")
+        rows = [row for name in names for row in _rows(found, driver, name)]
+        yield from markdown(("profile", "word", "confirmed part", "by", "test"), rows)
+
+
+def _rows(found: list[Evidence], driver: str, profile: str) -> list[tuple[str, ...]]:
+    rows = [each for each in found if (each.driver, each.profile) == (driver, profile)]
+    rows.sort(key=lambda each: list(KINDS).index(each.kind))
+    return [(f"`{profile}`", row.kind, row.part, row.by, _link(row.test)) for row in rows] or [
+        (f"`{profile}`", f"**{NONE}**", "nobody has confirmed anything", "", "")
+    ]
 
 
 def _link(test: str) -> str:

@@ -36,12 +36,16 @@ class Measure(NamedTuple):
     title: str  #: What is counted.
     found: tuple[str, ...]  #: The places that count.
     limit: int  #: How many there may be.
+    in_places: int | None = None  #: The count, if a place has more than one.
 
     def __str__(self) -> str:
         """Return the count, and its places one per line."""
-        return "\n    ".join(
-            (f"{len(self.found)} of at most {self.limit} {self.title}", *self.found)
-        )
+        return "\n    ".join((f"{self.number} of at most {self.limit} {self.title}", *self.found))
+
+    @property
+    def number(self) -> int:
+        """How many were found."""
+        return len(self.found) if self.in_places is None else self.in_places
 
 
 def files_of_a_verb(name: str = EXAMPLE) -> Measure:
@@ -136,6 +140,25 @@ def long_functions() -> Measure:
     return Measure("functions of more than 60 lines", tuple(found), limit=0)
 
 
+def words_of_docs() -> Measure:
+    """Count the words of all Markdown pages, without the appendix that a command makes."""
+    folders = ("docs", "drivers", "piezod")
+    pages = [
+        *ROOT.glob("*.md"),
+        *(page for each in folders for page in (ROOT / each).rglob("*.md")),
+    ]
+    words = {
+        str(page.relative_to(ROOT)): len(page.read_text(encoding="utf-8").split())
+        for page in pages
+        if page != ROOT / "docs" / "measurements.md"
+    }
+    found = (
+        f"{page}: {words[page]}" for page in sorted(words, key=words.__getitem__, reverse=True)
+    )
+    title = "words of docs without the appendix"
+    return Measure(title, tuple(found), limit=62_000, in_places=sum(words.values()))
+
+
 MEASURES: Final[tuple[Callable[[], Measure], ...]] = (
     files_of_a_verb,
     files_of_a_waveform,
@@ -143,6 +166,7 @@ MEASURES: Final[tuple[Callable[[], Measure], ...]] = (
     fault_ids_as_texts,
     long_files,
     long_functions,
+    words_of_docs,
 )
 """Every measure of the house."""
 

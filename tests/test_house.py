@@ -24,7 +24,7 @@ def test_measure_is_within_its_limit(measure: Callable[[], Measure]) -> None:
     """No count exceeds its limit."""
     measured = measure()
 
-    assert len(measured.found) <= measured.limit, measured
+    assert measured.number <= measured.limit, measured
 
 
 def test_the_files_of_the_example_are_those_that_the_page_shows() -> None:

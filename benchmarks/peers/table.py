@@ -52,14 +52,15 @@ def _line(row: Row, rows: Sequence[Row], width: int) -> str:
     if row.failure:
         return f"{row.method:{width}}  not measured: {row.failure}"
     errors = (getattr(row, error) for error in ERRORS)
-    numbers = [*map(_number, errors), f"{row.fit_s:.2f}", f"{row.sample_us:.2f}"]
+    numbers = [*map(error_text, errors), f"{row.fit_s:.2f}", f"{row.sample_us:.2f}"]
     columns = (f"{n:>{len(heading)}}" for n, heading in zip(numbers, HEADINGS, strict=True))
     better = better_than_piezod(row, rows)
     mark = f"  <- better than piezod ({', '.join(better)})" if better else ""
     return f"{row.method:{width}}  {'  '.join(columns)}  {row.setting}{mark}"
 
 
-def _number(error_pct: float) -> str:
+def error_text(error_pct: float) -> str:
+    """Return an error in % as the tables have it."""
     if math.isnan(error_pct):
         return "-"
     return f"{error_pct:.3f}" if error_pct < 1000.0 else "diverges"

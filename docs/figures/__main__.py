@@ -1,10 +1,9 @@
-"""Make all figures of the documentation anew, and its tables beyond the paper: `make figures`.
+"""Make all figures of the documentation anew, and its tables of errors: `make figures`.
 
 Runs the experiment of the paper, and those beyond it on all stages, in virtual time; the same code
 gives the same numbers. Takes some minutes.
 """
 
-from pathlib import Path
 from time import perf_counter
 from typing import Final
 
@@ -17,9 +16,9 @@ from docs.figures.drawings import (
 from docs.figures.errors import (
     STOPS,
     ErrorsOfModes,
-    fast_table,
-    short_table,
-    variants_table,
+    fast_rows,
+    short_rows,
+    variants_rows,
     worst_of_cases,
 )
 from docs.figures.runs import (
@@ -31,19 +30,18 @@ from docs.figures.runs import (
     run,
 )
 from docs.figures.stages import stages_figure
+from docs.measured.__main__ import main as write_appendix
+from docs.measured.tables import PAGE, save
 from piezod.config.modes import Mode
 from piezod.records.figures import mode_figure, overview_figure, published_figure, save_png
 from tests.experiment.beyond import experiment_of
 
-DOCS: Final = Path(__file__).parents[1]
-PAGE, README, IMAGES = DOCS / "modes.md", DOCS.parent / "README.md", DOCS / "images"
-BEGIN_FAST: Final = "<!-- fast motion, made by `make figures`, begin -->\n"
-BEGIN, END = "<!-- made by `make figures`, begin -->\n", "<!-- end -->\n"
+IMAGES: Final = PAGE.parent / "images"
 SHOWN_CASE: Final = "case 2"
 
 
 def main() -> None:
-    """Run, draw, and write the table into the page."""
+    """Run, draw, store the tables, and write the appendix with them."""
     start_s = perf_counter()
     draw_paper()
     save_png(IMAGES / "stages.png", stages_figure())
@@ -55,11 +53,12 @@ def main() -> None:
     shown = [each for each in stack if each.case == SHOWN_CASE]
     save_png(IMAGES / "modes-tracking.png", tracking_figure(shown))
     save_png(IMAGES / "modes-stages.png", variants_figure(errors))
-    write_table(PAGE, variants_table(errors))
-    write_table(PAGE, fast_table(*fast_motion()), BEGIN_FAST)
-    write_table(README, short_table(worst_of_cases(stack)))
+    save("errors-of-modes", variants_rows(errors))
+    save("fast-motion", fast_rows(*fast_motion()))
+    save("beyond", short_rows(worst_of_cases(stack)))
     save_png(IMAGES / "modes-holding.png", holding_figure(holds()))
     save_png(IMAGES / "modes-exchanged.png", specimen_figure(on_another_specimen()))
+    write_appendix()
     print(f"{perf_counter() - start_s:4.0f} s: done, {PAGE} and {IMAGES} are new")
 
 
@@ -70,16 +69,6 @@ def draw_paper() -> None:
     shown = {each.mode: each for each in result.recordings if each.case == SHOWN_CASE}
     save_png(IMAGES / "uncompensated.png", mode_figure(shown[Mode.UNCOMPENSATED]))
     save_png(IMAGES / "adaptive.png", published_figure(shown[Mode.ADAPTIVE], reference))
-
-
-def write_table(page: Path, table: str, begin: str = BEGIN) -> None:
-    """Put a table between its marks in a page."""
-    text = page.read_text(encoding="utf-8")
-    before, _, rest = text.partition(begin)
-    _, end, after = rest.partition(END)
-    if not end:
-        raise SystemExit(f"{page} lacks the marks of the table")
-    page.write_text(f"{before}{begin}\n{table}\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

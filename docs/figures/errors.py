@@ -1,6 +1,6 @@
-"""Errors of all modes on all stages: what stands in the table and in the figure."""
+"""Errors of all modes on all stages: what stands in the tables and in the figure."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from piezod.config.modes import Mode
@@ -29,6 +29,8 @@ Errors = Mapping[str, ErrorsOfModes]
 """Stage → its errors."""
 ErrorsByCase = Mapping[str, Mapping[str, str]]
 """Case → mode → its errors, as a text."""
+Rows = Iterator[list[str]]
+"""A table as texts, its headings first."""
 
 
 def worst_of_cases(recordings: Iterable[Recording]) -> ErrorsOfModes:
@@ -41,25 +43,22 @@ def worst_of_cases(recordings: Iterable[Recording]) -> ErrorsOfModes:
     return worst
 
 
-def variants_table(errors: Errors) -> str:
-    """Return the true errors of all stages as a table, one row for each stage."""
-    rows = [
-        [stage, *(_true_errors(modes[mode]) for mode in SHOWN_MODES)]
-        for stage, modes in errors.items()
-    ]
-    return _table(["stage"], SHOWN_MODES, rows)
+def variants_rows(errors: Errors) -> Rows:
+    """Return the true errors of all stages: the headings, and one row for each stage."""
+    yield ["stage", *SHOWN_MODES]
+    for stage, modes in errors.items():
+        yield [stage, *(_true_errors(modes[mode]) for mode in SHOWN_MODES)]
 
 
 def _true_errors(values: Mapping[str, float]) -> str:
     return f"{values['true_tracking_max_pct']:.2f} / {values['true_nonlinearity_pct']:.2f}"
 
 
-def short_table(modes: ErrorsOfModes) -> str:
-    """Return the errors of one stage that tell most as a table, one row for each mode."""
-    rows = [
-        [mode, *(f"{values[name]:.2f}" for name in SHORT_COLUMNS)] for mode, values in modes.items()
-    ]
-    return _table(["mode"], SHORT_COLUMNS.values(), rows)
+def short_rows(modes: ErrorsOfModes) -> Rows:
+    """Return the errors of one stage that tell most: the headings, and one row for each mode."""
+    yield ["mode", *SHORT_COLUMNS.values()]
+    for mode, values in modes.items():
+        yield [mode, *(f"{values[name]:.2f}" for name in SHORT_COLUMNS)]
 
 
 def true_errors_by_case(recordings: Iterable[Recording]) -> ErrorsByCase:
@@ -71,15 +70,9 @@ def true_errors_by_case(recordings: Iterable[Recording]) -> ErrorsByCase:
     return errors
 
 
-def fast_table(without: ErrorsByCase, known: ErrorsByCase) -> str:
-    """Return the errors without and with a response as a table, one row for each case."""
-    rows = [[case, *without[case].values(), *modes.values()] for case, modes in known.items()]
+def fast_rows(without: ErrorsByCase, known: ErrorsByCase) -> Rows:
+    """Return the errors without and with a response: the headings, and one row for each case."""
     modes = list(next(iter(known.values())))
-    return _table(["sine"], [*modes, *(f"{mode}, response" for mode in modes)], rows)
-
-
-def _table(texts: list[str], numbers: Iterable[str], rows: Iterable[list[str]]) -> str:
-    """Return Markdown: columns of texts at the left, of numbers at the right."""
-    heads = [*texts, *numbers]
-    rule = ["---"] * len(texts) + ["--:"] * (len(heads) - len(texts))
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in (heads, rule, *rows))
+    yield ["sine", *modes, *(f"{mode}, response" for mode in modes)]
+    for case, with_response in known.items():
+        yield [case, *without[case].values(), *with_response.values()]

@@ -114,10 +114,7 @@ def group(folder: Path) -> None:
 
 
 SETTINGS: Final[Mapping[str, Setting]] = {
-    "README.md": Setting(
-        files=(recording, experiment),
-        words={"NAME.h5": "scan.h5", "DATA.csv": "record.csv", "OTHER.csv": "record.csv"},
-    ),
+    "README.md": Setting(files=(recording,), words={"NAME.h5": "scan.h5"}),
     "docs/client.md": Setting(before=RUN, words={"/run/piezod/bench": SOCKET_FOLDER}),
     "docs/commissioning.md": Setting(files=(stage,)),
     "docs/experiments.md": Setting(files=(experiment,)),

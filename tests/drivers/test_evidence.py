@@ -5,11 +5,9 @@ import pytest
 from tests.evidence import (
     KINDS,
     NONE,
-    PAGE,
     WORDS,
     Evidence,
     marks,
-    page,
     profiles,
     word_of,
     words,
@@ -22,9 +20,8 @@ def found() -> list[Evidence]:
     return marks()
 
 
-def test_page_and_words_are_those_of_the_marks(found: list[Evidence]) -> None:
+def test_words_are_those_of_the_marks(found: list[Evidence]) -> None:
     """`python -m tests.evidence` was run after the last change of a mark or a profile."""
-    assert PAGE.read_text(encoding="utf-8") == page(found)
     assert WORDS.read_text(encoding="utf-8") == words(found)
 
 

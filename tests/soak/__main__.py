@@ -1,16 +1,20 @@
 """A soak: `python -m tests.soak --hours 24`, as `make soak HOURS=24` runs it.
 
-Writes soak.csv, soak.png and the log of the daemons. Exits with 1 if a limit was broken, a state or
-fault had no cause, the stage did not recover, or memory, descriptors or errors grew too much.
+Writes soak.csv, soak.png, the log of the daemons, and soak.json: `docs/measured` has that of a day.
+Exits with 1 if a limit was broken, a state or fault had no cause, the stage did not recover, or
+memory, descriptors or errors grew too much.
 """
 
 import argparse
 import csv
 import gc
+import json
+import math
 import secrets
 import signal
 import sys
 from pathlib import Path
+from typing import Any
 
 from piezod.records.figures.style import save_png
 from tests.control.surface_rig import VARIANTS
@@ -54,6 +58,9 @@ def main() -> int:
         what = f"{result.rows[-1].hour:.1f} simulated hours of a daemon"
         title = f"{what} at {chosen.rate:g} Hz, seed {seed}"
         save_png(chosen.out / "soak.png", soak_figure(result.rows, title, ERROR_RMS_PCT))
+        numbers = {"hours": chosen.hours, "rate_hz": chosen.rate, "model": chosen.model}
+        text = json.dumps(numbers | document(result), indent=2)
+        (chosen.out / "soak.json").write_text(f"{text}\n", encoding="utf-8")
     print(summary(result))
     for violation in result.violations:
         print(f"VIOLATION {violation}")
@@ -66,6 +73,29 @@ def write_csv(path: Path, rows: list[Row]) -> None:
         writer = csv.writer(file)
         writer.writerow(Row._fields)
         writer.writerows([f"{value:.7g}" for value in row] for row in rows)
+
+
+def document(result: Result) -> dict[str, Any]:
+    """Return the numbers of a run for a table."""
+    rows, steps = result.rows, result.rig.output.steps_v
+    errors = sorted(row.error_rms_pct for row in rows if not math.isnan(row.error_rms_pct)) or [0.0]
+    done = result.commands.done
+    return {
+        "seed": result.seed,
+        "processor_min": round(result.took_s[1] / 60),
+        "faults": rows[-1].faults,
+        "output_faults": rows[-1].output_faults,
+        "daemons": rows[-1].daemons,
+        "plays": sum(count for name, count in done.items() if name.startswith("play")),
+        "writes": result.rig.writes,
+        "piezod_step_v": round(result.rig.largest_v, 1),
+        "amplifier_step_v": round(max(steps.values(), default=0.0), 1),
+        "error_rms_median_pct": round(errors[len(errors) // 2], 2),
+        "error_rms_worst_pct": round(errors[-1], 2),
+        "drift_worst_pct": round(max(0.0, *(row.drift_pct for row in rows)), 1),
+        "memory_mb": round(rows[-1].rss_mb - rows[len(rows) // 5].rss_mb, 1),
+        "violations": len(result.violations),
+    }
 
 
 def summary(result: Result) -> str:

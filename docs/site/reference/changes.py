@@ -7,23 +7,19 @@ from typing import Final
 
 CHANGELOG: Final = Path(__file__).resolve().parents[3] / "CHANGELOG.md"
 _VERSION: Final = re.compile(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
-_PART: Final = re.compile(r"^### ([^\n]+)\n(.*?)(?=^### |\Z)", re.MULTILINE | re.DOTALL)
-_CONCERNS_USERS: Final = {"Changed", "Deprecated", "Removed"}
+_UPGRADING: Final = "### Upgrading\n"
 
 
 def page() -> Iterator[str]:
     """Yield the page."""
     yield "# Upgrade notes"
     yield ""
-    yield "What may concern you when you upgrade: the parts Changed, Deprecated and Removed of the"
-    yield "[changelog](../project/CHANGELOG.md). Install the new version, run `piezod check` on"
-    yield "your files, and restart the service. Files of older versions stay readable."
+    yield "What may concern you when you upgrade: the part Upgrading of each version in the"
+    yield "[changelog](../project/CHANGELOG.md)."
     for version, text in _VERSION.findall(CHANGELOG.read_text(encoding="utf-8")):
-        parts = [part for part in _PART.findall(text) if part[0] in _CONCERNS_USERS]
-        if parts:
+        if _UPGRADING in text:
             yield f"\n## {version}\n"
-        for title, items in parts:
-            yield f"### {title}\n\n{_from_here(items.strip())}\n"
+            yield _from_here(text.partition(_UPGRADING)[2].strip())
 
 
 def _from_here(items: str) -> str:
