@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from piezod.cli import processor_warnings
-from piezod.cli.shipped import shipped
+from piezod.cli.daemon.shipped import shipped
 from piezod.config.model_file import dump_model
 from piezod.devices import registry
 from tests.cli.conftest import Command

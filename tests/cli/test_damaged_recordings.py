@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from piezod.cli.output import new_console
-from piezod.cli.record_show_view import as_document, print_summary
+from piezod.cli.record.show_view import as_document, print_summary
 from piezod.config.modes import Mode
 from piezod.errors import PiezodError
 from piezod.experiment.fit.recorded import columns_of_recording, delay_of_recording

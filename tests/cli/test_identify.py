@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from piezod.cli.identify_dynamics import narrowed
+from piezod.cli.identify.dynamics_view import narrowed
 from piezod.config.model_file import load_model
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, write_record

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli.identify import _FitJob
+from piezod.cli.identify.identify import _FitJob
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
 from piezod.experiment.fit.record import Record
 from tests.cli.conftest import Command

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli.shipped import shipped
+from piezod.cli.daemon.shipped import shipped
 from piezod.daemon import service_files
 from piezod.daemon.service_files import TARGETS
 from piezod.service_view import why_hidden, why_unreachable

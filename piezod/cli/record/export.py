@@ -1,0 +1,62 @@
+"""`piezod export`: a recording as a table for other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.record.recordings import (
+    BeginOption,
+    EndOption,
+    RecordedAxisOption,
+    RecordingArgument,
+    checked_out,
+    local_file,
+    read_part,
+)
+from piezod.cli.stage_options import SocketOption, StageOption
+
+
+def export(  # noqa: PLR0913, PLR0917 - each argument is an option
+    recording: RecordingArgument,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            readable=False,
+            help="File to write, .csv or .parquet; default: REC.csv in the current folder.",
+        ),
+    ] = None,
+    axis: RecordedAxisOption = None,
+    begin_s: BeginOption = None,
+    end_s: EndOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Write a recording as CSV or Parquet.
+
+    One row per cycle; the names of the columns end in their units. States, modes and faults are
+    written as their names. Without --axis all axes are written; if there are several, the columns
+    of an axis begin with its name. A Parquet file has units and descriptions in its metadata.
+    """
+    from piezod.cli.output import new_console, print_json
+    from piezod.records.parquet_file import check_parquet
+    from piezod.records.telemetry_export import export_table
+
+    path = checked_out(out, Path(f"{recording.stem}.csv"), (".csv", ".parquet"))
+    if path.suffix.lower() == ".parquet":
+        check_parquet()
+    with local_file(recording, stage, socket) as file:
+        part = read_part(file, begin_s, end_s, columns=("t_s",))  # checks file, part and axis
+        axes = part.header.axes if axis is None else (part.chosen_axis(axis),)
+        rows = part.cycles["t_s"].size
+        del part  # the columns of a long recording need the memory
+        columns = export_table(path, file, axes, begin_s, end_s)
+    if json:
+        document = {"recording": str(recording), "file": str(path), "rows": rows}
+        print_json({**document, "columns": columns})
+    else:
+        text = f"{path}: {rows} rows, {len(columns)} columns: {', '.join(columns)}"
+        new_console().print(text, soft_wrap=True)
