@@ -1,7 +1,10 @@
 """Commands that are imported by name, when they run or show their own help.
 
-So `piezod --help` and the completion of names need none of their modules. Help is plain text with
-the commands under headings, because rich doubles the time that help takes.
+So `piezod --help` and the completion of names need none of their modules. For the help of a command
+its module is imported: it has the options, and imports within its function only what takes a
+second to import (numba, scipy, matplotlib, servers), often from a module with `run` in its name.
+
+Help is plain text with the commands under headings, because rich doubles the time that help takes.
 """
 
 from collections.abc import Callable, Iterable, Mapping

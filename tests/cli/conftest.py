@@ -64,7 +64,7 @@ def fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
         key = repr((data, options, contents))
         return FITS.get(key) or FITS.setdefault(key, identify_file(data, **options))
 
-    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", known)
+    monkeypatch.setattr("piezod.cli.identify.run.identify_file", known)
 
 
 @pytest.fixture

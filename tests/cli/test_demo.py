@@ -36,7 +36,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             RESULTS[key] = replace(result, warnings=())
         return RESULTS[key]
 
-    monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", run_in_short)
+    monkeypatch.setattr("piezod.cli.experiment.run.run_experiment", run_in_short)
     return texts
 
 

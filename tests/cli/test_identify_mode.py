@@ -62,7 +62,7 @@ def test_running_stage_has_its_configured_mode_beside_the_found_one(
     """The loop uses the configuration: the fit of its record tells that it is wrong."""
     configured = FirstModeConfig(frequency_hz=90, damping=0.03)
     recorded = LiveRecord("x", Path("ringing.csv"), 0.0, ("A warning.",), True, configured)
-    monkeypatch.setattr("piezod.experiment.live.identify.record_live", lambda *_, **__: recorded)
+    monkeypatch.setattr("piezod.cli.identify.run.record_live", lambda *_, **__: recorded)
 
     beside, _ = record_and_fit(lambda *_: fitted, None, None, None, FakeStage())
 

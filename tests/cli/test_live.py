@@ -101,7 +101,7 @@ def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
         write_record(file, record_of())
         return LiveRecord("x", file, 0.0, ())
 
-    monkeypatch.setattr("piezod.experiment.live.identify.record_live", record_live)
+    monkeypatch.setattr("piezod.cli.identify.run.record_live", record_live)
 
 
 def as_new(rig: Daemon) -> None:

@@ -6,8 +6,11 @@ from typing import Annotated
 
 import typer
 
+from piezod.cli.daemon.limited_report import LimitedReport
 from piezod.cli.stage_options import SocketOption, StageOption
+from piezod.client.places import find_socket
 from piezod.config.modes import Mode
+from piezod.gcs.server import Plan, serve
 
 
 def gcs(
@@ -43,10 +46,6 @@ def gcs(
     Programs for such controllers, for example Micro-Manager or pylablib, then move the stage. They
     act as the user of this command. Refusals are printed with their reasons on stderr.
     """
-    from piezod.cli.daemon.limited_report import LimitedReport
-    from piezod.client.places import find_socket
-    from piezod.gcs.server import Plan, serve
-
     if stage is not None and socket is not None:
         raise typer.BadParameter("--stage and --socket exclude each other")
     try:

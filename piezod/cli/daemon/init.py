@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
+from piezod.cli.daemon.shipped import shipped
 from piezod.cli.options import JsonOption
+from piezod.cli.output import print_json
 
 
 def init(
@@ -25,9 +27,6 @@ def init(
     If files of the same names exist and differ, the command writes nothing, lists them, and exits
     with 1.
     """
-    from piezod.cli.daemon.shipped import shipped
-    from piezod.cli.output import print_json
-
     examples = {
         file.relative_to(shipped("config")): file.read_bytes()
         for file in sorted(shipped("config").rglob("*"))

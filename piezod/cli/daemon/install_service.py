@@ -1,15 +1,21 @@
 """`piezod install-service`: run the daemon as a systemd service."""
 
 import os
+import shutil
 import sys
+import sysconfig
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 import piezod as piezod_package
+from piezod.cli.daemon.shipped import shipped
 from piezod.cli.options import JsonOption
+from piezod.cli.output import print_json
+from piezod.daemon import service_files
 from piezod.errors import PiezodError
+from piezod.service_view import SERVICES, who_may_change, why_unreachable
 
 _ACTIVATE = (
     "systemd-sysusers piezod.conf",
@@ -46,8 +52,6 @@ def install_service(
     of the IOC, the udev rules, and the definitions of users and folders. Then prints the commands
     that activate them.
     """
-    from piezod.daemon import service_files
-
     service_files.check_root(root)
     if uninstall:
         if root == Path("/") and (used := service_files.units_in_use()):
@@ -55,9 +59,6 @@ def install_service(
             raise PiezodError(f"{', '.join(used)} still running or enabled: {stop}")
         _print_files("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)
         return
-    from piezod.cli.daemon.shipped import shipped
-    from piezod.service_view import SERVICES, who_may_change
-
     command = piezod or _this_command()
     try:
         service_files.check_command(command)
@@ -73,9 +74,6 @@ def install_service(
 
 
 def _this_command() -> Path:
-    import shutil
-    import sysconfig
-
     places = (Path(sys.executable).parent, Path(sysconfig.get_path("scripts")))
     found = shutil.which("piezod", path=":".join(map(str, places)))
     if found is None:
@@ -86,9 +84,6 @@ def _this_command() -> Path:
 
 def _check_reachable(command: Path) -> None:
     """Refuse a command that the service could not start, before the unit fails to start."""
-    from piezod.daemon.service_files import ELSEWHERE
-    from piezod.service_view import why_unreachable
-
     if not command.is_file():
         raise typer.BadParameter(f"no such file (got {command})", param_hint="--piezod")
     parts = [command]
@@ -100,13 +95,13 @@ def _check_reachable(command: Path) -> None:
         parts.append(Path(piezod_package.__file__))  # another place, if it was installed with -e
     for part in parts:
         if why := why_unreachable(part):
-            raise typer.BadParameter(f"{part}: {why}; {ELSEWHERE}", param_hint="--piezod")
+            raise typer.BadParameter(
+                f"{part}: {why}; {service_files.ELSEWHERE}", param_hint="--piezod"
+            )
 
 
 def _print_files(what: str, files: list[Path], commands: tuple[str, ...], *, json: bool) -> None:
     if json:
-        from piezod.cli.output import print_json
-
         print_json({what: [str(file) for file in files], "next": list(commands)})
         return
     for file in files:

@@ -1,9 +1,15 @@
 """`piezod ioc`: the running stages as EPICS records."""
 
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from piezod.cli.daemon.limited_report import LimitedReport
+from piezod.client.places import find_socket, running_stages
+from piezod.errors import NotRunningError
+from piezod.ioc.server import Plan, serve, write_lists
 
 
 def ioc(
@@ -43,13 +49,6 @@ def ioc(
     Screens, archivers and scans for EPICS then work: each axis has a record with the fields of a
     motor record. Clients act as the user of this command. Refusals are printed on stderr.
     """
-    from ipaddress import IPv4Address
-
-    from piezod.cli.daemon.limited_report import LimitedReport
-    from piezod.client.places import find_socket, running_stages
-    from piezod.errors import NotRunningError
-    from piezod.ioc.server import Plan, serve, write_lists
-
     try:
         interfaces = [IPv4Address(text) for text in interface or ()]
     except ValueError as error:

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import new_console, new_table, print_json
 from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
 
 
@@ -12,8 +13,6 @@ def list_params(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
     """Print the parameters in use."""
-    from piezod.cli.output import new_console, print_json
-
     with connect(stage, socket) as client:
         found = client.params()
     if json:
@@ -65,19 +64,12 @@ def history(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
     """Print a table of the saved parameters."""
-    from rich import box
-    from rich.table import Table
-
-    from piezod.cli.output import new_console, print_json
-
     with connect(stage, socket) as client:
         found = client.params_history()
     if json:
         print_json(found.document)
         return
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("number", "saved at", "by", "axes", ""):
-        table.add_column(heading)
+    table = new_table("number", "saved at", "by", "axes", "")
     for each in found.history:
         table.add_row(
             str(each.sequence), each.saved_at, each.saved_by, ", ".join(each.axes), each.why

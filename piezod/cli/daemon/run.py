@@ -1,15 +1,16 @@
 """`piezod run`: the daemon of a stage, in the foreground."""
 
+import faulthandler
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from piezod.cli.exit_codes import FAILED
 from piezod.cli.options import ConfigArgument
-
-if TYPE_CHECKING:
-    from piezod.daemon.supervisor.signals import Signals
+from piezod.daemon.lock import Lock
+from piezod.daemon.paths import stage_paths
+from piezod.daemon.supervisor.signals import Signals, noted_signals
 
 
 def run(
@@ -31,8 +32,6 @@ def run(
     of the stage runs already, with 1 if its loop ended by itself, and with 74 if the stage could
     not be ramped down then: the last lines say which voltage stays on which axis.
     """
-    from piezod.daemon.supervisor.signals import noted_signals
-
     with noted_signals() as signals:  # first of all: from now on they request an orderly end
         in_order = _run(config, strict_rt, require_device, shadow, signals)
     if not in_order:
@@ -40,13 +39,8 @@ def run(
 
 
 def _run(
-    config: Path, strict_rt: bool, require_device: bool, shadow: bool, signals: "Signals"
+    config: Path, strict_rt: bool, require_device: bool, shadow: bool, signals: Signals
 ) -> bool:
-    import faulthandler
-
-    from piezod.daemon.lock import Lock
-    from piezod.daemon.paths import stage_paths
-
     faulthandler.enable(2)  # prints a traceback if systemd's watchdog ends the process
     paths = stage_paths(config)
     paths.make_folders()

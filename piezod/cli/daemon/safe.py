@@ -1,16 +1,20 @@
 """`piezod safe`: ramp a stage to its safe voltage without its daemon."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 
 from piezod.cli.devices.owned_stage import LOCK_WAIT_S
 from piezod.cli.options import ConfigArgument, JsonOption
-
-if TYPE_CHECKING:
-    from piezod.daemon.paths import StagePaths
-    from piezod.daemon.safe.ramp import AxisOutcome
+from piezod.cli.output import print_json
+from piezod.config.daemon import load_daemon
+from piezod.daemon.lock import Lock, taken_within
+from piezod.daemon.paths import StagePaths, stage_paths
+from piezod.daemon.safe.ramp import AxisOutcome
+from piezod.daemon.safe.rescue import Rescue
+from piezod.devices import registry
+from piezod.errors import ConfigError, StillDrivenError
 
 _RUNS: Final = (
     "the daemon of this stage runs, as process {holder}: `piezod stop` ramps down; `kill {holder}` "
@@ -43,8 +47,6 @@ def safe(
     74, after a line for each other axis: UNKNOWN, the reason, and which voltage stays. Exits with
     75 if the daemon runs, or its loop process does not end.
     """
-    from piezod.daemon.paths import stage_paths
-
     paths = stage_paths(config)
     if unless_clean and not paths.running.exists():
         if json:
@@ -56,11 +58,7 @@ def safe(
     _rescue(config, paths, confirmed=confirm_output, json=json)
 
 
-def _rescue(config: Path, paths: "StagePaths", *, confirmed: bool, json: bool) -> None:
-    from piezod.daemon.lock import Lock, taken_within
-    from piezod.daemon.safe.rescue import Rescue
-    from piezod.errors import StillDrivenError
-
+def _rescue(config: Path, paths: StagePaths, *, confirmed: bool, json: bool) -> None:
     with taken_within(lambda: Lock(paths.lock, _RUNS), LOCK_WAIT_S):
         rescue = Rescue(_in_force(config, paths), paths)
         outcomes = rescue.ramp(confirmed=confirmed)
@@ -72,12 +70,8 @@ def _rescue(config: Path, paths: "StagePaths", *, confirmed: bool, json: bool) -
             raise StillDrivenError("\n".join(left))
 
 
-def _in_force(config: Path, paths: "StagePaths") -> Path:
+def _in_force(config: Path, paths: StagePaths) -> Path:
     """Return the configuration that the dead daemon ran; the file may have changed since."""
-    from piezod.config.daemon import load_daemon
-    from piezod.devices import registry
-    from piezod.errors import ConfigError
-
     # The daemon keeps a copy of its accepted configuration, in one of two folders.
     copies = list(paths.runtime.glob(f"config-*/{config.stem}.yaml"))
     if config in copies or not copies or not paths.running.exists():
@@ -90,8 +84,6 @@ def _in_force(config: Path, paths: "StagePaths") -> Path:
     return copy
 
 
-def _print_document(outcomes: "dict[str, AxisOutcome]") -> None:
-    from piezod.cli.output import print_json
-
+def _print_document(outcomes: dict[str, AxisOutcome]) -> None:
     axes = {name: each._asdict() for name, each in outcomes.items()}
     print_json({"safe": not any(each.why for each in outcomes.values()), "axes": axes})

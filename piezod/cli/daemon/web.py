@@ -47,6 +47,7 @@ def web(
     Prints the address of the page, with a token that a browser needs. The page acts as the user
     of this command. Other computers reach the stages over TLS.
     """
+    # The server takes long to import.
     from piezod.web.encryption import Certificate
     from piezod.web.public_url import PublicUrl
     from piezod.web.server import WebPlan, serve

@@ -1,18 +1,16 @@
 """The steps of commissioning at the terminal: each is announced, confirmed, then done."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import typer
 
-if TYPE_CHECKING:
-    from piezod.commission.procedure import ProcedureStep
-    from piezod.commission.session import Session
+from piezod.commission.procedure import ProcedureStep
+from piezod.commission.session import Session
 
 
 def walk(
-    session: "Session",
-    steps: "Iterator[ProcedureStep]",
+    session: Session,
+    steps: Iterator[ProcedureStep],
     not_done: list[str],
     *,
     asking: bool,
@@ -50,7 +48,7 @@ def print_note(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _confirmed(step: "ProcedureStep", session: "Session", prefix: str) -> bool:
+def _confirmed(step: ProcedureStep, session: Session, prefix: str) -> bool:
     # A device with a watchdog needs writes while the user thinks.
     with session.holding():
         return typer.confirm(f"{prefix}{step.name}: {step.what}?", default=not step.moves, err=True)

@@ -5,6 +5,10 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import new_console, new_table, print_json
+from piezod.devices import plugins, registry
+from piezod.devices.evidence import evidence_of
+from piezod.errors import RegistryError
 
 
 def drivers(json: JsonOption = False) -> None:
@@ -15,9 +19,6 @@ def drivers(json: JsonOption = False) -> None:
     program that does not know the device), none. With --json, `sees` lists the faults of
     docs/faults.md that it can detect.
     """
-    from piezod.cli.output import print_json
-    from piezod.devices import registry
-
     found = [_look_up(name) for name in registry.names()]
     if json:
         print_json(
@@ -39,10 +40,6 @@ class _Driver(NamedTuple):
 
 
 def _look_up(name: str) -> _Driver:
-    from piezod.devices import plugins, registry
-    from piezod.devices.evidence import evidence_of
-    from piezod.errors import RegistryError
-
     points = plugins.points_of(registry.GROUP).select(name=name)
     made_by = sorted(f"{point.dist.name} {point.dist.version}" for point in points if point.dist)
     found = _Driver(name, ", ".join(made_by))
@@ -60,16 +57,8 @@ def _look_up(name: str) -> _Driver:
 
 
 def _print_table(found: Sequence[_Driver]) -> None:
-    from rich import box
-    from rich.table import Table
-
-    from piezod.cli.output import new_console
-
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("driver", no_wrap=True)
-    table.add_column("devices")
-    table.add_column("confirmed\non hardware")
-    table.add_column("installed by")
+    table = new_table("driver", "devices", "confirmed\non hardware", "installed by")
+    table.columns[0].no_wrap = True
     for each in found:
         confirmed = {True: "yes", False: "no", None: "?"}[each.confirmed_on_hardware]
         what = each.error or each.summary
@@ -78,14 +67,7 @@ def _print_table(found: Sequence[_Driver]) -> None:
 
 
 def _print_evidence(found: Sequence[_Driver]) -> None:
-    from rich import box
-    from rich.table import Table
-
-    from piezod.cli.output import new_console
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("driver", "profile", "checked against"):
-        table.add_column(heading, no_wrap=True)
+    table = new_table("driver", "profile", "checked against", no_wrap=True)
     for each in found:
         for profile, word in each.evidence.items():
             table.add_row(each.name, profile, word)

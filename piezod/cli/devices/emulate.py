@@ -1,25 +1,68 @@
 """`piezod emulate`: emulated devices in their own process, connected to the simulated rig."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Annotated, TypeAlias
 
 import typer
 
-from piezod.cli.devices.emulate_options import (
-    AxesOption,
-    DeviceOption,
-    FaultOption,
-    PortOption,
-    ProfilesArgument,
-    RigOption,
-    SerialNumberOption,
-    TraceOption,
-)
 from piezod.cli.options import JsonOption
+from piezod.cli.paths import existing_file
 
-if TYPE_CHECKING:
-    from piezod.cli.devices.emulate_parts import RigPlan
-    from piezod.devices.emulators import EmulationRequest
+ProfilesArgument: TypeAlias = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="PROFILE[=WHERE]",
+        help="Devices, each with the path of its port or its HOST:PORT; several are connected to "
+        "the same stage, axis by axis.",
+    ),
+]
+PortOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--port",
+        "--socket",
+        metavar="WHERE",
+        help="Port or socket of a single PROFILE. Default: a usual place, which is printed.",
+    ),
+]
+RigOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="CONFIG",
+        help="Configuration of a stage with a simulated rig: its options, axes and seed are used. "
+        "Default: default options, seed 1.",
+        callback=existing_file,
+    ),
+]
+DeviceOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Rig of CONFIG; required if there are several."),
+]
+AxesOption: TypeAlias = Annotated[
+    int | None,
+    typer.Option(
+        min=1, max=16, metavar="N", help="Number of axes. Default: as many as the devices have."
+    ),
+]
+SerialNumberOption: TypeAlias = Annotated[
+    str, typer.Option(metavar="TEXT", help="Serial number that the devices report.")
+]
+FaultOption: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KIND[:WHICH][:VALUE]",
+        help="Wire fault of every device; may be repeated. KIND: late (VALUE s), lost, garbled "
+        "(bit VALUE), partial (only the first VALUE bytes come), duplicated, noise (VALUE bytes "
+        "before the reply); disconnect, wrong-identity (both: absent for VALUE s), restart (off "
+        "for VALUE s); on a CAN bus also foreign (another node sends a frame with the host's "
+        "identifier), bus-off (for VALUE s). WHICH reply, counted from 1: 7, 7-9, 7-, 'every 7'; "
+        "or now, for disconnect, wrong-identity, restart and bus-off; default: every reply. VALUE "
+        "may be a range, 0.01-0.2.",
+    ),
+]
+TraceOption: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="CSV", help="Record every written voltage in this file.")
+]
 
 
 def emulate(  # noqa: PLR0913, PLR0917 - each argument is an option
@@ -42,64 +85,9 @@ def emulate(  # noqa: PLR0913, PLR0917 - each argument is an option
     A line on standard input replaces all faults: faults separated by commas, or an empty line for
     none. Replies are then counted from 1 again.
     """
-    from piezod.cli.devices.emulate_parts import (
-        bench,
-        default_rig,
-        posts_of,
-        rig_of,
-        stop_requested,
-    )
-    from piezod.devices.emulators import Emulation
+    # The rig and the emulators take long to import.
+    from piezod.cli.devices.emulate_run import chosen_posts, chosen_rig, serve
 
-    posts = posts_of(profile, port, fault or ())
-    _check_faults(posts, fault or ())
-    needed = axes or max(post.plugin.channels for post in posts)
-    rig = default_rig(needed) if config is None else rig_of(config, device, axes)
-    with stop_requested() as stopping, bench(rig, trace) as on_bench:
-        emulation = Emulation(posts, on_bench, serial_number)
-        try:
-            _print_places(posts, emulation.start(), rig, json=json)
-            _serve(posts, lambda: stopping() or not emulation.running(), json=json)
-        finally:
-            emulation.stop()
-
-
-def _check_faults(posts: "Sequence[EmulationRequest]", faults: Sequence[str]) -> None:
-    from piezod.devices.emulation.faults import ON_A_BUS, parse
-
-    if all(post.plugin.wire == "can" for post in posts):
-        return
-    for text in faults:
-        if parse(text).kind in ON_A_BUS:
-            what = f"{text} needs a CAN bus: every PROFILE must be a CAN device"
-            raise typer.BadParameter(what, param_hint="--fault")
-
-
-def _print_places(
-    posts: "Sequence[EmulationRequest]", places: Sequence[str], rig: "RigPlan", *, json: bool
-) -> None:
-    from piezod.cli.output import new_console, print_json_line
-
-    served = [(post.plugin.name, place) for post, place in zip(posts, places, strict=True)]
-    if json:
-        found = [{"profile": name, "where": where} for name, where in served]
-        print_json_line({"serving": found, "axes": rig.axes})
-        return
-    for name, where in served:
-        what = f"{name}, axes {', '.join(rig.axes)}: serving {where}, Ctrl-C ends it"
-        new_console().print(what, soft_wrap=True)
-
-
-def _serve(
-    posts: "Sequence[EmulationRequest]", stopping: Callable[[], bool], *, json: bool
-) -> None:
-    from piezod.cli.devices.emulate_parts import watch_input
-    from piezod.cli.output import new_console, print_json_line
-
-    def report(faults: str) -> None:
-        if json:
-            print_json_line({"faults": faults})
-        else:
-            new_console().print(f"faults: {faults or 'none'}", soft_wrap=True)
-
-    watch_input([post.faults for post in posts], stopping, report)
+    posts = chosen_posts(profile, port, fault or ())
+    rig = chosen_rig(posts, config, device, axes)
+    serve(posts, rig, serial_number, trace, json=json)

@@ -10,12 +10,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from piezod.commission.bench import OneAxis
 from piezod.errors import PiezodError
-
-if TYPE_CHECKING:
-    from piezod.commission.bench import OneAxis
 
 DONE: Final = "done\n"
 READY: Final = "ready\n"
@@ -40,7 +38,7 @@ class Guardian:
             start_new_session=True,
         )
 
-    def watch(self, axis: str, opened: "OneAxis") -> None:
+    def watch(self, axis: str, opened: OneAxis) -> None:
         """From now on bring this axis back to its initial voltage if this process is killed.
 
         Returns when the guardian has loaded all that it needs.

@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
+from piezod.cli.experiment.processor_warnings import processor_warnings
 from piezod.cli.options import JsonOption
+from piezod.cli.output import new_console, print_json, print_warnings
 from piezod.cli.paths import existing_file
 
 
@@ -27,8 +29,7 @@ def check(
     prints every problem on stderr as `file:line:column: path: problem` and exits with 78. With
     --json the document on stdout lists the problems too.
     """
-    from piezod.cli.experiment.processor_warnings import processor_warnings
-    from piezod.cli.output import new_console, print_json
+    # The checks of a trim and of a model take long to import.
     from piezod.experiment.check_file import FileKind, check_file
 
     checked = check_file(file)
@@ -54,5 +55,4 @@ def check(
         console.print(f"{file}: ok, {checked.contents}", soft_wrap=True)
         for margins in checked.margins:
             console.print(margins, soft_wrap=True)
-        for warning in warnings:
-            console.print(f"! {warning}", style="yellow")
+        print_warnings(console, warnings)

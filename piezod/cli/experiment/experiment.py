@@ -1,31 +1,62 @@
 """`piezod experiment`: run an experiment file, write a report with errors, figures and data."""
 
-from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated, TypeAlias
 
-from piezod.cli.experiment.options import (
-    FileArgument,
-    LargestStepOption,
-    LiveOption,
-    OutOption,
-    SeedOption,
-    TablesOption,
-    check_play,
-    check_usage,
-)
-from piezod.cli.interrupt import unwinding
+import typer
+
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import check_writable
+from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import SocketOption, StageOption, connect
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from contextlib import AbstractContextManager
-
-    from piezod.client import StageClient
-    from piezod.config.experiment import ExperimentConfig
-    from piezod.records.recording import ExperimentResult
+FileArgument: TypeAlias = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="Experiment, YAML.", readable=False, callback=existing_file
+    ),
+]
+OutOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        readable=False,
+        help="Folder for report, figures and data; the results of an earlier run in it are "
+        "replaced, but with --live an existing folder is left alone, and the name gets a number. "
+        "Default: the name of FILE with -results, in the current folder.",
+    ),
+]
+SeedOption: TypeAlias = Annotated[
+    int | None,
+    typer.Option(min=0, max=2**32 - 1, metavar="N", help="Seed, in place of that of the file."),
+]
+LiveOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--live",
+        help="Run the experiment on a running stage, with its devices, axes, rate and model.",
+    ),
+]
+LargestStepOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PCT",
+        min=0.001,
+        max=100.0,
+        help="With --live, for a slow bus: slow the commands down until the motion per cycle of "
+        "the loop is at most this share of their range, in %.",
+    ),
+]
+TablesOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        exists=True,
+        file_okay=False,
+        readable=False,
+        help="With `play`: begin with the learned tables in this folder, where waveform, rate, "
+        "model and device are the same.",
+    ),
+]
 
 
 def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
@@ -47,64 +78,18 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     Prints the errors of each case in each mode in % of the displacement range, the origin of the
     model, the warnings, and the path of the report.
     """
-    from piezod.cli.experiment.view import as_document, print_result
-    from piezod.cli.output import new_console, print_json
-    from piezod.cli.progress import progress_bar
-    from piezod.config.experiment import load_experiment
-    from piezod.devices import registry
-    from piezod.experiment.outputs import write_outputs
-    from piezod.experiment.reference import reference_of
-    from piezod.experiment.virtual.run import run_experiment
+    # numba, scipy and matplotlib take long to import.
+    from piezod.cli.experiment.run import Choices, run
 
-    check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
-    config = load_experiment(file, registry)
-    check_play(plays=config.play is not None, largest_step_pct=largest_step_pct, tables=tables)
-    if seed is not None:
-        config = config.model_copy(update={"seed": seed})
-    with _folder(out or Path(f"{file.stem}-results"), live=live) as folder:
-        if config.play is not None:
-            from piezod.cli.experiment.plays import run_play
-
-            on = connect(stage, socket) if live else None
-            run_play(config, config.play, folder, tables, on, json=json)
-            return
-        with progress_bar() as progress:
-            text = file.read_text(encoding="utf-8-sig")
-            what = config, text, config.title or file.stem
-            if live:
-                result = _run_live(*what, largest_step_pct, connect(stage, socket), progress)
-            else:
-                result = run_experiment(*what, progress)
-            progress("writing the report", 1.0)
-            reference = reference_of(config)
-            report = write_outputs(folder, result, reference)
-    if json:
-        print_json(as_document(result, report))
-    else:
-        print_result(new_console(), result, reference, report)
+    _check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
+    on = (lambda: connect(stage, socket)) if live else None
+    run(file, out, Choices(seed, largest_step_pct, tables, on), json=json)
 
 
-@contextmanager
-def _folder(wanted: Path, *, live: bool) -> "Iterator[Path]":
-    """Make the folder before the run, which may take minutes; what was measured is not replaced."""
-    from piezod.records.new_name import new_folder
-
-    if not live:
-        wanted.mkdir(parents=True, exist_ok=True)
-    with new_folder(wanted) if live else nullcontext(wanted) as folder:
-        check_writable(folder)
-        yield folder
-
-
-def _run_live(
-    config: "ExperimentConfig",
-    text: str,
-    title: str,
-    largest_step_pct: float | None,
-    connection: "AbstractContextManager[StageClient]",
-    progress: "Callable[[str, float], None]",
-) -> "ExperimentResult":
-    from piezod.experiment.live.run import run_live
-
-    with unwinding(), connection as client:
-        return run_live(config, text, title, client, progress, largest_step_pct)
+def _check_usage(*, live: bool, seed: int | None, only_live: tuple[object, ...]) -> None:
+    """Refuse options that exclude each other; `only_live` are false if not given."""
+    if live and seed is not None:
+        message = "not with --live: a running stage has its own seed"
+        raise typer.BadParameter(message, param_hint="'--seed'")
+    if not live and any(only_live):
+        raise typer.BadParameter("--stage, --socket and --largest-step-pct need --live")

@@ -8,12 +8,16 @@ import typer
 
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
+from piezod.cli.output import print_json
 from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.progress import progress_bar, report_part
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
+from piezod.config.fields import Context
+from piezod.config.play import WaveConfig
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import load_yaml
 
-if TYPE_CHECKING:
-    from piezod.config.play import WaveConfig
+if TYPE_CHECKING:  # with the inverse model, they take long to import
     from piezod.experiment.play.learn import LearnedPlay, PassReport
 
 _TablesOption: TypeAlias = Annotated[
@@ -62,7 +66,7 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
     pass to pass by the error that the sensor shows, until that is at the noise or no longer falls.
     Prints the error of each pass in % of the swing. The stage is disarmed at the end.
     """
-    from piezod.cli.output import print_json
+    # The inverse model takes long to import.
     from piezod.experiment.live.play import learn_waveform
 
     wave = _wave(file)
@@ -89,12 +93,7 @@ def play(  # noqa: PLR0913, PLR0917 - each argument is an option
         typer.echo(f"Stopped: {learned.stopped}. Best: {learned.best.label}.")
 
 
-def _wave(file: Path) -> "WaveConfig":
-    from piezod.config.fields import Context
-    from piezod.config.play import WaveConfig
-    from piezod.config.validate import validate
-    from piezod.config.yaml_loader import load_yaml
-
+def _wave(file: Path) -> WaveConfig:
     document = load_yaml(file)
     document.data.setdefault("name", file.stem[:40])
     return validate(document, WaveConfig, Context(file.parent))

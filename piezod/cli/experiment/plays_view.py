@@ -7,6 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from piezod.cli.output import print_warnings
 from piezod.config.play import PlayConfig, WaveConfig
 from piezod.experiment.play.learn import LearnedPlay, PassReport
 from piezod.experiment.play.task import left_out_share
@@ -98,10 +99,8 @@ def print_play(console: Console, played: PlayedExperiment, play: PlayConfig, fol
             published = f" Published: {wave.reference}." if wave.reference else ""
             stopped = f"{wave.name}: {one.stopped}; best is {one.best.label}."
             console.print(f"{stopped}{_limit(one.best)}{published}")
-        for note in (*result.notes, *_left_out(result)):
-            console.print(f"! {note}", style="yellow")
-    for warning in played.warnings:
-        console.print(f"! {warning}", style="yellow")
+        print_warnings(console, (*result.notes, *_left_out(result)))
+    print_warnings(console, played.warnings)
     console.print(f"Figures and tables: {folder}", soft_wrap=True)
 
 

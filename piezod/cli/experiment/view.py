@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from piezod.cli.output import print_warnings
 from piezod.experiment.error_rows import error_rows
 from piezod.experiment.outputs import DATA_NAME
 from piezod.records.error_table import ErrorCell, ErrorRow, error_table, groups, meaning, verdict
@@ -69,8 +70,7 @@ def print_result(
         console.print(verdict(errors, reference))
     for each in result.identifications:
         console.print(_model(each))
-    for warning in result.warnings:
-        console.print(f"! {warning}", style="yellow")
+    print_warnings(console, result.warnings)
     console.print(f"Report: {report}", soft_wrap=True)
 
 

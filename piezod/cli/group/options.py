@@ -2,15 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
+from piezod.cli.output import new_console, print_json
 from piezod.cli.paths import existing_file
-
-if TYPE_CHECKING:
-    from piezod.client import StageGroup
-    from piezod.messages.documents import Message
+from piezod.client import StageGroup
+from piezod.messages.documents import Message
 
 GroupArgument: TypeAlias = Annotated[
     str, typer.Argument(metavar="GROUP", help="Name of a group in the file of the groups.")
@@ -33,7 +32,7 @@ StartInOption: TypeAlias = Annotated[
 ]
 
 
-def connect_group(name: str, groups: Path | None) -> "StageGroup":
+def connect_group(name: str, groups: Path | None) -> StageGroup:
     """Return the clients of a group.
 
     Args:
@@ -43,13 +42,11 @@ def connect_group(name: str, groups: Path | None) -> "StageGroup":
     Raises:
         ConfigError: If the file cannot be used, or has no such group.
     """
-    from piezod.client import StageGroup
-
     return StageGroup(name, file=groups)
 
 
 def print_answers(
-    answers: "Mapping[str, Message]", done: "Callable[[Any], str]", *, json: bool
+    answers: Mapping[str, Message], done: Callable[[Any], str], *, json: bool
 ) -> None:
     """Print a line for each stage, or one document with all answers.
 
@@ -58,8 +55,6 @@ def print_answers(
         done: Returns what an answer says, for people.
         json: Whether to print the answers in place of the lines.
     """
-    from piezod.cli.output import new_console, print_json
-
     if json:
         print_json({"stages": {stage: each.document for stage, each in answers.items()}})
         return

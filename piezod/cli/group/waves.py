@@ -1,7 +1,7 @@
 """`piezod group wave` and `piezod group play`: movements that begin together."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 
@@ -11,14 +11,15 @@ from piezod.cli.group.options import (
     StartInOption,
     connect_group,
 )
+from piezod.cli.input_file import load_file
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import existing_file, load_file
-
-if TYPE_CHECKING:
-    from piezod.client import StageGroup
-    from piezod.client.calls import Waveforms
-    from piezod.client.stage_group import GroupStart
-    from piezod.config.commands import Command
+from piezod.cli.output import new_console, print_json
+from piezod.cli.paths import existing_file
+from piezod.client import StageGroup
+from piezod.client.calls import Waveforms
+from piezod.client.stage_group import GroupStart
+from piezod.config.commands import Command, CommandPerAxis
+from piezod.messages.groups import GroupPlayFile, GroupWaveFile
 
 _START_IN_S: Final = 1.0
 
@@ -43,8 +44,6 @@ def wave(
     They begin at the same instant, within a cycle of each loop. Each axis first moves to the start
     of its waveform. If one stage refuses, the others hold.
     """
-    from piezod.messages.groups import GroupWaveFile
-
     loaded = load_file(file, GroupWaveFile)
     with connect_group(name, groups) as group:
         waveforms = {stage: _per_axis(group, stage, each) for stage, each in loaded.stages.items()}
@@ -72,8 +71,6 @@ def play(
     The devices are started at the same instant, and play by their own clocks. Each device must have
     its table before that. If one stage refuses, the others hold.
     """
-    from piezod.messages.groups import GroupPlayFile
-
     loaded = load_file(file, GroupPlayFile)
     without = {"kind", "start_s"}
     tables = {stage: each.model_dump(exclude=without) for stage, each in loaded.stages.items()}
@@ -82,9 +79,7 @@ def play(
     _print(started, "playing", json=json)
 
 
-def _per_axis(group: "StageGroup", stage: str, command_um: "Command") -> "Waveforms":
-    from piezod.config.commands import CommandPerAxis
-
+def _per_axis(group: StageGroup, stage: str, command_um: Command) -> Waveforms:
     if isinstance(command_um, CommandPerAxis):
         return command_um.axes
     axes = list(group.client(stage).status().axes)
@@ -94,9 +89,7 @@ def _per_axis(group: "StageGroup", stage: str, command_um: "Command") -> "Wavefo
     return {axes[0]: command_um}
 
 
-def _print(started: "GroupStart", done: str, *, json: bool) -> None:
-    from piezod.cli.output import new_console, print_json
-
+def _print(started: GroupStart, done: str, *, json: bool) -> None:
     if json:
         answers = {stage: each.document for stage, each in started.answers.items()}
         print_json({"start_s": started.start_s, "stages": answers})

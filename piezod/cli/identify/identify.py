@@ -1,75 +1,133 @@
 """`piezod identify`: fit the inverse model to recorded data."""
 
-from dataclasses import replace
-from datetime import UTC, datetime
+from collections.abc import Iterable
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Annotated, Final, TypeAlias
 
-from piezod.cli.identify.options import (
-    AdoptOption,
-    CreepOption,
-    DataArgument,
-    DelayOption,
-    DriveOption,
-    LiveOption,
-    MethodOption,
-    OrderOption,
-    OutOption,
-    SkipOption,
-    TestOption,
-    ThresholdsOption,
-    check_out,
-    check_usage,
-    fit_settings,
-    given_delay_s,
-)
+import typer
+
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
-from piezod.cli.progress import progress_bar
+from piezod.cli.paths import check_yaml_out, existing_file
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
+from piezod.experiment.fit.method import Method, Spacing
 
-if TYPE_CHECKING:
-    from piezod.experiment.fit.automatic import Wanted
-    from piezod.experiment.fit.file import FileFit
-    from piezod.experiment.fit.settings import FitSettings
+DEFAULT_ORDER: Final = 19
 
 
-class _FitJob(NamedTuple):
-    """What the command line says about the fit."""
+class MethodChoice(StrEnum):
+    """Values of `--method`."""
 
-    test: Path | None  #: Another record, to test the model on; None for none.
-    skip_s: float  #: Excluded start of each record, in s.
-    delay_s: float | None  #: The delay, in s; None if it is to be estimated.
-    settings: (
-        "FitSettings | Wanted"  #: Settings of the fit, or those that are fixed and not chosen.
-    )
-    axis: str | None = None  #: Axis of a recording; None for the only one.
+    LMS = Method.LMS.value
+    LEAST_SQUARES = Method.LEAST_SQUARES.value
+    SURFACE = Method.SURFACE.value
+    AUTO = "auto"
 
-    def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> "FileFit":
-        """Return the fit to a data file.
 
-        Args:
-            file: The data file.
-            run_in_s: Its first seconds, which are excluded.
-            takes_surface: Whether a choice may take a surface.
-        """
-        from piezod.experiment.fit.automatic import Wanted
-        from piezod.experiment.fit.file import identify_file
-
-        settings = self.settings
-        if isinstance(settings, Wanted):
-            settings = replace(settings, surface=takes_surface)
-        with progress_bar() as progress:
-            progress("fitting the model", 0.0)
-            return identify_file(
-                file,
-                test=self.test,
-                skip_s=max(self.skip_s, run_in_s),
-                delay_s=self.delay_s,
-                axis=self.axis,
-                settings=settings,
-                progress=progress,
-            )
+DataArgument: TypeAlias = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="DATA",
+        help="CSV file with the columns t_s, drive_v, position_um, evenly spaced in time, or "
+        "recording of a stage (.h5); none with --live.",
+        readable=False,
+        callback=existing_file,
+    ),
+]
+TestOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="OTHER",
+        help="Another record of the same stage, to test the model on.",
+        readable=False,
+        callback=existing_file,
+    ),
+]
+SkipOption: TypeAlias = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        metavar="S",
+        help="Excluded start of each record, in s. Samples in which the unknown past before the "
+        "record may matter are always excluded.",
+    ),
+]
+DelayOption: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="auto|S",
+        help="Delay of the displacement behind the drive, in s; auto: estimated. 0 to 1; with "
+        "--method surface also negative, from -0.1, if samples were reported early.",
+    ),
+]
+MethodOption: TypeAlias = Annotated[
+    MethodChoice | None,
+    typer.Option(
+        help="Method of the fit: lms is the paper's; least-squares fits all its weights at once; "
+        "surface fits a smooth surface of loops, for records with loops of all sizes; auto chooses "
+        "the model that predicts held-out positions and voltages best. Default: auto; with "
+        "--order or --thresholds, least-squares.",
+        show_default=False,
+    ),
+]
+OrderOption: TypeAlias = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=200,
+        metavar="M",
+        help=f"Number of operators on each side; not with surface. Default: {DEFAULT_ORDER}; with "
+        "auto, chosen.",
+    ),
+]
+ThresholdsOption: TypeAlias = Annotated[
+    Spacing | None,
+    typer.Option(
+        help="Spacing of their thresholds: even; graded, denser at both ends; placed, denser where "
+        "the data bend most; not with surface. Default: graded; with lms, even; with auto, chosen.",
+        show_default=False,
+    ),
+]
+CreepOption: TypeAlias = Annotated[
+    bool | None,
+    typer.Option(
+        "--creep/--no-creep",
+        help="Whether creep is fitted too; not with lms. Default: no; with surface, yes; with "
+        "auto, chosen.",
+        show_default=False,
+    ),
+]
+OutOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="MODEL.yaml",
+        readable=False,
+        help="Write the model to this file, for `model:` of an axis, and beside it a figure of "
+        "data and model (.png). Default: nothing is written.",
+    ),
+]
+LiveOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--live",
+        help="Drive a running stage from rest and fit its record, which is stored beside the model "
+        "or in the current folder, with a number if there is one of that name.",
+    ),
+]
+DriveOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.yaml",
+        readable=False,
+        callback=existing_file,
+        help="With --live: file with an `identification:`, which gives the drive. Default: a drive "
+        "of 80 s over all voltages of the axis, which covers everything that the fit needs.",
+    ),
+]
+AdoptOption: TypeAlias = Annotated[
+    bool, typer.Option("--adopt", help="With --live: the stage uses the model from now on.")
+]
 
 
 def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
@@ -102,52 +160,27 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     position is the one with the smallest error, unless --delay-s gives it. A record of one
     frequency determines it only to about one sample.
     """
-    check_usage(data, live=live, only_live=(drive, adopt, stage, socket))
-    check_out(out)
+    _check_usage(data, live=live, only_live=(drive, adopt, stage, socket))
+    check_yaml_out(out)
+    # numba, scipy and matplotlib take long to import.
+    from piezod.cli.identify.run import FitJob, fit_file, fit_live
+    from piezod.cli.identify.settings import fit_settings, given_delay_s
+
     settings = fit_settings(method, order, thresholds, creep)
-    job = _FitJob(test, skip_s, given_delay_s(delay_s, settings), settings, None if live else axis)
+    job = FitJob(test, skip_s, given_delay_s(delay_s, settings), settings)
     if data is not None:
-        fitted = job.fit(data, 0.0)
-        figure = _write(fitted, out, datetime.now(UTC))
-        if json:
-            _print_document(fitted, out, figure, {})
-        else:
-            _print_text(fitted, out, figure)
+        fit_file(data, job._replace(axis=axis), out, json=json)
         return
-    from piezod.cli.identify.live import adopt_model, print_adopted, record_and_fit
-
     with unwinding(), connect(stage, socket) as client:
-        fitted, driven = record_and_fit(job.fit, drive, out, axis, client)
-        now = datetime.now(UTC)
-        figure = _write(fitted, out, now)
-        if not json:
-            _print_text(fitted, out, figure)  # before the adoption, which may be refused
-        if adopt:
-            adopt_model(fitted, driven, client, now)
-    if json:
-        _print_document(fitted, out, figure, {"axis": driven, "adopted": adopt})
-    elif adopt:
-        print_adopted()
+        fit_live(client, job, axis, drive, out, adopt=adopt, json=json)
 
 
-def _write(fitted: "FileFit", out: Path | None, now: datetime) -> Path | None:
-    """Write model and figure, if there is a path; return the path of the figure."""
-    from piezod.experiment.fit.outputs import write_model
-
-    return None if out is None else write_model(out, fitted, now)
-
-
-def _print_text(fitted: "FileFit", out: Path | None, figure: Path | None) -> None:
-    from piezod.cli.identify.view import print_fit
-    from piezod.cli.output import new_console
-
-    print_fit(new_console(), fitted, out, figure)
-
-
-def _print_document(
-    fitted: "FileFit", out: Path | None, figure: Path | None, live: dict[str, object]
-) -> None:
-    from piezod.cli.identify.document import as_document
-    from piezod.cli.output import print_json
-
-    print_json({**as_document(fitted, out, figure), **live})
+def _check_usage(data: Path | None, *, live: bool, only_live: Iterable[object]) -> None:
+    """Refuse arguments that exclude each other; `only_live` are false if not given."""
+    if live and data is not None:
+        raise typer.BadParameter("DATA and --live exclude each other")
+    if not live and data is None:
+        raise typer.BadParameter("Missing argument 'DATA'; or --live, for a running stage")
+    if not live and any(only_live):
+        message = "--drive, --adopt, --stage and --socket need --live"
+        raise typer.BadParameter(message)

@@ -1,29 +1,40 @@
 """Text and document of `piezod response`."""
 
 from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Final
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from piezod.cli.output import new_console, new_table, print_json, print_warnings
 from piezod.dynamics.fit_problem import RINGS_BELOW
 from piezod.dynamics.model import Resonance
 from piezod.experiment.response.judgement import described_pct
-from piezod.experiment.response.outputs import Written, table_of
+from piezod.experiment.response.outputs import Written, table_of, write_response
 from piezod.records.response_record import ResponseRecord
 
 _KINDS: Final = {True: "mode", False: "filter"}
 
 
-def as_document(record: ResponseRecord, written: Written | None) -> dict[str, object]:
-    """Return the document of `piezod response --json`.
+def write_and_print(record: ResponseRecord, out: Path | None, *, json: bool) -> None:
+    """Write the files of a measurement, if there is a path, and print it.
 
     Args:
         record: The measurement.
-        written: Paths of the written files; None if nothing was written.
+        out: Path of the response file; the others are written beside it. None for no files.
+        json: Whether one JSON document is printed.
     """
+    written = write_response(out, record, datetime.now(UTC)) if out else None
+    if json:
+        print_json(_document(record, written))
+    else:
+        _print(new_console(), record, written)
+
+
+def _document(record: ResponseRecord, written: Written | None) -> dict[str, object]:
     fit = record.fit
     return {
         "axis": record.axis,
@@ -64,19 +75,12 @@ def as_document(record: ResponseRecord, written: Written | None) -> dict[str, ob
     }
 
 
-def print_response(console: Console, record: ResponseRecord, written: Written | None) -> None:
-    """Print gain, delay, modes, the range of the measurement, and the warnings.
-
-    Args:
-        console: The console.
-        record: The measurement.
-        written: Paths of the written files; None if nothing was written.
-    """
+def _print(console: Console, record: ResponseRecord, written: Written | None) -> None:
+    """Print gain, delay, modes, the range of the measurement, and the warnings."""
     console.print(_table(record))
     for sentence in _sentences(record):
         console.print(sentence)
-    for warning in record.warnings:
-        console.print(f"! {warning}", style="yellow")
+    print_warnings(console, record.warnings)
     if written:
         response, table, figure = written
         console.print(f"Response: {response}\nTable: {table}\nFigure: {figure}", soft_wrap=True)
@@ -88,10 +92,8 @@ def print_response(console: Console, record: ResponseRecord, written: Written | 
 
 def _table(record: ResponseRecord) -> Table:
     fit = record.fit
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column(f"axis {record.axis}", no_wrap=True)
-    for heading in ("value", "uncertainty", "damping", "uncertainty", "share"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    right = ("value", "uncertainty", "damping", "uncertainty", "share")
+    table = new_table(f"axis {record.axis}", right=right, no_wrap=True)
     for about, (gain, uncertain) in zip(record.about, fit.gains, strict=True):
         name = f"gain about {about.offset_v:.4g} V"
         table.add_row(name, f"{gain:.4g} µm/V", f"{uncertain:.1g} µm/V")

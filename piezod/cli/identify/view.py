@@ -9,6 +9,7 @@ from rich.table import Table
 
 from piezod.cli.identify.document import spread
 from piezod.cli.identify.dynamics_view import in_ms, mode_line, print_delay
+from piezod.cli.output import print_warnings
 from piezod.experiment.fit.automatic import LARGEST_LOSS, Candidate, Choice
 from piezod.experiment.fit.breakdown import Breakdown
 from piezod.experiment.fit.excitation import recommended_drive
@@ -53,8 +54,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     console.print(_parts(fitted.parts))
     console.print(_uncertainty(fitted))
     _print_excitation(console, fitted)
-    for warning in fitted.warnings:
-        console.print(f"! {warning}", style="yellow")
+    print_warnings(console, fitted.warnings)
     if model and plot:
         console.print(f"Model: {model}\nFigure: {plot}", soft_wrap=True)
     else:

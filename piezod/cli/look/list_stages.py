@@ -1,13 +1,11 @@
 """`piezod list`: the stages of this machine."""
 
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 from piezod.cli.options import JsonOption
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from piezod.client.listing import ListedStage
+from piezod.cli.output import new_console, print_json
+from piezod.client.listing import ListedStage, list_stages
 
 
 def list_running(json: JsonOption = False) -> None:
@@ -16,15 +14,11 @@ def list_running(json: JsonOption = False) -> None:
     Prints name, state, rate, processor, axes, holder of the lease and socket of each. A stage whose
     daemon does not answer within 2 s is listed with the reason.
     """
-    from piezod.client.listing import list_stages
-
     print_stages(list_stages(), json=json)
 
 
-def print_stages(stages: "Sequence[ListedStage]", *, json: bool) -> None:
+def print_stages(stages: Sequence[ListedStage], *, json: bool) -> None:
     """Print a line for each stage, or one document."""
-    from piezod.cli.output import new_console, print_json
-
     console = new_console()
     if json:
         print_json({"stages": [_document(each) for each in stages]})
@@ -35,7 +29,7 @@ def print_stages(stages: "Sequence[ListedStage]", *, json: bool) -> None:
         console.print("no stage is running; `piezod run CONFIG` starts one")
 
 
-def _document(listed: "ListedStage") -> dict[str, Any]:
+def _document(listed: ListedStage) -> dict[str, Any]:
     status, socket = listed.status, listed.socket
     short = {"stage": listed.name, "socket": socket and str(socket), "why": listed.why}
     if status is None:
@@ -57,7 +51,7 @@ _HEADINGS: Final = (
 )  # fmt: skip
 
 
-def _lines(stages: "Sequence[ListedStage]") -> "Iterator[str]":
+def _lines(stages: Sequence[ListedStage]) -> Iterator[str]:
     """Yield a line for each stage; a path is longer than a table on a console can show."""
     rows = [_HEADINGS, *map(_row, stages)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -65,7 +59,7 @@ def _lines(stages: "Sequence[ListedStage]") -> "Iterator[str]":
         yield "  ".join(map(str.ljust, row, widths)).rstrip()
 
 
-def _row(listed: "ListedStage") -> tuple[str, ...]:
+def _row(listed: ListedStage) -> tuple[str, ...]:
     status, socket = listed.status, str(listed.socket or "–")
     if status is None:
         return (listed.name, "?", "–", "–", "–", "–", "–", f"{socket}  ! {listed.why}")

@@ -1,29 +1,25 @@
 """`piezod status` and `piezod faults`: the present state of a stage."""
 
+from collections.abc import Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import new_console, new_table, print_json
 from piezod.cli.stage_options import SocketOption, StageOption, connect
+from piezod.messages.answers import AxisStatus, Fault, Status
+from piezod.messages.documents import Document
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rich.table import Table
-
-    from piezod.config.faults import Fault as FaultId
-    from piezod.messages.answers import AxisStatus, Fault, Status
-    from piezod.messages.documents import Document
 
 
 def status(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
     """Print the state, a table of the axes, and the faults."""
-    from piezod.cli.output import new_console, print_json
-
     with closing(connect(stage, socket)) as client:  # without what only commands need
         found = client.status()
     if json:
@@ -60,8 +56,6 @@ def faults(
     json: JsonOption = False,
 ) -> None:
     """Print a table of the faults with their remedies."""
-    from piezod.cli.output import new_console, print_json
-
     if undetected:
         _undetected(json=json)
         return
@@ -75,32 +69,27 @@ def faults(
 
 def _undetected(*, json: bool) -> None:
     """Print what the faults do not show; this needs no running stage."""
-    from piezod.cli.output import new_console, print_json
+    # The tables are those of the control law, which a client of a stage does not need.
     from piezod.control.faults.table import FAULTS
-
-    names = {rule.id: rule.name for rule in FAULTS}
-    if json:
-        print_json(_reasons())
-        return
-    console = new_console()
-    for key, reasons in _reasons().items():
-        console.print(_HEADINGS[key])
-        for fault, why in reasons.items():
-            console.print(f"  {fault} {names[fault]}: {why}", soft_wrap=True)
-
-
-def _reasons() -> dict[str, dict["FaultId", str]]:
-    """Return why faults are never shown, and what is not detected of others, in full."""
     from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 
-    return {"never_shown": dict(NEVER_SHOWN), "gaps": dict(GAPS)}
+    reasons = {"never_shown": dict(NEVER_SHOWN), "gaps": dict(GAPS)}
+    if json:
+        print_json(reasons)
+        return
+    names = {rule.id: rule.name for rule in FAULTS}
+    console = new_console()
+    for key, each in reasons.items():
+        console.print(_HEADINGS[key])
+        for fault, why in each.items():
+            console.print(f"  {fault} {names[fault]}: {why}", soft_wrap=True)
 
 
 _HEADINGS: Final = {"never_shown": "Never shown:", "gaps": "Partly detected:"}
 """Words for the keys of the reasons."""
 
 
-def _summary(found: "Status") -> str:
+def _summary(found: Status) -> str:
     shadow = "in shadow: nothing is written" if found.shadow else ""
     skipped = f"{found.skipped_cycles} skipped cycles" if found.skipped_cycles else ""
     processor = f"processor {found.processor.number}" if found.processor else ""
@@ -109,14 +98,8 @@ def _summary(found: "Status") -> str:
     return f"{found.stage}: {text}" if found.stage else text
 
 
-def _axes(found: "Status") -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("axis")
-    for heading in ("position/µm", "command/µm", "error/µm", "drive/V"):
-        table.add_column(heading, justify="right")
+def _axes(found: Status) -> "Table":
+    table = new_table("axis", right=("position/µm", "command/µm", "error/µm", "drive/V"))
     table.add_column("")
     for name, axis in found.axes.items():
         numbers = (axis.position_um, axis.command_um, axis.error_um)
@@ -125,21 +108,14 @@ def _axes(found: "Status") -> "Table":
     return table
 
 
-def _remark(axis: "AxisStatus") -> str:
+def _remark(axis: AxisStatus) -> str:
     limited = "" if axis.limited == "none" else f"drive limited: {axis.limited}"
     arrived = "on target" if axis.on_target else ""
     return ", ".join(filter(None, (limited, arrived if axis.has_sensor else "no sensor")))
 
 
-def _devices(devices: "Sequence[Document]") -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("device", "", "used"):
-        table.add_column(heading)
-    for heading in ("round trip/µs", "99 %/µs"):
-        table.add_column(heading, justify="right")
+def _devices(devices: Sequence[Document]) -> "Table":
+    table = new_table("device", "", "used", right=("round trip/µs", "99 %/µs"))
     table.add_column("")
     for each in devices:
         who, took_us = each["identity"], each["round_trip_us"]
@@ -170,13 +146,8 @@ def number(value: float | None, decimals: int) -> str:
     return "–" if value is None else f"{value:.{decimals}f}"
 
 
-def _faults(found: "Sequence[Fault]") -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("fault", "what", "", "remedy"):
-        table.add_column(heading)
+def _faults(found: Sequence[Fault]) -> "Table":
+    table = new_table("fault", "what", "", "remedy")
     for each in found:
         marks = ("present" if each.present else "", "latched" if each.latched else "")
         table.add_row(each.id, each.name, ", ".join(filter(None, marks)), each.remedy)

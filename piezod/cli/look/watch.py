@@ -1,21 +1,20 @@
 """`piezod watch`: telemetry of a stage."""
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Sequence
+from typing import Annotated
 
 import typer
+from rich.console import Console, RenderableType
+from rich.live import Live
 
 from piezod.cli.interrupt import Interrupted
+from piezod.cli.look.watch_view import WatchView, ranges_of, view_line
 from piezod.cli.options import JsonLinesOption
+from piezod.cli.output import new_console, print_json_line
 from piezod.cli.stage_options import AxesOption, SocketOption, StageOption, connect
+from piezod.client import StageClient
 from piezod.errors import ClientError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.console import Console, RenderableType
-
-    from piezod.client import StageClient
-    from piezod.messages.answers import Fault
+from piezod.messages.answers import Fault
 
 
 def watch(
@@ -39,17 +38,12 @@ def watch(
             return  # Ctrl-C is the normal end
 
 
-def _print_lines(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
-    from piezod.cli.output import print_json_line
-
+def _print_lines(client: StageClient, rate_hz: float, axes: list[str]) -> None:
     for interval in client.telemetry(rate_hz, axes):
         print_json_line(interval.document)
 
 
-def _show(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
-    from piezod.cli.look.watch_view import view_line
-    from piezod.cli.output import new_console
-
+def _show(client: StageClient, rate_hz: float, axes: list[str]) -> None:
     console = new_console()
     if console.is_terminal and not console.is_dumb_terminal:
         _show_in_place(client, console, rate_hz, axes)
@@ -58,13 +52,7 @@ def _show(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
             console.print(view_line(interval), soft_wrap=True)
 
 
-def _show_in_place(
-    client: "StageClient", console: "Console", rate_hz: float, axes: list[str]
-) -> None:
-    from rich.live import Live
-
-    from piezod.cli.look.watch_view import WatchView, ranges_of
-
+def _show_in_place(client: StageClient, console: Console, rate_hz: float, axes: list[str]) -> None:
     view, known = WatchView(client.place.stage, ranges_of(client.config())), _Faults(client)
     shown: RenderableType = ""
     try:
@@ -80,12 +68,12 @@ def _show_in_place(
 class _Faults:
     """The faults with their remedies, which are asked for when other faults appear."""
 
-    def __init__(self, client: "StageClient") -> None:
+    def __init__(self, client: StageClient) -> None:
         self._client = client
         self._ids: Sequence[str] = ()  # of the last interval
         self._found: Sequence[Fault] = ()
 
-    def of(self, ids: "Sequence[str]") -> "Sequence[Fault]":
+    def of(self, ids: Sequence[str]) -> Sequence[Fault]:
         """Return the faults of an interval, as far as they are known."""
         if ids != self._ids:
             try:

@@ -4,12 +4,15 @@ import inspect
 from collections.abc import Callable
 from pathlib import Path
 from types import GenericAlias
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import typer
+from pydantic import TypeAdapter
 
+from piezod.cli.input_file import load_file
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import existing_file, load_file
+from piezod.cli.output import error_console, print_warnings
+from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import (
     AxisOption,
     SocketOption,
@@ -17,11 +20,12 @@ from piezod.cli.stage_options import (
     connect,
     print_answer,
 )
+from piezod.client import StageClient
+from piezod.client.calls import Waveforms
+from piezod.config.commands import CommandPerAxis, WaveFile
+from piezod.config.frequencies import coarse
+from piezod.config.waveforms.combined import WaveformConfig
 from piezod.config.waveforms.swings import SWINGS
-
-if TYPE_CHECKING:
-    from piezod.client import StageClient
-    from piezod.client.calls import Waveforms
 
 _SWING_OPTIONS: Final = ", ".join(f"--{kind}" for kind in SWINGS)
 
@@ -114,8 +118,6 @@ def wave(
         raise typer.BadParameter(f"{_SWING_OPTIONS} need --duration")
     if file is not None and axis is not None:
         raise typer.BadParameter(f"--axis goes with {_SWING_OPTIONS}, FILE names its axes")
-    from piezod.config.commands import CommandPerAxis, WaveFile
-
     loaded = load_file(file, WaveFile) if file else None
     with connect(stage, socket) as client:
         command_um = loaded.command_um if loaded else _swing(*given.popitem())
@@ -126,10 +128,7 @@ def wave(
         duration_s = duration or (loaded.duration_s if loaded else 0.0)
         answer = client.wave(waveforms, duration_s)
         warnings = _coarse(client, waveforms)
-    for warning in warnings:
-        from piezod.cli.output import error_console  # rich takes long to import
-
-        error_console().print(f"! {warning}", style="yellow")
+    print_warnings(error_console(), warnings)
     print_answer(answer, f"following for {duration_s:g} s", json=json)
 
 
@@ -138,20 +137,15 @@ def _swing(kind: str, numbers: tuple[float, ...]) -> dict[str, str | float]:
     return {"kind": kind, **dict(zip(keys, numbers, strict=True))}
 
 
-def _coarse(client: "StageClient", waveforms: "Waveforms") -> list[str]:
+def _coarse(client: StageClient, waveforms: Waveforms) -> list[str]:
     """Return the warnings about waveforms, which the stage has accepted."""
-    from pydantic import TypeAdapter
-
-    from piezod.config.frequencies import coarse
-    from piezod.config.waveforms.combined import WaveformConfig
-
     adapter: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
     accepted = {axis: adapter.validate_python(each) for axis, each in waveforms.items()}
     rate_hz = client.config().get("rate_hz")
     return list(coarse(accepted, rate_hz)) if rate_hz else []
 
 
-def _only_axis(client: "StageClient") -> str:
+def _only_axis(client: StageClient) -> str:
     axes = list(client.status().axes)
     if len(axes) != 1:
         raise typer.BadParameter(f"name one of the axes {', '.join(axes)} with --axis")

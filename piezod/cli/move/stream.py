@@ -1,5 +1,6 @@
 """`piezod stream`: setpoints of another program, from stdin."""
 
+import json as json_text
 import sys
 from collections.abc import Iterable, Iterator
 
@@ -24,10 +25,8 @@ def _setpoints(lines: Iterable[str]) -> Iterator[dict[str, float]]:
 
 
 def _setpoint(line: str, number: int) -> dict[str, float]:
-    import json
-
     try:
-        setpoint = json.loads(line)
+        setpoint = json_text.loads(line)
     except ValueError:
         setpoint = None
     if (

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import print_one
 from piezod.cli.record.recordings import (
     BeginOption,
     EndOption,
@@ -16,6 +17,8 @@ from piezod.cli.record.recordings import (
     read_part,
 )
 from piezod.cli.stage_options import SocketOption, StageOption
+from piezod.records.parquet_file import check_parquet
+from piezod.records.telemetry_export import export_table
 
 
 def export(  # noqa: PLR0913, PLR0917 - each argument is an option
@@ -41,10 +44,6 @@ def export(  # noqa: PLR0913, PLR0917 - each argument is an option
     written as their names. Without --axis all axes are written; if there are several, the columns
     of an axis begin with its name. A Parquet file has units and descriptions in its metadata.
     """
-    from piezod.cli.output import new_console, print_json
-    from piezod.records.parquet_file import check_parquet
-    from piezod.records.telemetry_export import export_table
-
     path = checked_out(out, Path(f"{recording.stem}.csv"), (".csv", ".parquet"))
     if path.suffix.lower() == ".parquet":
         check_parquet()
@@ -54,9 +53,6 @@ def export(  # noqa: PLR0913, PLR0917 - each argument is an option
         rows = part.cycles["t_s"].size
         del part  # the columns of a long recording need the memory
         columns = export_table(path, file, axes, begin_s, end_s)
-    if json:
-        document = {"recording": str(recording), "file": str(path), "rows": rows}
-        print_json({**document, "columns": columns})
-    else:
-        text = f"{path}: {rows} rows, {len(columns)} columns: {', '.join(columns)}"
-        new_console().print(text, soft_wrap=True)
+    found = {"recording": str(recording), "file": str(path), "rows": rows, "columns": columns}
+    text = f"{path}: {rows} rows, {len(columns)} columns: {', '.join(columns)}"
+    print_one(found, text, json=json)

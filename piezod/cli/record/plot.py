@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import print_one
 from piezod.cli.record.recordings import (
     BeginOption,
     EndOption,
@@ -41,7 +42,7 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
     where cycles are late or missing, samples invalid, or faults present; displacement over drive
     voltage; the errors in each mode.
     """
-    from piezod.cli.output import new_console, print_json
+    # matplotlib takes long to import.
     from piezod.records.figures.style import FORMATS, save_figure
     from piezod.records.figures.telemetry import COLUMNS, telemetry_figure
 
@@ -50,7 +51,5 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
         telemetry = read_part(file, begin_s, end_s, COLUMNS)
     name = telemetry.chosen_axis(axis)
     save_figure(path, telemetry_figure(telemetry, name))
-    if json:
-        print_json({"recording": str(recording), "axis": name, "figure": str(path)})
-    else:
-        new_console().print(f"Figure: {path}", soft_wrap=True)
+    document = {"recording": str(recording), "axis": name, "figure": str(path)}
+    print_one(document, f"Figure: {path}", json=json)

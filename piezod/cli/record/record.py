@@ -8,7 +8,10 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import new_console, print_json, print_one
 from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, print_answer
+from piezod.records import repair as repairs
+from piezod.records.new_name import new_file
 
 _names = completion(lambda client: [each.name for each in client.recordings().recordings])
 
@@ -53,8 +56,6 @@ def list_records(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
     """Print the finished recordings and the one in progress."""
-    from piezod.cli.output import new_console, print_json
-
     with connect(stage, socket) as client:
         found = client.recordings()
     if json:
@@ -98,16 +99,11 @@ def get(
     json: JsonOption = False,
 ) -> None:
     """Copy the file of a recording and print its size."""
-    from piezod.cli.output import new_console, print_json
-    from piezod.records.new_name import new_file
-
     wanted = Path(f"{name}.h5")
     with nullcontext(out) if out else new_file(wanted) as file, connect(stage, socket) as client:
         size_bytes = client.fetch_recording(name, file)
-    if json:
-        print_json({"name": name, "file": str(file), "size_bytes": size_bytes})
-    else:
-        new_console().print(f"{file}: {size_bytes} bytes", soft_wrap=True)
+    document = {"name": name, "file": str(file), "size_bytes": size_bytes}
+    print_one(document, f"{file}: {size_bytes} bytes", json=json)
 
 
 def repair(
@@ -120,10 +116,7 @@ def repair(
     The daemon does this by itself at its next start, and no record in a file changes. This is for
     files that were copied before. Without it a viewer must open them in SWMR mode.
     """
-    from piezod.cli.output import new_console
-    from piezod.records.repair import repair
-
     console = new_console()
     for file in files:
-        done = "repaired" if repair(file) else "nothing to repair"
+        done = "repaired" if repairs.repair(file) else "nothing to repair"
         console.print(f"{file}: {done}", soft_wrap=True)

@@ -2,19 +2,21 @@
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import Annotated, TypeAlias
 
 import typer
 
+from piezod.cli.output import error_console
 from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.stage_options import connect
+from piezod.client import StageClient
+from piezod.errors import DataError
+from piezod.records.opened import is_hdf5
 from piezod.records.part_names import RECORDING_NAME, without_part
-
-if TYPE_CHECKING:
-    from piezod.client import StageClient
-    from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 
 
 def _file_or_name(recording: Path) -> Path:
@@ -74,10 +76,8 @@ def local_file(recording: Path, stage: str | None, socket: Path | None) -> Itera
         yield file
 
 
-def _report_further_files(name: str, client: "StageClient") -> None:
+def _report_further_files(name: str, client: StageClient) -> None:
     """Print to stderr if a recording has further files, because only one is used."""
-    from piezod.cli.output import error_console
-
     names = sorted(each.name for each in client.recordings().recordings)
     if found := [each for each in names if each != name and without_part(each) == name]:
         last = f" to {found[-1]}" if len(found) > 1 else ""
@@ -90,7 +90,7 @@ def read_part(
     begin_s: float | None,
     end_s: float | None,
     columns: Collection[str] | None = None,
-) -> "RecordedTelemetry":
+) -> RecordedTelemetry:
     """Return a recording, or the part of it between two instants.
 
     Args:
@@ -103,12 +103,6 @@ def read_part(
         DataError: If the file is not a recording, or has no record in that part.
         OSError: If the file cannot be read.
     """
-    from math import inf
-
-    from piezod.errors import DataError
-    from piezod.records.opened import is_hdf5
-    from piezod.records.telemetry_reader import read_telemetry
-
     if not is_hdf5(file):
         raise DataError(f"{file}: this is not an HDF5 file; needed is one of `piezod record get`")
     begin, end = -inf if begin_s is None else begin_s, inf if end_s is None else end_s

@@ -4,10 +4,9 @@ from math import isnan
 from pathlib import Path
 from typing import Final
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
+from piezod.cli.output import new_table, print_warnings
 from piezod.config.modes import Mode
 from piezod.experiment.replay.comparison import Comparison
 
@@ -51,10 +50,8 @@ def print_comparison(
     figure: Path | None,
 ) -> None:
     """Print the errors of each mode, the verdict and the warnings."""
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("recorded\nmode", no_wrap=True)
-    for heading in ("time", "error", "", "replay", "", "drive"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    right = ("time", "error", "", "replay", "", "drive")
+    table = new_table("recorded\nmode", right=right, no_wrap=True)
     table.add_row("", "s", "rms µm", "worst", "rms µm", "worst", "rms V")
     for row in compared.rows:
         errors = row.recorded_rms_um, row.recorded_worst_um, row.rms_um, row.worst_um
@@ -62,8 +59,7 @@ def print_comparison(
         table.add_row(row.recorded, f"{row.duration_s:.1f}", *numbers, f"{row.drive_rms_v:.3f}")
     console.print(table)
     console.print(_verdict(model, mode, compared))
-    for warning in compared.warnings:
-        console.print(f"! {warning}", style="yellow")
+    print_warnings(console, compared.warnings)
     if figure:
         console.print(f"Figure: {figure}", soft_wrap=True)
 

@@ -5,8 +5,13 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.output import new_console, print_json
 from piezod.cli.record.recordings import RecordingArgument, local_file
+from piezod.cli.record.show_view import as_document, print_summary
 from piezod.cli.stage_options import SocketOption, StageOption
+from piezod.errors import DataError
+from piezod.records.opened import is_hdf5
+from piezod.records.summary import summary_of
 
 
 def show(
@@ -23,12 +28,6 @@ def show(
     When and how long, late and missing cycles, states, errors in each mode, faults, models, events
     of the log. With --json also the configuration, the models and all events.
     """
-    from piezod.cli.output import new_console, print_json
-    from piezod.cli.record.show_view import as_document, print_summary
-    from piezod.errors import DataError
-    from piezod.records.opened import is_hdf5
-    from piezod.records.summary import summary_of
-
     with local_file(recording, stage, socket) as file:
         if not is_hdf5(file):
             raise DataError(f"{file}: this is not an HDF5 file; needed is a recording")

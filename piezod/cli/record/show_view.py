@@ -5,10 +5,10 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from piezod.cli.output import new_table
 from piezod.config.yaml_loader import parse_yaml
 from piezod.records.summary import Summary, UsedModel
 
@@ -122,11 +122,8 @@ def _model_text(model: UsedModel) -> str:
 
 
 def _error_table(summary: Summary) -> Table:
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("axis", "in RUN, mode"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("time (s)", "rms error (µm)", "worst (µm)"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    right = ("time (s)", "rms error (µm)", "worst (µm)")
+    table = new_table("axis", "in RUN, mode", right=right, no_wrap=True)
     for row in summary.errors:
         numbers = (f"{row.duration_s:.1f}", f"{row.rms_um:.4f}", f"{row.worst_um:.4f}")
         table.add_row(row.axis, row.mode, *numbers)
