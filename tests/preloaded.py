@@ -7,9 +7,9 @@ from functools import cache
 import rich.console  # noqa: F401 - to have them imported is all that these are for
 import typer.main
 
+import piezod.cli.daemon.run
 import piezod.cli.devices.emulate
 import piezod.cli.output
-import piezod.cli.daemon.run
 import piezod.daemon.loop.process
 import piezod.daemon.safe.rescuer
 import piezod.daemon.supervisor.run

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import chain, count
 from typing import NamedTuple
 
+from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 from piezod.records.figures import (
     case_figure,
     identification_figure,
@@ -19,7 +20,6 @@ from piezod.records.figures import (
 )
 from piezod.records.figures.published import compared_errors
 from piezod.records.labels import metric_text
-from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.reference import Reference
 
 

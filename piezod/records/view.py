@@ -14,7 +14,7 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.telemetry_layout import check_time, stage_entry
+from piezod.records.recording.layout import check_time, stage_entry
 
 _TIME: Final = "cycles/t_s"
 _BLOCK_ROWS: Final = 16

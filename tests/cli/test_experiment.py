@@ -9,8 +9,8 @@ import pytest
 from piezod.config.experiment import ExperimentConfig
 from piezod.experiment.virtual.run import Progress, run_experiment
 from piezod.records.csv_file import write_csv
-from piezod.records.hdf5_file import read_hdf5
-from piezod.records.recording import ExperimentResult
+from piezod.records.experiment_file import read_hdf5
+from piezod.records.experiment_result import ExperimentResult
 from tests.cli.conftest import Command
 
 MODES = ["uncompensated", "feedforward", "adaptive"]

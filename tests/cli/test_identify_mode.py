@@ -4,10 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
+from piezod.cli.identify.live import record_and_fit
 
 from piezod.cli.identify.document import as_document
 from piezod.cli.identify.dynamics_view import mode_line
-from piezod.cli.identify.live import record_and_fit
 from piezod.config.first_mode import FirstModeConfig
 from piezod.experiment.fit.file import FileFit, identify_file
 from piezod.experiment.fit.method import Method

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli import processor_warnings
+from piezod.cli.experiment import processor_warnings
 from piezod.cli.experiment.processor_quota import Quota, processor_quota
 
 

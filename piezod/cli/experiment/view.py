@@ -13,8 +13,8 @@ from piezod.cli.output import print_warnings
 from piezod.experiment.error_rows import error_rows
 from piezod.experiment.outputs import DATA_NAME
 from piezod.records.error_table import ErrorCell, ErrorRow, error_table, groups, meaning, verdict
+from piezod.records.experiment_result import ExperimentResult, Identification
 from piezod.records.labels import metric_heading, metric_number, metric_text
-from piezod.records.recording import ExperimentResult, Identification
 from piezod.records.reference import Reference
 
 _UNCERTAINTY: Final = "delay_uncertainty_ms"

@@ -18,7 +18,7 @@ from piezod.cli.record.recordings import (
 )
 from piezod.cli.stage_options import SocketOption, StageOption
 from piezod.records.parquet_file import check_parquet
-from piezod.records.telemetry_export import export_table
+from piezod.records.recording.export import export_table
 
 
 def export(  # noqa: PLR0913, PLR0917 - each argument is an option

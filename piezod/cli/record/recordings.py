@@ -15,8 +15,8 @@ from piezod.cli.stage_options import connect
 from piezod.client import StageClient
 from piezod.errors import DataError
 from piezod.records.opened import is_hdf5
-from piezod.records.part_names import RECORDING_NAME, without_part
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.part_names import RECORDING_NAME, without_part
+from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
 
 
 def _file_or_name(recording: Path) -> Path:

@@ -16,7 +16,7 @@ from piezod.errors import DataError
 from piezod.experiment.replay.comparison import Comparison, replay_recording
 from piezod.records.figures.replay import replay_figure
 from piezod.records.figures.style import FORMATS, save_figure
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.reader import RecordedTelemetry
 
 
 def figure_file(out: Path) -> Path:

@@ -11,7 +11,7 @@ from piezod.cli.record.show_view import as_document, print_summary
 from piezod.cli.stage_options import SocketOption, StageOption
 from piezod.errors import DataError
 from piezod.records.opened import is_hdf5
-from piezod.records.summary import summary_of
+from piezod.records.recording.summary import summary_of
 
 
 def show(

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from piezod.cli.output import new_table
 from piezod.config.yaml_loader import parse_yaml
-from piezod.records.summary import Summary, UsedModel
+from piezod.records.recording.summary import Summary, UsedModel
 
 
 def as_document(recording: Path, size_bytes: int, summary: Summary) -> dict[str, object]:

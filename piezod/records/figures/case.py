@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from piezod.records.experiment_result import Recording
 from piezod.records.figures.overview import mode_marks
 from piezod.records.figures.style import (
     COMMAND,
@@ -15,7 +16,6 @@ from piezod.records.figures.style import (
 )
 from piezod.records.figures.traces import draw_trace
 from piezod.records.frozen import FloatArray
-from piezod.records.recording import Recording
 
 _UNCOMPENSATED = "uncompensated"
 

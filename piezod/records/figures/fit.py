@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from piezod.records.experiment_result import Identification
 from piezod.records.figures.style import (
     BLUE,
     BROAD_DRIVE,
@@ -23,7 +24,6 @@ from piezod.records.figures.style import (
 from piezod.records.figures.traces import draw_trace
 from piezod.records.frozen import FloatArray
 from piezod.records.labels import metric_text
-from piezod.records.recording import Identification
 
 _BAND_STEPS: Final = 200  # steps of displacement of the band
 

@@ -3,6 +3,7 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from piezod.records.experiment_result import Recording
 from piezod.records.figures.style import (
     COMMAND,
     DRIVE,
@@ -15,7 +16,6 @@ from piezod.records.figures.style import (
 )
 from piezod.records.figures.traces import draw_trace
 from piezod.records.labels import metric_number, metric_text, metric_unit
-from piezod.records.recording import Recording
 from piezod.records.reference import Reference
 
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from piezod.records.experiment_result import Recording
 from piezod.records.figures.style import (
     BLUE,
     COMMAND,
@@ -30,7 +31,6 @@ from piezod.records.figures.style import (
 from piezod.records.figures.traces import draw_trace
 from piezod.records.frozen import FloatArray
 from piezod.records.labels import metric_group, metric_text
-from piezod.records.recording import Recording
 
 _RIGHT_SHADES: Final = LinearSegmentedColormap.from_list("right", ["#B3D6EA", BLUE, "#00273D"])
 _LEFT_SHADES: Final = LinearSegmentedColormap.from_list("left", ["#F7CDB0", VERMILLION, "#451E00"])

@@ -24,7 +24,7 @@ from piezod.records.figures.style import (
     round_time_ticks,
 )
 from piezod.records.figures.traces import draw_trace
-from piezod.records.telemetry_marks import (
+from piezod.records.recording.marks import (
     Irregularity,
     Span,
     fault_spans,
@@ -32,7 +32,7 @@ from piezod.records.telemetry_marks import (
     modes_in_run,
     states,
 )
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.reader import RecordedTelemetry
 
 COLUMNS: Final = frozenset(
     {

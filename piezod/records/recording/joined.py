@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.reader import RecordedTelemetry
 
 Columns = dict[str, NDArray[Any]]
 

@@ -36,10 +36,10 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from piezod.records.nexus import CHUNK_CACHE_BYTES
-from piezod.records.reserved import Reserved
-from piezod.records.telemetry_columns import TelemetryColumns, WeightsRow
-from piezod.records.telemetry_events import MODEL_BYTES, AdoptedModel
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.columns import TelemetryColumns, WeightsRow
+from piezod.records.recording.events import MODEL_BYTES, AdoptedModel
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.reserved import Reserved
 from piezod.telemetry.layout import EVENT_BYTES
 from piezod.telemetry.record import StageEvent
 

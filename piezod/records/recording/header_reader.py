@@ -4,8 +4,8 @@ import h5py
 
 from piezod.errors import DataError
 from piezod.records.nexus import axis_names
-from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_layout import Named
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.layout import Named
 
 
 def read_header(entry: h5py.Group) -> TelemetryHeader:

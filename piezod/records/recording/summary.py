@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.records.frozen import FloatArray
-from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_marks import LATE_PART
-from piezod.records.telemetry_reader import RecordedTelemetry, read_portions
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.marks import LATE_PART
+from piezod.records.recording.reader import RecordedTelemetry, read_portions
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 

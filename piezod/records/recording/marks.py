@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from piezod.config.states import State
 from piezod.records.frozen import FloatArray
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.reader import RecordedTelemetry
 from piezod.units import NS_PER_S
 
 LATE_PART: Final = 0.5

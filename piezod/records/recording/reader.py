@@ -1,4 +1,4 @@
-"""Reading of a recording that `telemetry_file` wrote, as a whole or in part."""
+"""Reading of a recording that `writer` wrote, as a whole or in part."""
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.records.experiment_result import Recording
 from piezod.records.nexus import CHUNK_CACHE_BYTES, axis_names
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.recording import Recording
-from piezod.records.telemetry_columns import FORMS
-from piezod.records.telemetry_events import AdoptedModel, read_events, read_models
-from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_header_reader import names_of_numbers, read_header
-from piezod.records.telemetry_layout import (
+from piezod.records.recording.columns import FORMS
+from piezod.records.recording.events import AdoptedModel, read_events, read_models
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.header_reader import names_of_numbers, read_header
+from piezod.records.recording.layout import (
     Named,
     check_numbers,
     check_room,

@@ -8,11 +8,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from piezod.records.csv_file import write_csv_portions
+from piezod.records.nexus import unit_of
 from piezod.records.parquet_file import write_parquet
-from piezod.records.telemetry_columns import unit_of
-from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_reader import read_portions
-from piezod.records.telemetry_table import table_of
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.marks import faults_latched, faults_present, names_of
+from piezod.records.recording.reader import RecordedTelemetry, read_portions
 
 Table = dict[str, NDArray[Any]]
 
@@ -71,3 +71,32 @@ def _metadata(header: TelemetryHeader) -> dict[str, str]:
         "rate_hz": str(header.rate_hz),
     }
     return {f"piezod.{name}": text for name, text in (plain | dict(header.notes)).items()}
+
+
+def table_of(telemetry: RecordedTelemetry, axes: Iterable[str]) -> Table:
+    """Return the columns by name, with names in place of numbers; each of shape (n_records,).
+
+    The names of the columns end in their units. The columns of an axis have its name before theirs
+    if the table has several axes.
+
+    Args:
+        telemetry: The recording.
+        axes: Names of the axes.
+    """
+    chosen = tuple(axes)
+    table: Table = {"t_s": telemetry.cycles["t_s"]}
+    for axis in chosen:
+        prefix = f"{axis}_" if len(chosen) > 1 else ""
+        columns = telemetry.axes[axis]
+        table |= {prefix + name: column for name, column in _columns(telemetry, columns)}
+    table |= dict(_columns(telemetry, telemetry.cycles))
+    faults = {"faults_present": faults_present, "faults_latched": faults_latched}
+    return table | {name: of(telemetry) for name, of in faults.items()}
+
+
+def _columns(telemetry: RecordedTelemetry, columns: Table) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name, column in columns.items():
+        if name in telemetry.header.names:
+            yield name, names_of(telemetry, name, column)
+        elif name != "t_s" and name not in telemetry.header.bits:
+            yield name, column

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from piezod.errors import DataError
 from piezod.records.nexus import axis_names
 from piezod.records.opened import MOST_READ_BYTES
-from piezod.records.telemetry_columns import ENTRY, FORMS
+from piezod.records.recording.columns import ENTRY, FORMS
 
 _MOST_RATE_HZ: Final = 1e7
 _LATEST_S: Final = 1e9
@@ -48,7 +48,7 @@ class Named(dict[str, Value]):
 
 
 def stage_entry(file: h5py.File) -> h5py.Group:
-    """Return the entry of the recording of a stage, whose parts are as `telemetry_file` says.
+    """Return the entry of the recording of a stage, whose parts are as `writer` says.
 
     Args:
         file: The open file.

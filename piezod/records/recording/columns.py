@@ -9,14 +9,13 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 import piezod
-from piezod.records.nexus import new_group
-from piezod.records.telemetry_events import AdoptedModel, EventColumns
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.nexus import grow, growing_column, new_data, new_entry, new_group
+from piezod.records.recording.events import AdoptedModel, EventColumns
+from piezod.records.recording.header import TelemetryHeader
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 
 ENTRY: Final = "recording"
-_UNITS: Final = {"ns": "ns", "um": "um", "v": "V", "s": "s"}
 _SIDE_CHUNK: Final = 64
 """Rows per chunk of data that are rarer than records."""
 _ABOUT: Final = (
@@ -73,12 +72,9 @@ class TelemetryColumns:
         self, file: h5py.File, header: TelemetryHeader, dtype: np.dtype[np.void], chunk: int
     ) -> None:
         self._header, self._chunk = header, chunk
-        file.attrs["NX_class"] = "NXroot"
-        file.attrs["default"] = ENTRY
-        file.attrs["creator"], file.attrs["creator_version"] = "piezod", piezod.__version__
         self._entry = _lay_out_entry(file, header)
         self._gaps = _growing(self._entry, "gaps", np.dtype("i8"), _SIDE_CHUNK, 2)
-        cycles = self._data_group("cycles", _CYCLES, "late_ns")
+        cycles = new_data(self._entry, "cycles", "late_ns", about=_CYCLES)
         self._t_s = _growing(cycles, "t_s", np.dtype("f8"), chunk)
         # Columns by index of their axis and name; the cycle itself has the index -1.
         self._columns = {
@@ -94,10 +90,10 @@ class TelemetryColumns:
     def write(self, portion: NDArray[Any], gaps: Sequence[tuple[int, int]]) -> None:
         """Add records, and the gaps before or between them."""
         for (axis, name), dataset in self._columns.items():
-            _grow(dataset, portion[name] if axis < 0 else portion["axes"][:, axis][name])
+            grow(dataset, portion[name] if axis < 0 else portion["axes"][:, axis][name])
         # Time is written last: a reader that sees a time also finds all other columns.
-        _grow(self._t_s, self._seconds(portion["t_ns"]))
-        _grow(self._gaps, np.array(gaps, "i8").reshape(-1, 2))
+        grow(self._t_s, self._seconds(portion["t_ns"]))
+        grow(self._gaps, np.array(gaps, "i8").reshape(-1, 2))
         lost = sum(number for _, number in gaps)
         # `modify` writes in place; in SWMR mode no attribute can be created.
         self._entry.attrs.modify("lost", self._entry.attrs["lost"] + lost)
@@ -111,9 +107,9 @@ class TelemetryColumns:
         values = np.full((len(rows), width), np.nan)
         for at, row in enumerate(rows):
             values[at, : row.weights.size] = row.weights
-        _grow(weights, values)
-        _grow(forms, np.array([FORMS["surface" if row.surface else "stops"] for row in rows], "u1"))
-        _grow(times, self._seconds(np.array([row.t_ns for row in rows])))
+        grow(weights, values)
+        grow(forms, np.array([FORMS["surface" if row.surface else "stops"] for row in rows], "u1"))
+        grow(times, self._seconds(np.array([row.t_ns for row in rows])))
 
     def write_events(self, events: Sequence[StageEvent], models: Sequence[AdoptedModel]) -> None:
         """Add events and adopted models."""
@@ -126,7 +122,8 @@ class TelemetryColumns:
         return np.asarray((t_ns - self._header.start_ns) / NS_PER_S)
 
     def _lay_out_axis(self, index: int, axis: str, fields: np.dtype[np.void]) -> None:
-        group = self._data_group(f"axis_{axis}", _AXIS.format(axis=axis), "position_um")
+        about = _AXIS.format(axis=axis)
+        group = new_data(self._entry, f"axis_{axis}", "position_um", about=about)
         group.attrs["axis"] = axis
         group.attrs["auxiliary_signals"] = ["command_um", "drive_v"]
         group["t_s"] = self._t_s  # a hard link: all axes share the time of the cycles
@@ -134,21 +131,24 @@ class TelemetryColumns:
             self._columns[index, name] = self._column(group, name, fields[name])
         if width := self._header.weights.get(axis):
             about = _WEIGHTS.format(axis=axis)
-            weights = self._data_group(f"weights_{axis}", about, "weights", "weights_t_s")
+            weights = new_data(self._entry, f"weights_{axis}", "weights", "weights_t_s", about)
             weights.attrs["surface"] = axis in self._header.surfaces
             forms = h5py.enum_dtype(FORMS, basetype="u1")
             self._weights[axis] = (
-                _growing_weights(weights, width),
+                # It grows in both directions; its chunks have the first width.
+                _growing(
+                    weights,
+                    "weights",
+                    "f8",
+                    _SIDE_CHUNK,
+                    width,
+                    maxshape=(None, None),
+                    fillvalue=np.nan,
+                ),
                 _growing(weights, "weights_form", forms, _SIDE_CHUNK),
                 _growing(weights, "weights_t_s", np.dtype("f8"), _SIDE_CHUNK),
             )
             self._weights[axis][1].attrs["values"] = _numbered(FORMS)
-
-    def _data_group(self, name: str, about: str, signal: str, axes: str = "t_s") -> h5py.Group:
-        group = new_group(self._entry, name, "NXdata")
-        group.attrs["description"] = about
-        group.attrs["signal"], group.attrs["axes"] = signal, axes
-        return group
 
     def _column(self, group: h5py.Group, name: str, dtype: np.dtype[Any]) -> h5py.Dataset:
         header = self._header
@@ -156,7 +156,7 @@ class TelemetryColumns:
         if names:
             numbers = {text: number for number, text in enumerate(names)}
             dtype = h5py.enum_dtype(numbers, basetype=dtype)
-        column = _growing(group, name, dtype, self._chunk)
+        column = growing_column(group, name, dtype, self._chunk)
         if name in header.descriptions:
             column.attrs["description"] = header.descriptions[name]
         # The names are in the type, too, but many viewers show only the numbers.
@@ -172,7 +172,7 @@ def _numbered(texts: Iterable[str]) -> list[str]:
 
 
 def _lay_out_entry(file: h5py.File, header: TelemetryHeader) -> h5py.Group:
-    entry = new_group(file, ENTRY, "NXentry")
+    entry = new_entry(file, ENTRY, creator="piezod", creator_version=piezod.__version__)
     entry["title"], entry["start_time"] = header.title, header.started_at
     entry.attrs["description"] = _ABOUT
     entry.attrs["rate_hz"], entry.attrs["start_ns"] = header.rate_hz, header.start_ns
@@ -183,51 +183,10 @@ def _lay_out_entry(file: h5py.File, header: TelemetryHeader) -> h5py.Group:
     return entry
 
 
-def _growing_weights(group: h5py.Group, width: int) -> h5py.Dataset:
-    """Return an empty dataset that grows in both directions; its chunks have the first width."""
-    dataset = group.create_dataset(
-        "weights",
-        (0, width),
-        "f8",
-        maxshape=(None, None),
-        chunks=(_SIDE_CHUNK, width),
-        fillvalue=np.nan,
-        compression="gzip",
-        compression_opts=1,
-        shuffle=True,
-    )
-    dataset.attrs["description"], dataset.attrs["units"] = _OWN["weights"], ""
-    return dataset
-
-
 def _growing(
-    group: h5py.Group, name: str, dtype: npt.DTypeLike, chunk: int, *row: int
+    group: h5py.Group, name: str, dtype: npt.DTypeLike, chunk: int, *row: int, **options: Any
 ) -> h5py.Dataset:
-    dataset = group.create_dataset(
-        name,
-        (0, *row),
-        dtype,
-        maxshape=(None, *row),
-        chunks=(chunk, *row),
-        compression="gzip",
-        compression_opts=1,  # the fastest level: the writer must keep up with the loop
-        shuffle=True,
-    )
-    if name in _OWN:
-        dataset.attrs["description"] = _OWN[name]
-    dataset.attrs["units"] = unit_of(name)
-    return dataset
-
-
-def unit_of(column: str) -> str:
-    """Return the unit of a column, from the end of its name; "" for numbers without one."""
-    return _UNITS.get(column.rsplit("_", 1)[-1], "")
-
-
-def _grow(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
-    before = len(dataset)
-    dataset.resize(before + len(values), axis=0)
-    dataset[before:] = values
+    return growing_column(group, name, dtype, chunk, *row, about=_OWN[name], **options)
 
 
 def _public_names(dtype: np.dtype[np.void]) -> Iterator[str]:

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from piezod.records.nexus import new_group
+from piezod.records.nexus import grow, growing_column, new_group
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 
@@ -79,9 +79,7 @@ class EventColumns:
         t_s = (np.array(columns["t_ns"]) - self._start_ns) / NS_PER_S
         for name, dataset in datasets.items():
             values = t_s if name == "t_s" else _fitting(columns[name], dataset.dtype)
-            before = len(dataset)
-            dataset.resize(before + len(values), axis=0)
-            dataset[before:] = values
+            grow(dataset, values)
 
 
 def read_events(entry: h5py.Group) -> tuple[StageEvent, ...]:
@@ -122,17 +120,11 @@ def _lay_out(
 ) -> dict[str, h5py.Dataset]:
     group = new_group(entry, name, "NXcollection")
     group.attrs["description"] = _ABOUT[name]
-    units = {"t_s": "s", "t_ns": "ns"}
-    datasets = {}
-    for field, dtype in {"t_ns": "i8", **fields, "t_s": "f8"}.items():
-        datasets[field] = dataset = group.create_dataset(
-            field, (0,), dtype, maxshape=(None,), chunks=(chunk,), compression="gzip"
-        )
-        dataset.attrs["description"], dataset.attrs["units"] = (
-            _DESCRIPTIONS[field],
-            units.get(field, ""),
-        )
-    return datasets
+    rare = {"compression_opts": None, "shuffle": None}
+    return {
+        field: growing_column(group, field, dtype, chunk, about=_DESCRIPTIONS[field], **rare)
+        for field, dtype in {"t_ns": "i8", **fields, "t_s": "f8"}.items()
+    }
 
 
 def _text(size_bytes: int) -> np.dtype[Any]:

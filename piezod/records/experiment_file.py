@@ -28,19 +28,24 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.records.atomic import replacing
-from piezod.records.frozen import FloatArray
-from piezod.records.nexus import new_group
-from piezod.records.opened import MOST_READ_BYTES, damage_is_an_error, open_recording
-from piezod.records.recording import (
+from piezod.records.experiment_result import (
     COLUMN_NAMES,
     FIT_COLUMN_NAMES,
     ExperimentResult,
     Identification,
     Recording,
 )
+from piezod.records.frozen import FloatArray
+from piezod.records.nexus import (
+    new_collection,
+    new_column,
+    new_data,
+    new_entry,
+    new_group,
+)
+from piezod.records.opened import MOST_READ_BYTES, damage_is_an_error, open_recording
 
 _ENTRY: Final = "experiment"
-_UNITS: Final = {"s": "s", "v": "V", "um": "um"}
 _LONG_NAMES: Final = {
     "t_s": "time",
     "drive_v": "voltage applied",
@@ -67,9 +72,7 @@ def write_hdf5(path: Path, result: ExperimentResult) -> None:
         OSError: If the file cannot be written.
     """
     with replacing(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
-        file.attrs["NX_class"] = "NXroot"
-        file.attrs["default"] = _ENTRY
-        entry = new_group(file, _ENTRY, "NXentry")
+        entry = new_entry(file, _ENTRY)
         entry["title"] = result.title
         entry["seed"] = result.seed
         entry["rate_hz"] = result.rate_hz
@@ -79,7 +82,7 @@ def write_hdf5(path: Path, result: ExperimentResult) -> None:
         note = new_group(entry, "configuration", "NXnote")
         note["type"] = "application/yaml"
         note["data"] = result.configuration
-        _write_attributes(entry, "versions", result.versions)
+        new_collection(entry, "versions", result.versions)
         written = [_write_identification(entry, each) for each in result.identifications]
         written += [_write_recording(entry, each) for each in result.recordings]
         if written:  # what a viewer shows first: the last run, or a model if there is no run
@@ -120,7 +123,7 @@ def _write_identification(entry: h5py.Group, identification: Identification) -> 
     parameters = new_group(group, "parameters", "NXcollection")
     for parameter, values in identification.parameters.items():
         parameters.create_dataset(parameter, data=values)
-    _write_attributes(group, "fit_errors", identification.fit_errors)
+    new_collection(group, "fit_errors", identification.fit_errors)
     return _base_name(group)
 
 
@@ -132,14 +135,14 @@ def _write_recording(entry: h5py.Group, recording: Recording) -> str:
     group.attrs["case"] = recording.case
     group.attrs["mode"] = recording.mode
     group.attrs["first_metric_index"] = recording.first_metric_index
-    _write_array(group, "weights", recording.weights, "")
+    new_column(group, "weights", recording.weights, _LONG_NAMES["weights"])
     if recording.surface:
         group["weights"].attrs["surface"] = True
         group["weights"].attrs["long_name"] = _COEFFICIENTS
-    _write_array(group, "weights_t_s", recording.weights_t_s, "s")
+    new_column(group, "weights_t_s", recording.weights_t_s, _LONG_NAMES["weights_t_s"])
     if recording.late_t_s.size:
-        _write_array(group, "late_t_s", recording.late_t_s, "s")
-    _write_attributes(group, "metrics", recording.metrics)
+        new_column(group, "late_t_s", recording.late_t_s, _LONG_NAMES["late_t_s"])
+    new_collection(group, "metrics", recording.metrics)
     return _base_name(group)
 
 
@@ -152,11 +155,9 @@ def _auxiliary(recording: Recording) -> list[str]:
 def _data_group(
     entry: h5py.Group, name: str, signal: str, columns: Mapping[str, FloatArray]
 ) -> h5py.Group:
-    group = new_group(entry, _free_name(entry, name), "NXdata")
-    group.attrs["signal"] = signal
-    group.attrs["axes"] = "t_s"
+    group = new_data(entry, _free_name(entry, name), signal)
     for column, values in columns.items():
-        _write_array(group, column, values, _UNITS[column.rsplit("_", 1)[-1]])
+        new_column(group, column, values, _LONG_NAMES[column])
     return group
 
 
@@ -171,19 +172,6 @@ def _free_name(entry: h5py.Group, name: str) -> str:
 
 def _base_name(group: h5py.Group) -> str:
     return str(group.name).rsplit("/", maxsplit=1)[-1]
-
-
-def _write_array(group: h5py.Group, name: str, values: FloatArray, units: str) -> None:
-    # Shuffling puts equal bytes of neighbouring numbers together, which then compress well.
-    dataset = group.create_dataset(name, data=values, compression="gzip", shuffle=True)
-    dataset.attrs["units"] = units
-    dataset.attrs["long_name"] = _LONG_NAMES[name]
-
-
-def _write_attributes(group: h5py.Group, name: str, values: Mapping[str, float | str]) -> None:
-    collection = new_group(group, name, "NXcollection")
-    for key, value in values.items():
-        collection.attrs[key] = value
 
 
 def _check_room(file: h5py.File) -> None:
