@@ -31,9 +31,6 @@ def existing_file(path: Path | None) -> Path | None:
 def check_writable(folder: Path) -> None:
     """Refuse a folder in which no file can be made.
 
-    Args:
-        folder: An existing folder.
-
     Raises:
         OSError: If it is not writable; the message names the folder.
     """

@@ -92,9 +92,6 @@ def write_hdf5(path: Path, result: ExperimentResult) -> None:
 def read_hdf5(path: Path) -> ExperimentResult:
     """Return the experiment that `write_hdf5` wrote.
 
-    Args:
-        path: Path of the file.
-
     Returns:
         An experiment equal to the written one.
 

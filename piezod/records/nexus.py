@@ -35,7 +35,7 @@ def axis_names(entry: h5py.Group) -> tuple[str, ...]:
 
 
 def new_entry(file: h5py.File, name: str, **creator: str) -> h5py.Group:
-    """Make an empty file one of NeXus, with the attributes of its creator; return its only entry."""
+    """Make an empty file one of NeXus, with attributes of its creator; return its only entry."""
     for attribute, text in {"NX_class": "NXroot", "default": name, **creator}.items():
         file.attrs[attribute] = text
     return new_group(file, name, "NXentry")

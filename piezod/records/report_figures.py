@@ -156,11 +156,7 @@ def _run(number: int, recording: Recording, published: ReportFigure | None) -> R
 
 
 def figures_in(page: str) -> list[str]:
-    """Return the names of the figures of a page; empty if it is not a report of piezod.
-
-    Args:
-        page: Text of the page.
-    """
+    """Return the names of the figures of a page; empty if it is not a report of piezod."""
     return re.findall(
         r'^<figure id="((?:overview|published_\d\d|model_\d|case_\d\d|run_\d\d)[A-Za-z0-9_-]*)">$',
         page,

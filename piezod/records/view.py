@@ -72,9 +72,6 @@ class RecordingView:
     The first view of a column reads all of it, in portions. Later views of long spans need only
     its extremes per block, at most 4 MB. May be used by several threads.
 
-    Args:
-        path: Path of the file.
-
     Raises:
         DataError: If the file is not a recording of a stage.
         OSError: If it cannot be opened.

@@ -20,11 +20,7 @@ READY: Final = "ready\n"
 
 
 class Guardian:
-    """The side of the command.
-
-    Args:
-        config: Configuration of the stage.
-    """
+    """The side of the command."""
 
     def __init__(self, config: Path) -> None:
         self._config = config

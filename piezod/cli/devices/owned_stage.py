@@ -15,9 +15,6 @@ LOCK_WAIT_S = 2.0
 def owning(config: Path) -> Iterator[None]:
     """Lock the devices of a stage against a daemon until the block ends.
 
-    Args:
-        config: Configuration of the stage.
-
     Raises:
         AlreadyRunningError: If a daemon runs, or a loop process without a daemon.
     """

@@ -25,13 +25,7 @@ _TRUE = "; true, of every sample"
 def play_document(
     played: PlayedExperiment, play: PlayConfig, figures: Sequence[Path]
 ) -> dict[str, object]:
-    """Return the document of `piezod experiment --json`.
-
-    Args:
-        played: What was played.
-        play: The waveforms.
-        figures: Paths of the figures.
-    """
+    """Return the document of `piezod experiment --json`."""
     return {
         "title": played.title,
         "seed": played.seed,
@@ -81,14 +75,7 @@ def _wave_document(play: LearnedPlay, wave: WaveConfig) -> dict[str, object]:
 
 
 def print_play(console: Console, played: PlayedExperiment, play: PlayConfig, folder: Path) -> None:
-    """Print the errors of each play, and what is remarkable.
-
-    Args:
-        console: Where it is printed.
-        played: What was played.
-        play: The waveforms.
-        folder: Folder of figures and tables.
-    """
+    """Print the errors of each play, and what is remarkable."""
     true = any(one.best.knows_truth for result in played.axes for one in result.plays)
     for result in played.axes:
         console.print(_table(result, play.waves, several=len(played.axes) > 1, true=true))

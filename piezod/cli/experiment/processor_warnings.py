@@ -10,11 +10,7 @@ from piezod.daemon.loop.processor import free_processors
 
 
 def processor_warnings(file: Path) -> list[str]:
-    """Return what is to be said about the processor of a stage that does not run.
-
-    Args:
-        file: Configuration of the stage, valid.
-    """
+    """Return what is to be said about the processor of a stage that does not run."""
     return _quota_warnings() + _sharing_warnings(file)
 
 

@@ -23,12 +23,7 @@ Key: TypeAlias = tuple[str, str]
 
 
 def as_document(result: ExperimentResult, report: Path) -> dict[str, object]:
-    """Return the document of `piezod experiment --json`.
-
-    Args:
-        result: The experiment.
-        report: Path of the report.
-    """
+    """Return the document of `piezod experiment --json`."""
     methods = {each.axis: each.method for each in result.identifications}
     return {
         "title": result.title,

@@ -93,12 +93,7 @@ class WatchView:
         self._axes: dict[str, AxisHistory] = {}
 
     def update(self, interval: Telemetry, faults: Sequence[Fault]) -> RenderableType:
-        """Take the next interval, and return the view.
-
-        Args:
-            interval: The interval.
-            faults: The faults that the interval names, with their remedies.
-        """
+        """Take the next interval, and return the view."""
         t_s = interval.t_s
         self._late_us.add(t_s, interval.late_max_us)
         self._skipped.add(t_s, interval.skipped_cycles)

@@ -43,15 +43,7 @@ def as_document(recording: Path, size_bytes: int, summary: Summary) -> dict[str,
 def print_summary(
     console: Console, recording: Path, size_bytes: int, summary: Summary, events: int
 ) -> None:
-    """Print what is in a recording.
-
-    Args:
-        console: Where to.
-        recording: The file or its name.
-        size_bytes: Size of the file.
-        summary: What is in it.
-        events: Number of events to print.
-    """
+    """Print what is in a recording."""
     for name, text in _lines(recording, size_bytes, summary):
         console.print(f"{name:14} {text}", soft_wrap=True)
     if summary.errors:

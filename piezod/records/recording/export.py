@@ -78,10 +78,6 @@ def table_of(telemetry: RecordedTelemetry, axes: Iterable[str]) -> Table:
 
     The names of the columns end in their units. The columns of an axis have its name before theirs
     if the table has several axes.
-
-    Args:
-        telemetry: The recording.
-        axes: Names of the axes.
     """
     chosen = tuple(axes)
     table: Table = {"t_s": telemetry.cycles["t_s"]}

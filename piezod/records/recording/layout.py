@@ -123,10 +123,6 @@ def check_numbers(name: str, values: NDArray[Any], names: int) -> None:
 def check_room(datasets: Iterable[h5py.Dataset], rows: int) -> None:
     """Check that rows of datasets fit into memory.
 
-    Args:
-        datasets: The datasets.
-        rows: Number of rows.
-
     Raises:
         DataError: If they do not.
     """
