@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.records.view import RecordingView
 from piezod.telemetry.arrays import record_dtype
 from piezod.telemetry.descriptions import descriptions, mask_bits

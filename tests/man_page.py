@@ -12,6 +12,7 @@ from typing import Any, Final
 from typer.main import get_command
 
 import piezod
+from piezod.cli.lazy import LazyCommand
 from piezod.cli.main import app
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "piezod.1"
@@ -76,11 +77,16 @@ def commands_with_headings(
 def commands(group: Command, context: Context) -> Iterator[tuple[str, Command, Context]]:
     """Yield each command with its words and context; a family is followed by its commands."""
     for name in group.list_commands(context):
-        command = group.commands[name]
+        command = loaded(group.commands[name])
         inner = type(context)(command, info_name=name, parent=context)
         yield inner.command_path, command, inner
         if hasattr(command, "commands"):
             yield from commands(command, inner)
+
+
+def loaded(command: Command) -> Command:
+    """Return a command with its options, which `piezod --help` does not load."""
+    return command.load() if isinstance(command, LazyCommand) else command
 
 
 def _usage(command: Command, context: Context) -> Iterator[str]:

@@ -7,16 +7,16 @@ from functools import cache
 import rich.console  # noqa: F401 - to have them imported is all that these are for
 import typer.main
 
-import piezod.cli.emulate
+import piezod.cli.daemon.run
+import piezod.cli.devices.emulate
 import piezod.cli.output
-import piezod.cli.run
 import piezod.daemon.loop.process
 import piezod.daemon.safe.rescuer
 import piezod.daemon.supervisor.run
 import piezod.daemon.supervisor.supervisor
 import piezod.devices.emulators
 import piezod.web.server  # noqa: F401 - likewise
-from piezod.cli.emulate_parts import bench, default_rig
+from piezod.cli.devices.emulate_parts import bench, default_rig
 from piezod.cli.main import app
 from piezod.control.warm_up import warm_up
 from piezod.daemon.loop import realtime

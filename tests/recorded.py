@@ -17,8 +17,8 @@ from piezod.config.waveforms.shapes import Sine
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon import accepted_config
 from piezod.messages import requests
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.telemetry.arrays import record_dtype
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.encoder import encode_axis, encode_cycle

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli.shipped import shipped
+from piezod.cli.daemon.shipped import shipped
 from piezod.service_view import HIDDEN, service_hint, who_may_change, why_hidden, why_unreachable
 
 

@@ -11,6 +11,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from docs.figures.errors import SHOWN_MODES, STOPS, Errors
 from docs.figures.runs import HOLD_S, MOVE_S, WITHOUT_CREEP
 from piezod.hysteresis.memory import FloatArray
+from piezod.records.experiment_result import Recording
 from piezod.records.figures.overview import MODE_MARKS, Mark
 from piezod.records.figures.style import (
     BLACK,
@@ -22,7 +23,6 @@ from piezod.records.figures.style import (
     round_time_ticks,
 )
 from piezod.records.figures.traces import draw_trace
-from piezod.records.recording import Recording
 
 _WIDTH_IN: Final = 10.0
 _PALE: Final = 0.35

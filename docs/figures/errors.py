@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from piezod.config.modes import Mode
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 METRICS: Final = (
     "tracking_max_pct",

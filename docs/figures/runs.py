@@ -24,7 +24,7 @@ from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.virtual.stage import opened
 from piezod.plant.variants import VARIANTS
-from piezod.records.recording import ExperimentResult, Recording
+from piezod.records.experiment_result import ExperimentResult, Recording
 from piezod.records.reference import Reference
 from piezod.units import NS_PER_S
 from tests.experiment.beyond import experiment_of, with_stops, without_response

@@ -9,7 +9,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from sys import UnraisableHookArgs
+    from sys import UnraisableHookArgs  # exists for type checkers only
 
 INTERRUPTED: Final = 130
 TEXT: Final = "interrupted"

@@ -1,6 +1,6 @@
-"""The `piezod` command: its subcommands, and the exit codes of errors.
+"""The `piezod` command: how it starts, and the exit codes of errors.
 
-The modules of the subcommands import heavy libraries inside functions, so that `--help` is quick.
+The subcommands stand in `piezod.cli.verbs`. A subcommand is imported when it runs.
 """
 
 import atexit
@@ -8,44 +8,29 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
 from io import TextIOWrapper
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 
 import piezod
-from piezod.cli.check import check
-from piezod.cli.client_verbs import add_client_verbs
-from piezod.cli.commission import commission
-from piezod.cli.demo import demo
-from piezod.cli.drivers import drivers
-from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
-from piezod.cli.experiment import experiment
-from piezod.cli.export import export
-from piezod.cli.gcs import gcs
-from piezod.cli.group import group_verbs
-from piezod.cli.grouped_help import GroupedHelp
-from piezod.cli.identify import identify
-from piezod.cli.init import init
-from piezod.cli.install_service import install_service
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
-from piezod.cli.ioc import ioc
-from piezod.cli.list_stages import list_running
-from piezod.cli.play import play
-from piezod.cli.plot import plot
-from piezod.cli.probe import probe
-from piezod.cli.replay import replay
-from piezod.cli.response import response
-from piezod.cli.run import run as run_daemon
-from piezod.cli.safe import safe
-from piezod.cli.web import web
+from piezod.cli.lazy import Family, commands_of
+from piezod.cli.verbs import FAMILIES, VERBS
 from piezod.errors import PiezodError
+
+
+class Program(Family):
+    """All commands."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**{**attributes, "commands": commands_of(VERBS.values(), FAMILIES)})
+
 
 # Plain help and plain tracebacks, because rich doubles the time that help takes.
 app = typer.Typer(
-    cls=GroupedHelp,
+    cls=Program,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -54,22 +39,7 @@ app = typer.Typer(
     "stage is not at its safe voltage, 75 already running, 77 permission, 78 configuration, 130 "
     "interrupted, 1 anything else. Errors go to stderr; so does progress, on a terminal.",
 )
-OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
-    "Experiments and models": (demo, experiment, identify, response, play, check),
-    "Recordings": (plot, export, replay),
-    "Devices": (drivers, emulate, probe, commission),
-    "Daemon of a stage": (init, run_daemon, safe, web, gcs, ioc, install_service),
-}
-"""Commands that need no running daemon, by their heading in help."""
 _UTF8_MODE: Final = "PYTHONUTF8"
-SEVERAL: Final = "Several stages"
-"""Heading of the commands for all stages of this machine."""
-for heading, verbs in OWN_VERBS.items():
-    for verb in verbs:
-        app.command(rich_help_panel=heading)(verb)
-app.command("list", rich_help_panel=SEVERAL)(list_running)
-app.add_typer(group_verbs(), name="group", rich_help_panel=SEVERAL)
-add_client_verbs(app)
 
 
 def _print_version(wanted: bool) -> None:

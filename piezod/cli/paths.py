@@ -4,14 +4,8 @@ import errno
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 
 import typer
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-
-ModelT = TypeVar("ModelT", bound="BaseModel")
 
 
 def existing_file(path: Path | None) -> Path | None:
@@ -37,9 +31,6 @@ def existing_file(path: Path | None) -> Path | None:
 def check_writable(folder: Path) -> None:
     """Refuse a folder in which no file can be made.
 
-    Args:
-        folder: An existing folder.
-
     Raises:
         OSError: If it is not writable; the message names the folder.
     """
@@ -56,14 +47,19 @@ def check_writable(folder: Path) -> None:
         ) from error
 
 
-def load_file(file: Path, model: type[ModelT]) -> ModelT:
-    """Return the contents of a YAML file, checked.
+def check_yaml_out(out: Path | None) -> None:
+    """Refuse a YAML file that cannot be written, before the work that makes its contents.
+
+    Args:
+        out: Path of the file; None for none.
 
     Raises:
-        ConfigError: If they are not valid; the text lists every problem with its place.
+        typer.BadParameter: If its suffix is not that of a YAML file.
+        OSError: If its folder is not writable.
     """
-    from piezod.config.fields import Context
-    from piezod.config.validate import validate
-    from piezod.config.yaml_loader import load_yaml
-
-    return validate(load_yaml(file), model, Context(file.parent))
+    if out is None:
+        return
+    if out.suffix not in (".yaml", ".yml"):
+        raise typer.BadParameter(f"must end in .yaml (got {out})", param_hint="'--out'")
+    if out.parent.is_dir():
+        check_writable(out.parent)

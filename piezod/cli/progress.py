@@ -7,6 +7,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from piezod.cli.output import error_console
+
 AS_JSON: Final = "PIEZOD_PROGRESS"
 """Environment variable: with the value `json`, progress is printed to stderr as lines of JSON."""
 _STEP: Final = 0.005
@@ -23,17 +33,6 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     if _is_json():
         yield _Lines()
         return
-    # rich takes long to import, and this module is imported with the table of commands.
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    from piezod.cli.output import error_console
-
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),

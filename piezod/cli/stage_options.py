@@ -2,23 +2,23 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import Annotated, TypeAlias
 
 import typer
 
-if TYPE_CHECKING:
-    from piezod.client import StageClient
-    from piezod.messages.documents import Message
+from piezod.cli.output import print_one
+from piezod.client import StageClient
+from piezod.client.places import running_stages
+from piezod.errors import PiezodError
+from piezod.messages.documents import Message
 
 
 def _stages(incomplete: str) -> list[str]:
-    from piezod.client.places import running_stages
-
     return [name for name in running_stages() if name.startswith(incomplete)]
 
 
 def completion(
-    names: "Callable[[StageClient], Iterable[str]]",
+    names: Callable[[StageClient], Iterable[str]],
 ) -> Callable[[typer.Context, str], list[str]]:
     """Return a function that completes a word with names of a stage.
 
@@ -27,8 +27,6 @@ def completion(
     """
 
     def complete(context: typer.Context, incomplete: str) -> list[str]:
-        from piezod.errors import PiezodError
-
         try:
             with connect(context.params.get("stage"), context.params.get("socket")) as client:
                 return [name for name in names(client) if name.startswith(incomplete)]
@@ -74,31 +72,18 @@ AxesOption: TypeAlias = Annotated[
 ]
 
 
-def connect(stage: str | None, socket: Path | None) -> "StageClient":
+def connect(stage: str | None, socket: Path | None) -> StageClient:
     """Return a client of the chosen stage.
 
     Raises:
         typer.BadParameter: If both a name and a socket are given.
         ClientError: If the stage does not run.
     """
-    from piezod.client import StageClient
-
     if stage is not None and socket is not None:
         raise typer.BadParameter("--stage and --socket exclude each other")
     return StageClient(stage, socket=socket)
 
 
-def print_answer(answer: "Message", text: str, *, json: bool) -> None:
-    """Print the outcome of a request.
-
-    Args:
-        answer: Answer of the daemon.
-        text: Text for people.
-        json: Whether to print the answer in place of the text.
-    """
-    from piezod.cli.output import new_console, print_json
-
-    if json:
-        print_json(answer.document)
-    else:
-        new_console().print(text, soft_wrap=True)
+def print_answer(answer: Message, text: str, *, json: bool) -> None:
+    """Print the answer to a request, or in place of it a text for people."""
+    print_one(answer.document, text, json=json)

@@ -14,7 +14,14 @@ from pydantic import (
 )
 
 from piezod.config.channels import Input, InputConfig, Output, OutputConfig
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, context_of, raise_rules
+from piezod.config.fields import (
+    BrokenRule,
+    ConfigModel,
+    Quantity,
+    RuledModel,
+    context_of,
+    raise_rules,
+)
 from piezod.config.files import ExistingFile
 from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import FILE_DELAY_S, ModelFile, load_model
@@ -72,7 +79,7 @@ STOPS_DELAY_S: Final = Quantity(0, FILE_DELAY_S.high, "s")
 """Delays with which stop operators are fitted; a surface also takes negative ones."""
 
 
-class CompensatorConfig(ConfigModel):
+class CompensatorConfig(RuledModel):
     """The inverse model of an axis, and its identification."""
 
     operators: Annotated[int, Quantity(1, 200)] = Field(
@@ -124,11 +131,6 @@ class CompensatorConfig(ConfigModel):
             return {**data, "identifier": "lms"}
         return data
 
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.identifier == "rls" and "lms_gain" in self.model_fields_set:
             yield ("lms_gain",), "not used, identifier rls has no gain, leave it out"
@@ -138,7 +140,7 @@ class CompensatorConfig(ConfigModel):
             yield ("thresholds",), what
 
 
-class AxisConfig(ConfigModel):
+class AxisConfig(RuledModel):
     """An axis of the stage."""
 
     amplifier: Output = Field(
@@ -190,11 +192,6 @@ class AxisConfig(ConfigModel):
             return given
         mode = response.first_mode
         return FirstModeConfig(frequency_hz=mode.frequency_hz, damping=mode.damping)
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.model is not None:

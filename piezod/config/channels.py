@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, RuledModel, raise_rules
 from piezod.config.polynomial import evaluate, is_monotonic
 from piezod.config.quantities import Name
 
@@ -67,7 +67,7 @@ class PolynomialCalibration(ConfigModel):
         return min(ends), max(ends)
 
 
-class TableCalibration(ConfigModel):
+class TableCalibration(RuledModel):
     """A curve of straight lines through measured points."""
 
     kind: Literal["table"] = "table"
@@ -84,11 +84,6 @@ class TableCalibration(ConfigModel):
         description="Used side of the maximum, for values with a maximum, as the light of a fibre "
         "sensor over its gap. The points are then in the order of the growing gap.",
     )
-
-    @model_validator(mode="after")
-    def _check_curve(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         # All broken rules at once, so that one correction of the file is enough.
@@ -156,25 +151,26 @@ class LightConfig(ConfigModel):
     )
 
 
-class OutputConfig(ConfigModel):
-    """The channel that drives an axis."""
+class _Channel(ConfigModel):
+    """A channel of a device."""
 
     device: Name = Field(description="Name of the device.")
     channel: ChannelName | None = Field(
         default=None, description="Name of the channel; default: the name of the axis."
     )
+
+
+class OutputConfig(_Channel):
+    """The channel that drives an axis."""
+
     calibration: Calibration = Field(
         default=LineCalibration(), description="From the channel's value to V at the actuator."
     )
 
 
-class InputConfig(ConfigModel):
+class InputConfig(_Channel):
     """A channel that is read, and its calibration to µm."""
 
-    device: Name = Field(description="Name of the device.")
-    channel: ChannelName | None = Field(
-        default=None, description="Name of the channel; default: the name of the axis."
-    )
     calibration: Calibration = Field(
         default=LineCalibration(), description="From the channel's value to µm."
     )

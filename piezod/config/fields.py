@@ -1,9 +1,9 @@
 """The base of all configuration models, and numeric fields with range and unit."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeAlias, cast
+from typing import Any, Final, Protocol, Self, TypeAlias, cast
 
 from pydantic import (
     BaseModel,
@@ -104,6 +104,19 @@ def raise_rules(broken: Iterable[BrokenRule]) -> None:
     ]
     if details:
         raise ValidationError.from_exception_data("rules", details)
+
+
+class RuledModel(ConfigModel):
+    """Base of models with rules that a schema cannot state; all broken ones are reported."""
+
+    @model_validator(mode="after")
+    def _check_rules(self) -> Self:
+        raise_rules(self._broken_rules())
+        return self
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        """Yield the rules that the model breaks."""
+        raise NotImplementedError
 
 
 _NUMBER_ERRORS: Final = {

@@ -10,11 +10,7 @@ from ipaddress import ip_address
 
 
 def is_own_host(host: str) -> bool:
-    """Return whether no foreign site can have this `Host`: an address, or a name without a dot.
-
-    Args:
-        host: Value of the header, with or without the port.
-    """
+    """Return whether no foreign site can have this `Host`: an address, or a name without a dot."""
     name = host_name(host)
     try:
         ip_address(name)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, RuledModel, raise_rules
 from piezod.config.quantities import DurationS, FrequencyHz, OneLine, PauseS, PercentOfRange
 from piezod.config.waveforms.paths import AnyLines
 from piezod.config.waveforms.shapes import AnyPeriodic
@@ -43,7 +43,7 @@ class WaveConfig(ConfigModel):
         return self
 
 
-class PlayConfig(ConfigModel):
+class PlayConfig(RuledModel):
     """Waveforms that a device plays, with a table that is learned pass by pass."""
 
     interval_us: IntervalUs = Field(
@@ -71,11 +71,6 @@ class PlayConfig(ConfigModel):
     def interval_ns(self) -> int:
         """Time between two points of the table, in ns."""
         return round(1000.0 * self.interval_us)
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         half_hz = 0.5e6 / self.interval_us

@@ -35,10 +35,6 @@ def load_yaml(path: Path) -> Document:
 def parse_yaml(text: str, file: str) -> Document:
     """Return the document of a text whose top level is a mapping.
 
-    Args:
-        text: The document.
-        file: Name of the file in messages.
-
     Raises:
         ConfigError: As `load_yaml`.
     """

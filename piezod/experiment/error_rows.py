@@ -13,7 +13,7 @@ from piezod.experiment.sensor_noise import noise_rms
 from piezod.experiment.steps import held
 from piezod.hysteresis import nonlinearity, tracking_max, tracking_rms
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.recording import ExperimentResult
+from piezod.records.experiment_result import ExperimentResult
 
 
 class Samples(NamedTuple):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from piezod.records.hdf5_file import write_hdf5
-from piezod.records.recording import ExperimentResult
+from piezod.records.experiment_file import write_hdf5
+from piezod.records.experiment_result import ExperimentResult
 from piezod.records.reference import Reference
 from piezod.records.report import write_report
 

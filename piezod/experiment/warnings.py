@@ -6,7 +6,7 @@ import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.frequencies import coarse
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 
 def rate_warnings(config: ExperimentConfig, rate_hz: float) -> Iterator[str]:

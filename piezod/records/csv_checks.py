@@ -88,12 +88,7 @@ def check_varies(path: Path, name: str, values: FloatArray) -> None:
 
 
 def counted(number: int, noun: str) -> str:
-    """Return a number with its noun, in the plural unless the number is 1.
-
-    Args:
-        number: The number.
-        noun: The noun in the singular.
-    """
+    """Return a number with its noun, in the plural unless the number is 1."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from itertools import chain, groupby
 from typing import Final, NamedTuple
 
+from piezod.records.experiment_result import ExperimentResult, Recording
 from piezod.records.labels import metric_group
-from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference, is_missed
 
 _MEANINGS: Final = {

@@ -53,21 +53,13 @@ def metric_group(name: str) -> str:
 
 
 def metric_heading(name: str) -> str:
-    """Return the label of a metric below the heading of its group, without its unit.
-
-    Args:
-        name: Name of the metric.
-    """
+    """Return the label of a metric below the heading of its group, without its unit."""
     within = name.removeprefix("true_")
     return _WITHIN_GROUP.get(within, metric_label(within))
 
 
 def metric_unit(name: str) -> str:
-    """Return the unit at the end of a metric's name; empty if there is none.
-
-    Args:
-        name: Name of the metric.
-    """
+    """Return the unit at the end of a metric's name; empty if there is none."""
     return _UNITS.get(name.rpartition("_")[2], "")
 
 
@@ -75,10 +67,6 @@ def metric_number(name: str, value: float) -> str:
     """Return the value of a metric as displayed everywhere: percent with two decimals.
 
     A metric without a value, for example the nonlinearity of a constant command, is a dash.
-
-    Args:
-        name: Name of the metric.
-        value: Its value, in the unit of the name.
     """
     if math.isnan(value):
         return NO_VALUE
@@ -88,12 +76,7 @@ def metric_number(name: str, value: float) -> str:
 
 
 def metric_text(name: str, value: float) -> str:
-    """Return a metric as text with value and unit, as in "nonlinearity 1.52 %".
-
-    Args:
-        name: Name of the metric.
-        value: Its value, in the unit of the name.
-    """
+    """Return a metric as text with value and unit, as in "nonlinearity 1.52 %"."""
     unit = "" if math.isnan(value) or _never(name, value) else metric_unit(name)
     return f"{metric_label(name)} {metric_number(name, value)} {unit}".rstrip()
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 
 @dataclass(frozen=True)
@@ -18,29 +18,16 @@ class Reference:
     figures: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def value(self, recording: Recording) -> float | None:
-        """Return the error to compare a recording with; None if there is none.
-
-        Args:
-            recording: The recording.
-        """
+        """Return the error to compare a recording with; None if there is none."""
         return self.values.get((recording.case, recording.mode))
 
     def figure(self, recording: Recording) -> str:
-        """Return which figure of the source shows this run, as in "Fig. 7 of the paper"; or "".
-
-        Args:
-            recording: The recording.
-        """
+        """Return which figure of the source shows this run, as in "Fig. 7 of the paper"; or ""."""
         name = self.figures.get((recording.case, recording.mode), "")
         return f"{name} of the {self.label}" if name else ""
 
     def limit(self, recording: Recording, metric: str) -> float | None:
-        """Return the limit of a metric of a recording; None if there is none.
-
-        Args:
-            recording: The recording.
-            metric: Name of the metric.
-        """
+        """Return the limit of a metric of a recording; None if there is none."""
         return self.value(recording) if metric in self.metrics else None
 
 

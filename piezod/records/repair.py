@@ -32,9 +32,6 @@ def repair(path: Path) -> bool:
 
     The records in the file stay as they are; the last second or so before the end is not in it.
 
-    Args:
-        path: Path of the file.
-
     Raises:
         DataError: If it is no recording, is damaged, or is still being written.
         OSError: If it cannot be read or written.

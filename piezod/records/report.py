@@ -6,9 +6,9 @@ from typing import Final
 
 from piezod.records.atomic import replacing
 from piezod.records.error_table import error_table, groups, meaning, verdict
+from piezod.records.experiment_result import ExperimentResult
 from piezod.records.labels import metric_heading, metric_label, metric_number, metric_unit
 from piezod.records.page import render
-from piezod.records.recording import ExperimentResult
 from piezod.records.reference import Reference
 from piezod.records.report_figures import draw_gallery, figures_in
 

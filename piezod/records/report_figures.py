@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import chain, count
 from typing import NamedTuple
 
+from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 from piezod.records.figures import (
     case_figure,
     identification_figure,
@@ -19,7 +20,6 @@ from piezod.records.figures import (
 )
 from piezod.records.figures.published import compared_errors
 from piezod.records.labels import metric_text
-from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.reference import Reference
 
 
@@ -156,11 +156,7 @@ def _run(number: int, recording: Recording, published: ReportFigure | None) -> R
 
 
 def figures_in(page: str) -> list[str]:
-    """Return the names of the figures of a page; empty if it is not a report of piezod.
-
-    Args:
-        page: Text of the page.
-    """
+    """Return the names of the figures of a page; empty if it is not a report of piezod."""
     return re.findall(
         r'^<figure id="((?:overview|published_\d\d|model_\d|case_\d\d|run_\d\d)[A-Za-z0-9_-]*)">$',
         page,

@@ -14,7 +14,7 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import CHUNK_CACHE_BYTES
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.telemetry_layout import check_time, stage_entry
+from piezod.records.recording.layout import check_time, stage_entry
 
 _TIME: Final = "cycles/t_s"
 _BLOCK_ROWS: Final = 16
@@ -71,9 +71,6 @@ class RecordingView:
 
     The first view of a column reads all of it, in portions. Later views of long spans need only
     its extremes per block, at most 4 MB. May be used by several threads.
-
-    Args:
-        path: Path of the file.
 
     Raises:
         DataError: If the file is not a recording of a stage.

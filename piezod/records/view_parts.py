@@ -14,9 +14,9 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import axis_names
 from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.telemetry_events import read_events
-from piezod.records.telemetry_layout import stage_entry
-from piezod.records.telemetry_marks import LATE_PART
+from piezod.records.recording.events import read_events
+from piezod.records.recording.layout import stage_entry
+from piezod.records.recording.marks import LATE_PART
 from piezod.records.view import view
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S

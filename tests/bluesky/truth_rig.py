@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TextIO, cast
 
-from piezod.cli.emulate_parts import rig_of, stop_requested
+from piezod.cli.devices.emulate_parts import rig_of, stop_requested
 from piezod.devices import registry
 from piezod.devices.emulation.bench import Rig, SharedRig, step_ns_of
 from piezod.devices.emulation.faults import WireFaults

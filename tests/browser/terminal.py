@@ -7,7 +7,7 @@ from typing import Final
 from playwright.sync_api import Browser
 from rich.console import Console, RenderableType
 
-from piezod.cli.watch_view import WatchView, ranges_of
+from piezod.cli.look.watch_view import WatchView, ranges_of
 from piezod.client import StageClient
 
 COLUMNS: Final = 80

@@ -3,12 +3,10 @@
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-import typer
 
 from piezod.cli import main
 from piezod.experiment.fit.file import FileFit, identify_file
@@ -26,8 +24,6 @@ class Outcome(NamedTuple):
 
 
 Command = Callable[..., Outcome]
-PARSER_OF = cache(typer.main.get_command)
-"""To make the parser of all verbs takes longer than most verbs."""
 
 
 @pytest.fixture
@@ -48,7 +44,6 @@ def piezod(
         assert Path.cwd() == folder
         monkeypatch.setattr(sys, "argv", ["piezod", *map(str, arguments)])
         monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer puts its own there
-        monkeypatch.setattr("typer.main.get_command", PARSER_OF)
         with pytest.raises(SystemExit) as ended:
             main.run()
         return Outcome(int(ended.value.code or 0), *capsys.readouterr())
@@ -69,7 +64,7 @@ def fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
         key = repr((data, options, contents))
         return FITS.get(key) or FITS.setdefault(key, identify_file(data, **options))
 
-    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", known)
+    monkeypatch.setattr("piezod.cli.identify.run.identify_file", known)
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli import processor_warnings
-from piezod.cli.shipped import shipped
+from piezod.cli.daemon.shipped import shipped
+from piezod.cli.experiment import processor_warnings
 from piezod.config.model_file import dump_model
 from piezod.devices import registry
 from tests.cli.conftest import Command

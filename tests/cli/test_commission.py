@@ -305,7 +305,7 @@ def test_commission_reports_its_first_error_if_no_sheet_can_be_written(
     def full(*_: object) -> None:
         raise OSError("no space")
 
-    monkeypatch.setattr("piezod.commission.sheet.write_sheet", full)
+    monkeypatch.setattr("piezod.cli.devices.commission_run.write_sheet", full)
     _write_with(monkeypatch, _failing_once(), above_v=30.0)
     outcome = piezod("commission", str(config), "--yes")
 

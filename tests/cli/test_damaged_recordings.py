@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from piezod.cli.output import new_console
-from piezod.cli.record_show_view import as_document, print_summary
+from piezod.cli.record.show_view import as_document, print_summary
 from piezod.config.modes import Mode
 from piezod.errors import PiezodError
 from piezod.experiment.fit.recorded import columns_of_recording, delay_of_recording
 from piezod.experiment.replay.recorded_axis import recorded_axis
 from piezod.records.figures.telemetry import COLUMNS, telemetry_figure
-from piezod.records.summary import summary_of
-from piezod.records.telemetry_export import export_table
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.export import export_table
+from piezod.records.recording.reader import read_telemetry
+from piezod.records.recording.summary import summary_of
 from piezod.records.view import view
 from piezod.records.view_parts import contents, loop, marks
 from tests.recorded import new_stage, run_modes, write_recording

@@ -8,7 +8,7 @@ import pytest
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.experiment.virtual.run import Progress, run_experiment
-from piezod.records.recording import ExperimentResult
+from piezod.records.experiment_result import ExperimentResult
 from tests.cli.conftest import Command
 
 PAPER = Path(__file__).parents[2] / "config" / "experiments" / "qiu.yaml"
@@ -36,7 +36,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             RESULTS[key] = replace(result, warnings=())
         return RESULTS[key]
 
-    monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", run_in_short)
+    monkeypatch.setattr("piezod.cli.experiment.run.run_experiment", run_in_short)
     return texts
 
 

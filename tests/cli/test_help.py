@@ -1,13 +1,15 @@
 """The help, and the commands that derive from the table of commands."""
 
+import subprocess
+import sys
+
 import pytest
 
-from piezod.cli.client_verbs import OWN_FUNCTIONS, client_verbs
-from piezod.cli.main import OWN_VERBS, SEVERAL
+from piezod.cli.lazy import PLAIN, LazyCommand
+from piezod.cli.verbs import OWN, SEVERAL, VERBS
 from piezod.messages.endpoints import Endpoint, Group
 from piezod.messages.requests import TABLE
 from tests.cli.conftest import Command
-from tests.command_table import VERB_LIST, verb_list
 
 ROWS = [row for row in TABLE.values() if row.verb]
 
@@ -29,7 +31,7 @@ def test_help_lists_verbs_under_headings(piezod: Command) -> None:
     found = headings(out.partition("Exit codes")[0])
     del found["Options"]
 
-    assert list(found) == [*OWN_VERBS, SEVERAL, *Group]
+    assert list(found) == [*OWN, *Group]
     assert found[SEVERAL] == ["list", "group"]
     assert found["Experiments and models"] == [
         "demo",
@@ -53,15 +55,25 @@ def test_help_of_a_verb_is_that_of_its_row(piezod: Command, row: Endpoint) -> No
     assert " ".join(row.help.split()) in " ".join(out.split())
 
 
-def test_list_of_verbs_is_up_to_date() -> None:
-    """If this fails, `python -m tests.command_table` writes the list anew."""
-    assert VERB_LIST.read_text(encoding="utf-8") == verb_list()
+@pytest.mark.parametrize("words", VERBS)
+def test_sentence_in_the_list_is_the_first_of_the_help(words: str) -> None:
+    """The list of commands has the first sentence of each command's own help."""
+    verb = VERBS[words]
+    listed = LazyCommand(verb)
+
+    assert listed.get_short_help_str(1000) == listed.load().get_short_help_str(1000)
+
+
+def test_every_verb_of_the_table_is_listed() -> None:
+    """The command line has the verbs of the table, and no others claim a help in it."""
+    assert {words for words, verb in VERBS.items() if verb.in_table} == {row.verb for row in ROWS}
 
 
 def test_verbs_without_a_text_have_functions_of_their_own() -> None:
     """A row with `done` makes a verb by itself; all others have a function, and no row has both."""
-    assert {row.verb for row in ROWS if not row.done} == OWN_FUNCTIONS.keys()
-    assert {verb.words for verb in client_verbs()} == {row.verb for row in ROWS}
+    made = {words for words, verb in VERBS.items() if verb.place == PLAIN}
+
+    assert made == {row.verb for row in ROWS if row.done}
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row.done], ids=lambda row: row.verb)
@@ -69,3 +81,20 @@ def test_plain_verbs_have_no_field_but_the_axis(row: Endpoint) -> None:
     """A request with other fields needs a function with options for them."""
     assert row.request is not None
     assert set(row.request.model_fields) <= {"kind", "axis"}
+
+
+HELP_OF_ALL = """
+import sys
+from piezod.cli.lazy import LazyCommand
+from piezod.cli.verbs import VERBS
+
+loaded = [LazyCommand(verb).load() for verb in VERBS.values()]
+print(sorted({"matplotlib", "numba", "scipy"} & set(sys.modules)))
+"""
+
+
+def test_help_of_a_command_is_quick() -> None:
+    """What computes and draws is imported when a command runs, not for its help."""
+    ended = subprocess.run([sys.executable, "-c", HELP_OF_ALL], capture_output=True, check=True)
+
+    assert ended.stdout == b"[]\n"

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from piezod.cli.identify_dynamics import narrowed
+from piezod.cli.identify.dynamics_view import narrowed
 from piezod.config.model_file import load_model
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, write_record
@@ -175,7 +175,7 @@ def test_folder_that_cannot_be_written_to(
         raise OSError(30, "Read-only file system", "tmp0123")
 
     monkeypatch.setattr("piezod.cli.paths.tempfile", SimpleNamespace(TemporaryFile=refuse))
-    monkeypatch.setattr("piezod.experiment.fit.file.identify_file", None)
+    monkeypatch.setattr("piezod.cli.identify.run.identify_file", None)
 
     expected = (1, "", ".: cannot be written to: Read-only file system\n")
     assert piezod("identify", data, "--out", "model.yaml") == expected

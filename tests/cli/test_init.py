@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli.shipped import shipped
+from piezod.cli.daemon.shipped import shipped
 from tests.cli.conftest import Command
 
 

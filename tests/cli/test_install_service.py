@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli.shipped import shipped
+from piezod.cli.daemon.shipped import shipped
 from piezod.daemon import service_files
 from piezod.daemon.service_files import TARGETS
 from piezod.service_view import why_hidden, why_unreachable
@@ -133,7 +133,9 @@ def test_interpreter_that_the_service_cannot_reach(
     """A script with an unreachable interpreter is refused, with a remedy."""
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     closed = {Path("/opt/python"): "closed"}
-    monkeypatch.setattr("piezod.service_view.why_unreachable", lambda path: closed.get(path, ""))
+    monkeypatch.setattr(
+        "piezod.cli.daemon.install_service.why_unreachable", lambda path: closed.get(path, "")
+    )
     monkeypatch.setattr(service_files, "check_command", lambda _: None)  # it is in /tmp
     script = folder / "piezod"
     script.write_text("#!/opt/python -I\n")

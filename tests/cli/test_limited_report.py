@@ -1,6 +1,6 @@
 """Refusals on stderr are bounded."""
 
-from piezod.cli.limited_report import MOST_LINES, WINDOW_S, LimitedReport
+from piezod.cli.daemon.limited_report import MOST_LINES, WINDOW_S, LimitedReport
 
 
 def test_flood_of_refusals_is_cut() -> None:

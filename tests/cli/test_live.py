@@ -15,7 +15,7 @@ from piezod.client import StageClient
 from piezod.config.model_file import load_model
 from piezod.experiment.live.identify import LiveRecord
 from piezod.records.csv_file import read_csv
-from piezod.records.hdf5_file import read_hdf5
+from piezod.records.experiment_file import read_hdf5
 from tests.cli.conftest import Command, Outcome
 from tests.daemon.daemons import SHIPPED, Daemon, configuration
 from tests.daemon.waiting import eventually
@@ -101,7 +101,7 @@ def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
         write_record(file, record_of())
         return LiveRecord("x", file, 0.0, ())
 
-    monkeypatch.setattr("piezod.experiment.live.identify.record_live", record_live)
+    monkeypatch.setattr("piezod.cli.identify.run.record_live", record_live)
 
 
 def as_new(rig: Daemon) -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli import processor_warnings
-from piezod.cli.processor_quota import Quota, processor_quota
+from piezod.cli.experiment import processor_warnings
+from piezod.cli.experiment.processor_quota import Quota, processor_quota
 
 
 def quota(folder: Path, own: str, **files: str) -> Quota | None:

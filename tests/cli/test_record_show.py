@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.records import telemetry_reader
-from piezod.records.summary import summary_of
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording import reader
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.summary import summary_of
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.telemetry.arrays import record_dtype
 from piezod.telemetry.descriptions import mask_bits
 from piezod.telemetry.layout import enumerations
@@ -119,7 +119,7 @@ def test_long_recording_is_read_in_portions(
 ) -> None:
     """The result does not depend on the size of the portions."""
     whole = summary_of(recording)
-    monkeypatch.setattr(telemetry_reader, "_PORTION", 700)
+    monkeypatch.setattr(reader, "_PORTION", 700)
     parts = summary_of(recording)
 
     assert parts.errors[0].rms_um == pytest.approx(whole.errors[0].rms_um)
@@ -130,7 +130,7 @@ def test_long_recording_is_read_in_portions(
 
 def test_recording_without_cycles(piezod: Command, recording: Path) -> None:
     """A recording that was ended at once says so."""
-    header = telemetry_reader.read_telemetry(recording).header
+    header = reader.read_telemetry(recording).header
     TelemetryWriter(Path("empty.h5"), header, record_dtype(1)).close()
     code, out, _ = piezod("record", "show", "empty.h5")
 

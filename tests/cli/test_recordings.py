@@ -12,12 +12,12 @@ from pyarrow import DictionaryType, parquet
 
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.modes import Mode
-from piezod.records import telemetry_reader
 from piezod.records.figures.telemetry import telemetry_figure
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_marks import fault_spans, irregularities, states
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
-from piezod.records.telemetry_table import table_of
+from piezod.records.recording import reader
+from piezod.records.recording.export import table_of
+from piezod.records.recording.marks import fault_spans, irregularities, states
+from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.writer import TelemetryWriter
 from tests.cli.conftest import Command
 from tests.control.rig_stage import shipped_config
 from tests.recorded import RATE_HZ, new_stage, run_modes, write_recording
@@ -174,7 +174,7 @@ def test_long_table_is_written_in_portions(
 ) -> None:
     """The table does not depend on the size of the portions, and a part may be written."""
     piezod("export", recording, "--out", f"whole.{ending}")
-    monkeypatch.setattr(telemetry_reader, "_PORTION", 300)
+    monkeypatch.setattr(reader, "_PORTION", 300)
     piezod("export", recording, "--out", f"portions.{ending}")
     part = json.loads(piezod("export", recording, "--begin-s", 1, "--end-s", 2, "--json").out)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from piezod.cli.guardian import guardian
+from piezod.cli.devices.guardian import guardian
 from piezod.config.daemon import load_daemon
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.lock import Lock, device_lock
@@ -145,7 +145,7 @@ def test_living_daemon_is_left_alone(
     piezod: Command, paths: StagePaths, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """While a daemon owns the stage the exit code is 75 and nothing is written."""
-    monkeypatch.setattr("piezod.cli.safe.LOCK_WAIT_S", 0.0)
+    monkeypatch.setattr("piezod.cli.daemon.safe.LOCK_WAIT_S", 0.0)
     with Lock(paths.lock):
         code, _, err = piezod("safe", "stage.yaml")
 
@@ -261,8 +261,8 @@ KILLED = """
 import os, signal
 from pathlib import Path
 from types import SimpleNamespace
-from piezod.cli.guardian import guardian
-from piezod.cli.owned_stage import owning
+from piezod.cli.devices.guardian import guardian
+from piezod.cli.devices.owned_stage import owning
 from piezod.config.daemon import load_daemon
 from piezod.daemon.output_notes import OutputNotes
 from piezod.daemon.paths import stage_paths

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from piezod.cli.outcome import outcome
+from piezod.cli.move.outcome import outcome
 from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.config.waveforms.swings import SWINGS

@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 
 from piezod.cli.interrupt import Interrupted
-from piezod.cli.sparkline import BLOCKS, History, Sparkline, blocks_of
-from piezod.cli.watch_view import AxisRanges, LoopRate, WatchView, ranges_of
+from piezod.cli.look.sparkline import BLOCKS, History, Sparkline, blocks_of
+from piezod.cli.look.watch_view import AxisRanges, LoopRate, WatchView, ranges_of
 from piezod.client import StageClient
 from piezod.client.telemetry import TelemetryReader
 from piezod.messages.answers import Fault

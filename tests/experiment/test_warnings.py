@@ -10,7 +10,7 @@ from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
 from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.warnings import run_warnings
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 from tests.experiment.conftest import SLOW_LOOP, Load
 from tests.experiment.made_up import ORDER, POSITION_UM, record_of, sine
 

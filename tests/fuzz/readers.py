@@ -195,7 +195,7 @@ def record() -> Reader:
 
 def result() -> Reader:
     """HDF5: the results of an experiment."""
-    recording = import_module("piezod.records.recording")
+    recording = import_module("piezod.records.experiment_result")
     columns = {name: np.arange(3.0) for name in recording.COLUMN_NAMES}
     run = recording.Recording(
         "x", "case 1", "adaptive", "made up", metrics={"a_pct": 1.0}, **columns
@@ -210,16 +210,16 @@ def result() -> Reader:
         rate_hz=100.0,
         warnings=(),
     )
-    good = _written(lambda path: _of("piezod.records.hdf5_file:write_hdf5")(path, made))
-    read = _of("piezod.records.hdf5_file:read_hdf5")
+    good = _written(lambda path: _of("piezod.records.experiment_file:write_hdf5")(path, made))
+    read = _of("piezod.records.experiment_file:read_hdf5")
     return Reader(read, good, (*_refusals("DataError"), OSError))
 
 
 def recording() -> Reader:
     """HDF5: a recording of a stage, read whole and viewed."""
     made = import_module("tests.records.telemetry")
-    writer = _of("piezod.records.telemetry_file:TelemetryWriter")
-    read = _of("piezod.records.telemetry_reader:read_telemetry")
+    writer = _of("piezod.records.recording.writer:TelemetryWriter")
+    read = _of("piezod.records.recording.reader:read_telemetry")
     view = _of("piezod.records.view:RecordingView")
 
     def write(path: Path) -> None:

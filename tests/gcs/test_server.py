@@ -8,7 +8,7 @@ import pytest
 import typer
 
 import piezod
-from piezod.cli.gcs import gcs
+from piezod.cli.daemon.gcs import gcs
 from piezod.errors import PiezodError
 from piezod.gcs.server import MOST_CLIENTS, Plan, identity_of, refusal, serve
 from piezod.messages.answers import Status

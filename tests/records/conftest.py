@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from piezod.records.recording import ExperimentResult, Identification, Recording
+from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 from piezod.records.reference import Reference
 
 MODES = ("uncompensated", "feedforward", "adaptive")

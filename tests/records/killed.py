@@ -4,7 +4,7 @@ import os
 import signal
 from pathlib import Path
 
-from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.recording.writer import TelemetryWriter
 from tests.records.telemetry import header, record_dtype, records
 
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.header import TelemetryHeader
 
 RATE_HZ: Final = 1000.0
 MODES: Final = ("uncompensated", "feedforward", "adaptive")

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from piezod.records.error_table import error_table, groups, meaning, verdict
-from piezod.records.recording import ExperimentResult
+from piezod.records.experiment_result import ExperimentResult
 from piezod.records.reference import Reference, is_missed
 
 

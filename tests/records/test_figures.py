@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 from piezod.records.figures import (
     case_figure,
     identification_figure,
@@ -22,7 +23,6 @@ from piezod.records.figures import (
 )
 from piezod.records.figures.play import PlayedErrors, play_figure
 from piezod.records.figures.style import ERROR_LABEL, house_style
-from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.reference import Reference
 
 

@@ -9,9 +9,9 @@ from matplotlib.collections import FillBetweenPolyCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from piezod.records.experiment_result import Identification
 from piezod.records.figures import identification_figure, png_bytes
 from piezod.records.frozen import FloatArray
-from piezod.records.recording import Identification
 
 
 def loop(figure: Figure) -> Axes:

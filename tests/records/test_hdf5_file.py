@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from piezod.errors import DataError
-from piezod.records.hdf5_file import read_hdf5, write_hdf5
-from piezod.records.recording import ExperimentResult, Identification, Recording
+from piezod.records.experiment_file import read_hdf5, write_hdf5
+from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from piezod.records.experiment_result import ExperimentResult
 from piezod.records.figures import overview_figure, png_bytes
-from piezod.records.recording import ExperimentResult
 from piezod.records.reference import Reference
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from piezod.records.experiment_result import ExperimentResult, Recording
 from piezod.records.figures import published_figure
-from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference
 from piezod.records.report import write_report
 

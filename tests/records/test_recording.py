@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from piezod.errors import DataError
-from piezod.records.recording import COLUMN_NAMES, ExperimentResult, Identification, Recording
+from piezod.records.experiment_result import (
+    COLUMN_NAMES,
+    ExperimentResult,
+    Identification,
+    Recording,
+)
 
 
 @pytest.mark.parametrize("name", [*COLUMN_NAMES, "weights", "weights_t_s"])

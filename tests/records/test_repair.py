@@ -8,9 +8,9 @@ import pytest
 
 from piezod.errors import DataError
 from piezod.records.lookup3 import lookup3
+from piezod.records.recording.reader import read_telemetry
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.records.repair import repair
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_reader import read_telemetry
 from tests.records.killed import killed
 from tests.records.telemetry import header, record_dtype, records
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from piezod.records.recording import ExperimentResult, Identification
+from piezod.records.experiment_result import ExperimentResult, Identification
 from piezod.records.reference import Reference
 from piezod.records.report import write_report
 from tests.conftest import leave_figures_blank

@@ -9,9 +9,9 @@ import h5py
 import pytest
 
 from piezod.config.model_file import dump_model, load_model
-from piezod.records.telemetry_events import MODEL_BYTES, AdoptedModel
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.events import MODEL_BYTES, AdoptedModel
+from piezod.records.recording.reader import read_telemetry
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.telemetry.record import StageEvent
 from tests.control.rig_stage import shipped_config
 from tests.records.telemetry import START_NS, header, record_dtype, records

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from piezod.errors import DataError
-from piezod.records.recording import ExperimentResult
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.experiment_result import ExperimentResult
+from piezod.records.recording.reader import read_telemetry
+from piezod.records.recording.writer import TelemetryWriter
 from tests.forked import SCRIPT, run
 from tests.records.telemetry import START_NS, header, record_dtype, records
 
@@ -225,7 +225,7 @@ def test_foreign_file_is_refused(file: Path, tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.recording.writer import TelemetryWriter
 from tests.records.telemetry import header, record_dtype, records
 writer = TelemetryWriter(Path(sys.argv[1]), header(), record_dtype())
 for begin in range(0, 5250, 50):
@@ -236,7 +236,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 FULL = """
 import resource, sys
 from pathlib import Path
-from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.recording.writer import TelemetryWriter
 from tests.records.telemetry import header, record_dtype, records
 resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, 3_000_000))
 writer = TelemetryWriter(Path(sys.argv[1]), header(), record_dtype())

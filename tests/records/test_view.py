@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from piezod.errors import DataError
 from piezod.records import view as module
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.records.view import MinMax, RecordingView, view
 from tests.records.telemetry import header, record_dtype, records
 

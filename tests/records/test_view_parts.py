@@ -8,7 +8,7 @@ import pytest
 
 from piezod.errors import DataError
 from piezod.records import view_parts as module
-from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.records.view_parts import contents, loop, marks
 from piezod.telemetry.arrays import Records, record_dtype
 from piezod.telemetry.record import StageEvent

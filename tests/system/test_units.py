@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from piezod.cli import exit_codes
-from piezod.cli.shipped import shipped
+from piezod.cli.daemon.shipped import shipped
 from piezod.config.daemon import LoopConfig
 from piezod.daemon import service_files
 from piezod.daemon.durations import RAMP_DOWN_PATIENCE_S

@@ -8,7 +8,7 @@ import httpx
 import numpy as np
 import pytest
 
-from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.telemetry.arrays import record_dtype
 from piezod.web.recording_cache import RecordingCache
 from piezod.web.recording_worker import RecordingWorker

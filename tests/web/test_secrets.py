@@ -14,7 +14,7 @@ import typer
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from piezod.cli.web import web as web_command
+from piezod.cli.daemon.web import web as web_command
 from piezod.client.place import Place, find_place
 from piezod.config.private_files import kept_token, read_token
 from piezod.errors import ClientError, DataError, PiezodError

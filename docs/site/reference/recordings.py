@@ -7,8 +7,8 @@ from pathlib import Path
 import h5py
 
 from docs.site.reference.text import code, sentence, table
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.telemetry.arrays import record_dtype
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations

@@ -34,12 +34,7 @@ MAX_TERMS: Final = 128
 
 
 class WaveformCostError(PiezodError):
-    """Raised if waveforms are too large for the loop.
-
-    Args:
-        what: The limit.
-        remedy: What the user can do.
-    """
+    """Raised if waveforms are too large for the loop."""
 
     def __init__(self, what: str, remedy: str) -> None:
         super().__init__(f"{what}: {remedy}")

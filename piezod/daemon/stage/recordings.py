@@ -22,9 +22,9 @@ from piezod.daemon.stores.recorder import Recorder, RecorderError
 from piezod.daemon.stores.recording_limits import RecordingLimits
 from piezod.errors import DataError
 from piezod.messages.stores import KeptRecording, Recording, Recordings, RunningRecording
-from piezod.records.part_names import part_name
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.part_names import part_name
 from piezod.records.repair import repair
-from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.arrays import Records, record_dtype
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations

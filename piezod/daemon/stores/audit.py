@@ -91,9 +91,6 @@ class AuditLog:
     def last(self, number: int) -> tuple[AuditLine, ...]:
         """Return the newest entries of the present file and the one before, newest first.
 
-        Args:
-            number: Largest number of entries.
-
         Raises:
             OSError: If the file cannot be read.
         """

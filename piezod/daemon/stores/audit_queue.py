@@ -19,9 +19,6 @@ class AuditQueue:
     """Writes entries in a thread; if the disk takes none for long, drops and counts them.
 
     `write` never waits. The other methods may block on the disk: call them in a worker thread.
-
-    Args:
-        audit: The log.
     """
 
     def __init__(self, audit: AuditLog) -> None:

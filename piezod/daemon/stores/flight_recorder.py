@@ -10,8 +10,8 @@ from threading import Lock
 from typing import Final
 
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.telemetry.arrays import Records
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S

@@ -62,9 +62,6 @@ def decode(content: bytes) -> ParameterDocument:
 
     Every other byte than those that `encode` wrote is detected, even if it changes no value.
 
-    Args:
-        content: All of the file.
-
     Raises:
         DataError: If it is not exactly what `encode` writes. The text does not name the file. The
             loop checks later whether it can use the models.

@@ -9,9 +9,9 @@ import numpy as np
 
 from piezod.daemon.stores.recording_limits import RecordingLimits
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
-from piezod.records.part_names import part_name
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.part_names import part_name
+from piezod.records.recording.writer import TelemetryWriter
 from piezod.telemetry.arrays import Records
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent

@@ -14,7 +14,7 @@ from piezod.daemon.stores.recording_limits import RecordingLimits, no_room
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.errors import PiezodError
 from piezod.messages.stores import Recording
-from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.recording.header import TelemetryHeader
 
 DRAIN_S: Final = 0.025
 """Period in which the ring is read, in s; it holds the records of many periods."""

@@ -8,7 +8,7 @@ from typing import Final
 
 from piezod.messages.stores import RecordingFile
 from piezod.own_folder import make_folder
-from piezod.records.part_names import RECORDING_NAME, without_part
+from piezod.records.recording.part_names import RECORDING_NAME, without_part
 
 _LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 _SUFFIX: Final = ".h5"

@@ -10,7 +10,7 @@ from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis import ModelForm, StopForm, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.recording import Identification
+from piezod.records.experiment_result import Identification
 
 
 def account_of(

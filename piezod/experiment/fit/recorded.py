@@ -16,7 +16,7 @@ from piezod.config.yaml_loader import parse_yaml
 from piezod.errors import DataError, LatenessError
 from piezod.experiment.fit.record import Rows
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
 
 MAX_FILLED: Final = 5
 """This many samples in a row may be filled in at any rate."""

@@ -20,7 +20,7 @@ from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.virtual.run import Progress
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.reader import RecordedTelemetry
 
 
 class LiveRecord(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from piezod.control.law.identifier import LIMITED_CYCLES
 from piezod.experiment.error_rows import errors_pct
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 SETTLING_CYCLES: Final = LIMITED_CYCLES + 1
 """A stall marks this many samples; the identifier does not learn from the same ones."""

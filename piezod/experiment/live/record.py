@@ -15,8 +15,8 @@ from piezod.experiment.live.setup import LiveAxis
 from piezod.experiment.steps import step_metrics
 from piezod.hysteresis.forms import right_first
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.recording import Recording
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.experiment_result import Recording
+from piezod.records.recording.reader import RecordedTelemetry
 
 SAME_UM = 1e-5
 """Largest difference of a recorded and a requested command, in µm."""

@@ -7,9 +7,9 @@ from typing import Final
 
 from piezod.client import StageClient
 from piezod.errors import ClientError, DataError
-from piezod.records.part_names import part_name
-from piezod.records.telemetry_joined import joined
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.joined import joined
+from piezod.records.recording.part_names import part_name
+from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
 
 _OTHER_CHARACTERS: Final = re.compile(r"[^A-Za-z0-9_-]+")
 _LABEL_LETTERS: Final = 32

@@ -22,8 +22,8 @@ from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.prefix import prefix_errors
 from piezod.experiment.virtual.run import Progress, versions
 from piezod.experiment.warnings import rate_warnings, run_warnings
-from piezod.records.recording import ExperimentResult, Identification, Recording
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.experiment_result import ExperimentResult, Identification, Recording
+from piezod.records.recording.reader import RecordedTelemetry
 
 
 def run_live(

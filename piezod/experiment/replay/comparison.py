@@ -22,7 +22,7 @@ from piezod.experiment.fit.source import read_source
 from piezod.experiment.fit.thinning import thinned
 from piezod.experiment.replay.recorded_axis import modes_to_replay, recorded_axis
 from piezod.experiment.replay.run import Replay, replay
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.reader import RecordedTelemetry
 
 REPEATED_RMS = 0.001
 """A replay repeats a recording if its drive differs by at most this share of the drive's range,

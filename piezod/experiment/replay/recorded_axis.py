@@ -9,8 +9,8 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.telemetry_marks import names_of
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.marks import names_of
+from piezod.records.recording.reader import RecordedTelemetry
 
 
 @dataclass(frozen=True)

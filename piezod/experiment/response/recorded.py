@@ -10,8 +10,8 @@ from piezod.experiment.fit.source import columns_of_csv, prefix_errors
 from piezod.experiment.response.judgement import judged
 from piezod.experiment.response.measurement import measured_in_recording
 from piezod.records.opened import is_hdf5
+from piezod.records.recording.reader import read_telemetry
 from piezod.records.response_record import ResponseRecord
-from piezod.records.telemetry_reader import read_telemetry
 
 REMEDY: Final = (
     "record for longer, with a drive that contains more frequencies, or measure the running stage "

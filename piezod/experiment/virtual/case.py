@@ -27,7 +27,7 @@ from piezod.experiment.virtual.stage import (
 from piezod.experiment.warnings import run_warnings
 from piezod.hysteresis import ModelForm
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 from piezod.units import NS_PER_S, s_to_ns
 
 SNAPSHOT_S = 0.05

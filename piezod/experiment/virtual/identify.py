@@ -32,7 +32,7 @@ from piezod.experiment.fit.warnings import (
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, VirtualStage
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.recording import Identification
+from piezod.records.experiment_result import Identification
 from piezod.units import NS_PER_S
 
 

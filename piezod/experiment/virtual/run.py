@@ -10,7 +10,7 @@ from piezod.experiment.virtual.case import VirtualRun, run_case
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import opened
 from piezod.experiment.warnings import rate_warnings
-from piezod.records.recording import ExperimentResult
+from piezod.records.experiment_result import ExperimentResult
 
 Progress = Callable[[str, float], None]
 """Called with the present step and the share of the experiment that is done."""

@@ -5,7 +5,9 @@ from collections.abc import Callable, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from piezod.records.experiment_result import Recording
 from piezod.records.figures.overview import mode_marks
+from piezod.records.figures.panels import draw_zero, headline, label_loop
 from piezod.records.figures.style import (
     COMMAND,
     ERROR_LABEL,
@@ -15,7 +17,6 @@ from piezod.records.figures.style import (
 )
 from piezod.records.figures.traces import draw_trace
 from piezod.records.frozen import FloatArray
-from piezod.records.recording import Recording
 
 _UNCOMPENSATED = "uncompensated"
 
@@ -32,10 +33,7 @@ def case_figure(recordings: Sequence[Recording]) -> Figure:
         recordings: The recordings of one axis and one case, at least one.
     """
     first = recordings[0]
-    title = f"{first.case} · all modes · axis {first.axis}"
-    if first.title:
-        title += f": {first.title}"
-    figure = new_figure(13.0, 8.0, title, "")
+    figure = new_figure(13.0, 8.0, headline(first, "all modes"), "")
     compensated = [each for each in recordings if each.mode != _UNCOMPENSATED]
     zoomed = bool(compensated) and len(compensated) < len(recordings)
     columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))
@@ -59,11 +57,7 @@ def case_figure(recordings: Sequence[Recording]) -> Figure:
     loop = figure.add_subplot(columns[1].subgridspec(1, 1)[0])
     for each, style in _styles(recordings, recordings):
         draw_trace(loop, each.uncompensated_v, each.position_um, label=each.mode, **style)
-    loop.set(
-        title=f"({'d' if zoomed else 'c'}) Loop",
-        xlabel="uncompensated voltage (V)",
-        ylabel="measured displacement (µm)",
-    )
+    label_loop(loop, f"({'d' if zoomed else 'c'}) Loop")
     loop.legend(loc="upper left")  # a loop leaves this corner free
     return figure
 
@@ -71,7 +65,7 @@ def case_figure(recordings: Sequence[Recording]) -> Figure:
 def _draw_errors(axes: Axes, all_modes: Sequence[Recording], drawn: Sequence[Recording]) -> None:
     true = all(each.knows_truth for each in all_modes)
     _draw(axes, all_modes, drawn, lambda each: each.true_error_um if true else each.error_um)
-    axes.axhline(0.0, color="black", linewidth=0.6)
+    draw_zero(axes)
     axes.set_ylabel(ERROR_LABEL)
 
 

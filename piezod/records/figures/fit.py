@@ -7,6 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from piezod.records.experiment_result import Identification
+from piezod.records.figures.panels import draw_zero
 from piezod.records.figures.style import (
     BLUE,
     BROAD_DRIVE,
@@ -23,7 +25,6 @@ from piezod.records.figures.style import (
 from piezod.records.figures.traces import draw_trace
 from piezod.records.frozen import FloatArray
 from piezod.records.labels import metric_text
-from piezod.records.recording import Identification
 
 _BAND_STEPS: Final = 200  # steps of displacement of the band
 
@@ -79,7 +80,7 @@ def _draw_both(axes: Axes, x: FloatArray, identification: Identification) -> Non
 
 def _draw_residual(axes: Axes, identification: Identification) -> None:
     draw_trace(axes, identification.t_s, identification.residual_v, **ERROR)
-    axes.axhline(0.0, color="black", linewidth=0.6)
+    draw_zero(axes)
     axes.set_ylabel("residual (V)")
 
 
@@ -91,7 +92,7 @@ def _draw_residual_loop(axes: Axes, identification: Identification) -> None:
         residual_v = np.where(here, identification.residual_v, np.nan)
         style = {**ERROR_DOTS, "color": colour}
         draw_trace(axes, identification.position_um, residual_v, label=label, **style)
-    axes.axhline(0.0, color="black", linewidth=0.6)
+    draw_zero(axes)
     axes.set_ylabel("residual (V)")
     legend_above(axes)
 

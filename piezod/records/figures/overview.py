@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from piezod.records.experiment_result import ExperimentResult, Recording
 from piezod.records.figures.style import (
     BLACK,
     BLUE,
@@ -22,7 +23,6 @@ from piezod.records.figures.style import (
     new_figure,
 )
 from piezod.records.labels import metric_group, metric_label, metric_number, metric_unit
-from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference, is_missed
 
 _ROW_IN: Final = 0.27

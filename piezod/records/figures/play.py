@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from piezod.records.figures.panels import draw_zero
 from piezod.records.figures.style import (
     BLUE,
     COMMAND,
@@ -74,7 +75,7 @@ def play_figure(
     for place, colour in zip(compared, (VERMILLION, BLUE), strict=False):
         values_um = np.tile(plays[place].error_um, _PERIODS)
         draw_trace(error, t_s, values_um, label=plays[place].label, color=colour, linewidth=1.0)
-    error.axhline(0.0, color="black", linewidth=0.6)
+    draw_zero(error)
     error.set(title=f"(b) Error, {kind}", ylabel=ERROR_LABEL)
     legend_above(error)
     round_time_ticks(error)

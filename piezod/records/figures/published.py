@@ -3,6 +3,8 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from piezod.records.experiment_result import Recording
+from piezod.records.figures.panels import headline, label_loop
 from piezod.records.figures.style import (
     COMMAND,
     DRIVE,
@@ -15,7 +17,6 @@ from piezod.records.figures.style import (
 )
 from piezod.records.figures.traces import draw_trace
 from piezod.records.labels import metric_number, metric_text, metric_unit
-from piezod.records.recording import Recording
 from piezod.records.reference import Reference
 
 
@@ -26,15 +27,8 @@ def published_figure(recording: Recording, reference: Reference) -> Figure:
     Panels: (a) uncompensated and compensated voltage over time, (b) measured displacement over
     time, (c) measured displacement over uncompensated voltage. All samples are drawn, also those
     that the metrics leave out.
-
-    Args:
-        recording: A run that has a figure in the reference.
-        reference: The published figures and errors.
     """
-    title = f"{recording.case} · {recording.mode} · axis {recording.axis}"
-    if recording.title:
-        title += f": {recording.title}"
-    title = f"As in {reference.figure(recording)} · {title}"
+    title = f"As in {reference.figure(recording)} · {headline(recording, recording.mode)}"
     figure = new_figure(13.0, 6.2, title, compared_errors(recording, reference))
     columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))
     left = columns[0].subgridspec(2, 1)
@@ -47,12 +41,7 @@ def published_figure(recording: Recording, reference: Reference) -> Figure:
 
 
 def compared_errors(recording: Recording, reference: Reference) -> str:
-    """Return our errors that are compared, and the published one; the latter only if it is known.
-
-    Args:
-        recording: The run.
-        reference: The published errors.
-    """
+    """Return our errors that are compared, and the published one if it is known."""
     ours = ", ".join(
         metric_text(name, recording.metrics[name])
         for name in reference.metrics
@@ -82,8 +71,4 @@ def _draw_position(axes: Axes, recording: Recording) -> None:
 
 def _draw_loop(axes: Axes, recording: Recording) -> None:
     draw_trace(axes, recording.uncompensated_v, recording.position_um, **LOOP)
-    axes.set(
-        title="(c) Measured displacement over uncompensated voltage",
-        xlabel="uncompensated voltage (V)",
-        ylabel="measured displacement (µm)",
-    )
+    label_loop(axes, "(c) Measured displacement over uncompensated voltage")

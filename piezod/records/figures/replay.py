@@ -2,6 +2,7 @@
 
 from matplotlib.figure import Figure
 
+from piezod.records.figures.panels import draw_zero
 from piezod.records.figures.style import (
     BLUE,
     DRIVE,
@@ -39,7 +40,7 @@ def replay_figure(
     draw_trace(error, t_s, replayed_error_um, label="replayed", color=BLUE, linewidth=0.9)
     draw_trace(drive, t_s, drive_difference_v, **DRIVE)
     for axes in (error, drive):
-        axes.axhline(0.0, color="black", linewidth=0.6)
+        draw_zero(axes)
     error.set(title="(a) Error", ylabel=ERROR_LABEL)
     error.tick_params(labelbottom=False)
     drive.set(title="(b) Drive: replayed minus recorded", ylabel="difference (V)")

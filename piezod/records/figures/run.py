@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from piezod.records.experiment_result import Recording
+from piezod.records.figures.panels import draw_displacement, draw_zero, headline, label_loop
 from piezod.records.figures.style import (
     BLUE,
     COMMAND,
@@ -18,7 +20,6 @@ from piezod.records.figures.style import (
     ERROR_LABEL,
     EXCLUDED,
     LOOP,
-    POSITION,
     TRUE_ERROR,
     VERMILLION,
     add_percent_axis,
@@ -30,7 +31,6 @@ from piezod.records.figures.style import (
 from piezod.records.figures.traces import draw_trace
 from piezod.records.frozen import FloatArray
 from piezod.records.labels import metric_group, metric_text
-from piezod.records.recording import Recording
 
 _RIGHT_SHADES: Final = LinearSegmentedColormap.from_list("right", ["#B3D6EA", BLUE, "#00273D"])
 _LEFT_SHADES: Final = LinearSegmentedColormap.from_list("left", ["#F7CDB0", VERMILLION, "#451E00"])
@@ -48,11 +48,8 @@ def mode_figure(recording: Recording) -> Figure:
     Panels: (a) uncompensated and applied voltage, (b) commanded and measured displacement, (c)
     measured displacement over uncompensated voltage, (d) error, also the true error if it is known,
     (e) parameters, if there are any.
-
-    Args:
-        recording: The recording to draw.
     """
-    figure = new_figure(13.0, 8.0, _headline(recording), _metrics_text(recording))
+    figure = new_figure(13.0, 8.0, headline(recording, recording.mode), _metrics_text(recording))
     columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))
     left = columns[0].subgridspec(3, 1)
     voltage = figure.add_subplot(left[0])
@@ -74,23 +71,14 @@ def mode_figure(recording: Recording) -> Figure:
 
 @house_style()
 def remaining_figure(recording: Recording) -> Figure:
-    """Draw what a published figure of the run lacks: panels (d) and (e) of `mode_figure`.
-
-    Args:
-        recording: The recording to draw.
-    """
-    figure = new_figure(13.0, 4.2, _headline(recording), _metrics_text(recording))
+    """Draw what a published figure of the run lacks: panels (d) and (e) of `mode_figure`."""
+    figure = new_figure(13.0, 4.2, headline(recording, recording.mode), _metrics_text(recording))
     both = recording.weights.size > 0
     panels = figure.subplots(1, 1 + both, squeeze=False)[0]
     _draw_error(panels[0], recording)
     if both:
         _draw_weights(panels[1], recording)
     return figure
-
-
-def _headline(recording: Recording) -> str:
-    headline = f"{recording.case} · {recording.mode} · axis {recording.axis}"
-    return f"{headline}: {recording.title}" if recording.title else headline
 
 
 def _metrics_text(recording: Recording) -> str:
@@ -124,11 +112,9 @@ def _draw_voltage(axes: Axes, recording: Recording) -> None:
 
 
 def _draw_position(axes: Axes, recording: Recording) -> None:
-    draw_trace(axes, recording.t_s, recording.position_um, label="measured", **POSITION)
-    draw_trace(axes, recording.t_s, recording.command_um, label="command", **COMMAND)
+    t_s, position_um, command_um = recording.t_s, recording.position_um, recording.command_um
+    draw_displacement(axes, t_s, position_um, command_um, "(b) Displacement")
     _shade_excluded(axes, recording)
-    axes.set(title="(b) Displacement", ylabel="displacement (µm)")
-    legend_above(axes)
 
 
 def _draw_loop(axes: Axes, recording: Recording) -> None:
@@ -142,11 +128,7 @@ def _draw_loop(axes: Axes, recording: Recording) -> None:
     # through every sample would look solid.
     ends = [drive_v.argmin(), drive_v.argmax()]
     axes.plot(drive_v[ends], recording.command_um[ends], label="command", **COMMAND)
-    axes.set(
-        title="(c) Loop",
-        xlabel="uncompensated voltage (V)",
-        ylabel="measured displacement (µm)",
-    )
+    label_loop(axes, "(c) Loop")
     legend_above(axes)
 
 
@@ -155,7 +137,7 @@ def _draw_error(axes: Axes, recording: Recording) -> None:
     if recording.knows_truth:
         error.set_label("measured")
         draw_trace(axes, recording.t_s, recording.true_error_um, label="true", **TRUE_ERROR)
-    axes.axhline(0.0, color="black", linewidth=0.6)
+    draw_zero(axes)
     axes.set(title="(d) Error", ylabel=ERROR_LABEL)
     round_time_ticks(axes)
     if np.ptp(recording.command_um[recording.first_metric_index :]) > 0.0:

@@ -96,11 +96,7 @@ def new_figure(width_in: float, height_in: float, title: str, subtitle: str) -> 
 
 
 def round_time_ticks(axes: Axes) -> None:
-    """Label the abscissa, time in s, with ticks at round values.
-
-    Args:
-        axes: The panel.
-    """
+    """Label the abscissa, time in s, with ticks at round values."""
     axes.set_xlabel("time (s)")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=10, steps=[1, 2, 5, 10]))
 
@@ -149,11 +145,7 @@ def add_percent_axis(axes: Axes, full_range: float, label: str) -> None:
 
 @house_style()
 def png_bytes(figure: Figure) -> bytes:
-    """Return a figure as PNG; the bytes are reproducible.
-
-    Args:
-        figure: The figure.
-    """
+    """Return a figure as PNG; the bytes are reproducible."""
     buffer = BytesIO()
     # Without this, the version of matplotlib is written into the file.
     figure.savefig(buffer, format="png", metadata={"Software": None})

@@ -10,12 +10,12 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from piezod.records.figures.overview import MODE_MARKS
+from piezod.records.figures.panels import draw_displacement, draw_zero, label_loop
 from piezod.records.figures.style import (
     COMMAND,
     DRIVE,
     ERROR,
     ERROR_LABEL,
-    POSITION,
     PURPLE,
     VERMILLION,
     house_style,
@@ -24,7 +24,7 @@ from piezod.records.figures.style import (
     round_time_ticks,
 )
 from piezod.records.figures.traces import draw_trace
-from piezod.records.telemetry_marks import (
+from piezod.records.recording.marks import (
     Irregularity,
     Span,
     fault_spans,
@@ -32,7 +32,7 @@ from piezod.records.telemetry_marks import (
     modes_in_run,
     states,
 )
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.reader import RecordedTelemetry
 
 COLUMNS: Final = frozenset(
     {
@@ -121,17 +121,15 @@ def _draw_states(axes: Axes, spans: tuple[Span, ...]) -> None:
 
 def _draw_position(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     t_s, columns = telemetry.cycles["t_s"], telemetry.axes[axis]
-    draw_trace(axes, t_s, columns["position_um"], label="measured", **POSITION)
-    draw_trace(axes, t_s, columns["command_um"], label="command", **COMMAND)
-    axes.set(title="(a) Displacement", ylabel="displacement (µm)")
-    legend_above(axes)
+    position_um, command_um = columns["position_um"], columns["command_um"]
+    draw_displacement(axes, t_s, position_um, command_um, "(a) Displacement")
 
 
 def _draw_error(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     columns = telemetry.axes[axis]
     error_um = columns["command_um"] - columns["position_um"]
     draw_trace(axes, telemetry.cycles["t_s"], error_um, **ERROR)
-    axes.axhline(0.0, color="black", linewidth=0.6)
+    draw_zero(axes)
     axes.set(title="(b) Error", ylabel=ERROR_LABEL)
 
 
@@ -179,11 +177,7 @@ def _draw_loop(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
         position_um = np.where(rows, columns["position_um"], np.nan)
         style = {"color": mark.colour if mark else _IDLE, "linewidth": 1.0}
         entries[name] = draw_trace(axes, columns["in_force_v"], position_um, **style)
-    axes.set(
-        title="(e) Loop",
-        xlabel="drive voltage in force (V)",
-        ylabel="measured displacement (µm)",
-    )
+    label_loop(axes, "(e) Loop", "drive voltage in force")
     axes.legend(list(entries.values()), list(entries), loc="upper left")
 
 

@@ -12,7 +12,7 @@ from piezod.experiment.replay.comparison import replay_recording
 from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.messages import requests as rq
 from piezod.records.figures.run import mode_figure
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.reader import read_telemetry
 from tests.control.rig_stage import RigStage, quick_config, shipped_config
 from tests.control.surface_rig import surface_file, with_model
 from tests.recorded import new_stage, run_modes, sine, write_recording

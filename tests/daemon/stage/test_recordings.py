@@ -14,7 +14,7 @@ from piezod.config.model_file import dump_model, load_model
 from piezod.config.states import State
 from piezod.daemon.loop import accept
 from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.record import StageEvent

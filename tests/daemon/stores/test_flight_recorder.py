@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from piezod.daemon.stores.flight_recorder import AFTER_NS, KEPT, MAX_EVENTS, FlightRecorder
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.reader import read_telemetry
 from piezod.telemetry.record import StageEvent
 from tests.daemon.fake_ring import FakeRing
 from tests.records.telemetry import START_NS, header

@@ -12,8 +12,8 @@ import pytest
 
 from piezod.daemon.stores.recorder import Recorder
 from piezod.daemon.stores.recording_limits import RecordingLimits
-from piezod.records.telemetry_joined import joined
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.joined import joined
+from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
 from piezod.telemetry.record import StageEvent
 from tests import forked
 from tests.daemon.fake_ring import FakeRing

@@ -15,8 +15,8 @@ from piezod.daemon.stores import recorded_files
 from piezod.daemon.stores.recorder import Recorder, RecorderError
 from piezod.daemon.stores.recording_limits import no_room
 from piezod.messages.stores import Recording
-from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
+from piezod.records.recording.writer import TelemetryWriter
 from tests.daemon.fake_ring import FakeRing
 from tests.daemon.waiting import eventually
 from tests.forked import SCRIPT, run

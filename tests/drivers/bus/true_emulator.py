@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from piezod.cli.emulate_parts import posts_of, rig_of
+from piezod.cli.devices.emulate_parts import posts_of, rig_of
 from piezod.devices.emulation.bench import SharedRig, step_ns_of
 from piezod.devices.emulation.rig_clock import RigClock
 from piezod.devices.emulators import Emulation

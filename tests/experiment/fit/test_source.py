@@ -14,7 +14,7 @@ from piezod.experiment.fit.file import identify_file
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.source import read_source
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.reader import read_telemetry
 from tests.experiment.made_up import record_of, write_record
 from tests.recorded import new_stage, run_modes, write_recording
 

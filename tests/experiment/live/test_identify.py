@@ -13,8 +13,8 @@ from piezod.experiment.fit.recorded import on_cycles
 from piezod.experiment.live.drive import designed_drive, from_rest, read_drive
 from piezod.experiment.live.identify import adopt_live, columns_of, record_live
 from piezod.experiment.live.setup import LiveAxis, read_setup
-from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.reader import RecordedTelemetry
 from tests.experiment.live_fakes import MODEL, FakeStage, stage_document
 
 DRIVE = """\

@@ -11,7 +11,7 @@ from piezod.experiment.live.late import (
     late_indices,
     late_note,
 )
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 METRICS = ("tracking_max_pct", "tracking_rms_pct")
 N = 1000

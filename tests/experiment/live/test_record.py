@@ -12,8 +12,8 @@ from piezod.config.waveforms.waveform import Waveform
 from piezod.errors import DataError
 from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveAxis, read_setup
-from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_reader import RecordedTelemetry
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.reader import RecordedTelemetry
 from tests.experiment.live_fakes import FakeStage
 
 SINE = Sine(kind="sine", low=2.0, high=12.0, frequency_hz=1.0)

@@ -21,7 +21,7 @@ __all__ = ["file", "fitted_once", "folder", "piezod", "undrawn"]
 def stage(monkeypatch: pytest.MonkeyPatch) -> PlayingStage:
     """Return the stage to which the command connects."""
     running = PlayingStage()
-    monkeypatch.setattr("piezod.cli.experiment.connect", lambda *_: nullcontext(running))
+    monkeypatch.setattr("piezod.cli.experiment.experiment.connect", lambda *_: nullcontext(running))
     return running
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
-from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.recording.writer import TelemetryWriter
 from tests.experiment.live_fakes import FakeStage
 from tests.records.telemetry import header, record_dtype, records
 

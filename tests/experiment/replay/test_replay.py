@@ -13,8 +13,8 @@ from piezod.control.law.model_files import read_model
 from piezod.errors import DataError
 from piezod.experiment.replay.comparison import Comparison, replay_recording
 from piezod.experiment.replay.stand_in import StandIn
-from piezod.records.telemetry_columns import FORMS
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.columns import FORMS
+from piezod.records.recording.reader import read_telemetry
 from tests.control.rig_stage import shipped_config
 from tests.recorded import RATE_HZ, new_stage, run_modes, write_recording
 

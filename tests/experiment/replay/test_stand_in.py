@@ -10,7 +10,7 @@ from piezod.config.states import State
 from piezod.control.law.model_files import read_model
 from piezod.experiment.replay.comparison import ModeRow, replay_recording
 from piezod.messages import requests
-from piezod.records.telemetry_reader import read_telemetry
+from piezod.records.recording.reader import read_telemetry
 from tests.control.rig_stage import shipped_config
 from tests.recorded import new_stage, sine, write_recording
 

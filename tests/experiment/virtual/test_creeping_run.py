@@ -10,7 +10,7 @@ from piezod.config.experiment import load_experiment
 from piezod.devices import registry
 from piezod.experiment.virtual.run import run_experiment
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.recording import ExperimentResult, Recording
+from piezod.records.experiment_result import ExperimentResult, Recording
 
 HOLDS = """\
 rate_hz: 500

@@ -8,7 +8,7 @@ from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.modes import Mode
 from piezod.devices import registry
 from piezod.experiment.virtual.run import run_experiment
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 from tests.conftest import Figure
 from tests.experiment.beyond import EXPERIMENTS, without_response
 

@@ -9,7 +9,7 @@ from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.modes import Mode
 from piezod.devices import registry
 from piezod.experiment.virtual.run import run_experiment
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 QIU = Path(__file__).parents[3] / "config" / "experiments" / "qiu.yaml"
 

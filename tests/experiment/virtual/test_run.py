@@ -12,8 +12,8 @@ from piezod.experiment.error_rows import error_rows
 from piezod.experiment.outputs import write_outputs
 from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.virtual.stage import opened
-from piezod.records.hdf5_file import read_hdf5
-from piezod.records.recording import ExperimentResult
+from piezod.records.experiment_file import read_hdf5
+from piezod.records.experiment_result import ExperimentResult
 from tests.experiment.conftest import SLOW_LOOP, Load
 
 MODES = (Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE)

@@ -61,7 +61,7 @@ def main() -> None:
 def _compile_kernels() -> None:
     import numpy as np  # noqa: PLC0415 - for these imports the wheel must be installed
 
-    from piezod.cli.shipped import shipped  # noqa: PLC0415
+    from piezod.cli.daemon.shipped import shipped  # noqa: PLC0415
     from piezod.config.daemon import load_daemon  # noqa: PLC0415
     from piezod.control.warm_up import warm_up  # noqa: PLC0415
     from piezod.devices import registry  # noqa: PLC0415

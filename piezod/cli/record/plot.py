@@ -1,0 +1,55 @@
+"""`piezod plot`: the figure of a recording."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.output import print_one
+from piezod.cli.record.recordings import (
+    BeginOption,
+    EndOption,
+    RecordedAxisOption,
+    RecordingArgument,
+    checked_out,
+    local_file,
+    read_part,
+)
+from piezod.cli.stage_options import SocketOption, StageOption
+
+
+def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
+    recording: RecordingArgument,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            readable=False,
+            help="Figure to write, .png, .svg or .pdf; default: REC.png in the current folder.",
+        ),
+    ] = None,
+    axis: RecordedAxisOption = None,
+    begin_s: BeginOption = None,
+    end_s: EndOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Draw a recording.
+
+    Displacement, command, error and drive voltage over time, with the states and modes, and marks
+    where cycles are late or missing, samples invalid, or faults present; displacement over drive
+    voltage; the errors in each mode.
+    """
+    # matplotlib takes long to import.
+    from piezod.records.figures.style import FORMATS, save_figure
+    from piezod.records.figures.telemetry import COLUMNS, telemetry_figure
+
+    path = checked_out(out, Path(f"{recording.stem}.png"), FORMATS)
+    with local_file(recording, stage, socket) as file:
+        telemetry = read_part(file, begin_s, end_s, COLUMNS)
+    name = telemetry.chosen_axis(axis)
+    save_figure(path, telemetry_figure(telemetry, name))
+    document = {"recording": str(recording), "axis": name, "figure": str(path)}
+    print_one(document, f"Figure: {path}", json=json)
