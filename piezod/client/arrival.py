@@ -37,17 +37,11 @@ _UNKNOWN_MEMORY: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival(Message):
-    """A movement that has reached its target.
+    """A movement that has reached its target."""
 
-    Attributes:
-        axis: Name of the axis.
-        motion: Number of the movement.
-        position_um: Measured position, in µm.
-    """
-
-    axis: str
-    motion: int
-    position_um: float
+    axis: str  #: Name of the axis.
+    motion: int  #: Number of the movement.
+    position_um: float  #: Measured position, in µm.
 
 
 def longest_wait_s(answer: Answer) -> float:

@@ -55,7 +55,7 @@ def _tighten(document: Document) -> None:
 
 def _describe(schema: Document, answer: type) -> None:
     """Give an answer and its fields the words of its class, in place."""
-    schema["description"] = inspect.cleandoc(answer.__doc__ or "").partition("\n\nAttributes:")[0]
+    schema["description"] = inspect.cleandoc(answer.__doc__ or "")
     for name, text in attributes(answer).items():
         schema["properties"][name]["description"] = text
 
