@@ -101,10 +101,18 @@ _HEADINGS: Final = {"never_shown": "Never shown:", "gaps": "Partly detected:"}
 
 
 def _summary(found: "Status") -> str:
+    from piezod.messages.answers import STAGE
+    from piezod.messages.shown import COLUMN
+
     shadow = "in shadow: nothing is written" if found.shadow else ""
     skipped = f"{found.skipped_cycles} skipped cycles" if found.skipped_cycles else ""
     processor = f"processor {found.processor.number}" if found.processor else ""
-    parts = (found.state, shadow, f"mode {found.mode}", processor, skipped)
+    columns = (
+        f"{field.shown.words} {field.text(getattr(found, name))} {field.unit.sign}".rstrip()
+        for name, field in STAGE.items()
+        if field.has(COLUMN)
+    )
+    parts = (found.state, shadow, *columns, processor, skipped)
     text = ", ".join(filter(None, parts))
     return f"{found.stage}: {text}" if found.stage else text
 
@@ -113,15 +121,16 @@ def _axes(found: "Status") -> "Table":
     from rich import box
     from rich.table import Table
 
+    from piezod.messages.answers import COLUMNS
+
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("axis")
-    for heading in ("position/µm", "command/µm", "error/µm", "drive/V"):
-        table.add_column(heading, justify="right")
+    for column in COLUMNS:
+        table.add_column(column.heading, justify="right")
     table.add_column("")
     for name, axis in found.axes.items():
-        numbers = (axis.position_um, axis.command_um, axis.error_um)
-        shown = [number(each, 3) for each in numbers]
-        table.add_row(name, *shown, number(axis.drive_v, 2), _remark(axis))
+        shown = (column.text(getattr(axis, column.name)) for column in COLUMNS)
+        table.add_row(name, *shown, _remark(axis))
     return table
 
 

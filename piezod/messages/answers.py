@@ -6,15 +6,13 @@ missing in the answer of an older daemon. This module imports little, because ev
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.messages.documents import Document, Message
 from piezod.messages.notebook import html_table
-
-_HEADINGS: Final = (
-    "axis", "position/µm", "command/µm", "error/µm", "drive/V", "on target",
-)  # fmt: skip
+from piezod.messages.shown import COLUMN, DETAIL, UNARCHIVED, Shown, shown_fields
+from piezod.messages.telemetry import AxisTelemetry, Telemetry
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +62,12 @@ class AxisStatus:
     #: Position at which the movement ends, in µm; None if it ends at none.
     target_um: float | None = None
     #: Voltage that the amplifier reports, in V; None if it does not.
-    read_back_v: float | None = None
-    trim_um: float | None = None  #: Displacement that mode `trimmed` adds now, in µm.
+    read_back_v: Annotated[float | None, Shown("read-back voltage", marks=DETAIL)] = None
+    #: Displacement that mode `trimmed` adds now, in µm.
+    trim_um: Annotated[float | None, Shown("trim", marks=DETAIL)] = None
     mode: str = ""  #: Mode of the compensator, one of `piezod.config.modes.Mode`.
-    gate: str = ""  #: Whether the identifier learns, and if not, why not.
+    #: Whether the identifier learns, and if not, why not.
+    gate: Annotated[str, Shown("learning", marks=DETAIL)] = ""
     #: Whether the position has been within its tolerance for the settling time.
     on_target: bool = False
     motion: int = 0  #: Number of the movement; each accepted movement gets the next number.
@@ -88,9 +88,14 @@ class AxisStatus:
 
     def row(self, name: str) -> tuple[str, ...]:
         """Return the row of an axis in the table of a notebook."""
-        values = (self.position_um, self.command_um, self.error_um, self.drive_v)
-        numbers = ("–" if value is None else f"{value:.3f}" for value in values)
-        return (name, *numbers, "yes" if self.on_target else "no")
+        shown = (each.text(getattr(self, each.name)) for each in COLUMNS)
+        return (name, *shown, "yes" if self.on_target else "no")
+
+
+AXIS: Final = shown_fields(AxisTelemetry, AxisStatus)
+"""The fields of an axis that are shown, by name."""
+COLUMNS: Final = tuple(each for each in AXIS.values() if each.has(COLUMN))
+"""Those that tables of axes have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,16 +142,21 @@ class Status(Message):
     stage: str = ""  #: Name of the stage.
     title: str = ""  #: Title of the stage, for people.
     state: str  #: One of `piezod.config.states.State`.
-    mode: str  #: Mode of all axes; "mixed" if they differ.
+    #: Mode of all axes; "mixed" if they differ.
+    mode: Annotated[str, Shown("mode", marks=COLUMN)]
     #: Whether the stage is in shadow mode: everything is computed, nothing written.
     shadow: bool = False
     faults: tuple[Fault, ...]  #: Faults that are present or latched.
     #: Configured cycles per second; None if the daemon does not report it.
-    rate_hz: float | None = None
+    rate_hz: Annotated[
+        float | None,
+        Shown("loop rate", "LOOP:RATE", "Cycles per second, as configured", DETAIL | UNARCHIVED),
+    ] = None
     skipped_cycles: int  #: Number of skipped cycles since the loop started.
     #: Processor of the loop; None if the loop has none of its own choice.
     processor: Processor | None = None
-    not_realtime: tuple[str, ...] = ()  #: Names of the real-time settings that were not obtained.
+    #: Names of the real-time settings that were not obtained.
+    not_realtime: Annotated[tuple[str, ...], Shown("not real-time", marks=DETAIL)] = ()
     #: Devices as the loop found them: name, identity, placement, round trip, abilities.
     devices: tuple[Document, ...] = ()
     axes: dict[str, AxisStatus]  #: Axes by name.
@@ -159,7 +169,12 @@ class Status(Message):
         faults = ", ".join(f"{each.id} {each.name}".strip() for each in self.faults) or "none"
         shadow = ", shadow mode" if self.shadow else ""
         line = f"{self.stage or 'stage'}: {self.state}, mode {self.mode}{shadow}; faults: {faults}"
-        return html_table(line, _HEADINGS, (axis.row(name) for name, axis in self.axes.items()))
+        headings = ("axis", *(each.heading for each in COLUMNS), "on target")
+        return html_table(line, headings, (axis.row(name) for name, axis in self.axes.items()))
+
+
+STAGE: Final = shown_fields(Telemetry, Status)
+"""The fields of a stage that are shown, by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
