@@ -31,7 +31,7 @@ def status(
         return
     console = new_console()
     console.print(_summary(found))
-    console.print(_axes(found))
+    console.print(axes_table(found))
     if devices := found.devices:
         console.print(_devices(devices))
     if found.processor is not None and found.processor.shared_with:
@@ -117,7 +117,8 @@ def _summary(found: "Status") -> str:
     return f"{found.stage}: {text}" if found.stage else text
 
 
-def _axes(found: "Status") -> "Table":
+def axes_table(found: "Status") -> "Table":
+    """Return the table of the axes of a stage."""
     from rich import box
     from rich.table import Table
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import pytest
 from rich.console import Console
 
-from piezod.cli import status as cli_status
+from piezod.cli.status import axes_table
 from piezod.ioc import values
 from piezod.ioc.readings import UNKNOWN, Reading
 from piezod.ioc.records import Names
@@ -61,7 +61,7 @@ def test_new_field_is_a_column(monkeypatch: pytest.MonkeyPatch) -> None:
     )  # fmt: skip
     console = Console(width=200)
     with console.capture() as printed:
-        console.print(cli_status._axes(found))
+        console.print(axes_table(found))
 
     for text in (printed.get(), found._repr_html_()):
         assert "creep/µm" in text
