@@ -88,10 +88,6 @@ def moving(link: StageLink, *axes: str) -> Iterator[None]:
     """Note that axes move, until they have arrived or somebody else has ended the movement.
 
     After a time-out or an interruption they still move, as far as this process knows.
-
-    Args:
-        link: Connection to the stage.
-        axes: Names of the axes.
     """
     link.moving.update(axes)
     try:

@@ -44,13 +44,7 @@ class Arrival(Message):
 
 
 def has_arrived(state: str, axis: AxisStatus | AxisTelemetry, *, has_sensor: bool) -> bool:
-    """Return whether an axis has arrived: without a sensor, its command has.
-
-    Args:
-        state: State of the stage.
-        axis: The axis.
-        has_sensor: Whether it has a sensor.
-    """
+    """Return whether an axis has arrived: without a sensor, its command has."""
     if has_sensor:
         return axis.on_target
     target_um, command_um = axis.target_um, _last(axis.command_um)
@@ -152,9 +146,6 @@ def because_of(interval: Telemetry) -> str:
 
     An unknown hysteresis memory follows from a stop; neither it nor the faults of disk, log and
     configuration file change a state.
-
-    Args:
-        interval: The newest interval of telemetry.
     """
     faults = [fault for fault in interval.faults if fault not in _NO_CAUSE]
     return f" because of {', '.join(faults)}" if faults else ""

@@ -54,11 +54,7 @@ class Place:
         return NotRunningError(f"{self}: the daemon has ended", "check that it still runs")
 
     def unreachable(self, cause: BaseException | None) -> ClientError:
-        """Return the error of a connection that could not be opened.
-
-        Args:
-            cause: The reason, if it is known.
-        """
+        """Return the error of a connection that could not be opened."""
         if self.socket is not None:
             return self.ended()
         while cause is not None:

@@ -112,12 +112,7 @@ class History:
         self._points: deque[tuple[float, float, float, float]] = deque(maxlen=HISTORY)
 
     def feed(self, t_s: float, axis: AxisTelemetry) -> None:
-        """Take the newest interval.
-
-        Args:
-            t_s: Its time, in s.
-            axis: The axis in it.
-        """
+        """Take the newest interval."""
         values = (_last(axis.position_um), _last(axis.command_um), _last(axis.drive_v))
         self._points.append((t_s, *values))
         while self._points[0][0] <= t_s - HISTORY_S:
