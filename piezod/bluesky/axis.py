@@ -4,7 +4,6 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
-from typing import Final
 
 from bluesky.protocols import Checkable, Locatable, Location, Reading, Stoppable, Subscribable
 from event_model import Limits, LimitsRange
@@ -31,8 +30,7 @@ from piezod.bluesky.motion import move_to
 from piezod.bluesky.recorded import Column
 from piezod.bluesky.signals import Source, movable, readable
 from piezod.errors import NotReachedError, RefusedError
-
-_DIGITS: Final = {"um": 4, "V": 3}
+from piezod.messages.shown import unit_of
 
 
 @dataclass
@@ -93,11 +91,11 @@ class PiezoAxis(
         self._link, self._axis = link, axis
         self._movement = Movement()
         with self.add_children_as_readables(Format.HINTED_UNCACHED_SIGNAL):
-            self.position = readable(link, self._measured("position_um", "um"))
+            self.position = readable(link, self._measured("position_um"))
         with self.add_children_as_readables(Format.UNCACHED_SIGNAL):
-            self.command = readable(link, self._measured("command_um", "um"))
-            self.error = readable(link, self._measured("error_um", "um"))
-            self.drive = readable(link, self._measured("drive_v", "V"))
+            self.command = readable(link, self._measured("command_um"))
+            self.error = readable(link, self._measured("error_um"))
+            self.drive = readable(link, self._measured("drive_v"))
         with self.add_children_as_readables(Format.CONFIG_SIGNAL):
             self.mode = readable(
                 link,
@@ -116,7 +114,7 @@ class PiezoAxis(
             float,
             lambda status: status.axes[axis].target_um,
             lambda interval: interval.axes[axis].target_um,
-            self._metadata("um"),
+            self._metadata("target_um"),
         )
         self.setpoint = movable(link, target, self._move_to)
         super().__init__()
@@ -173,7 +171,7 @@ class PiezoAxis(
                         target=value,
                         name=self.name,
                         unit="µm",
-                        precision=_DIGITS["um"],
+                        precision=unit_of("position_um").fine,
                     )
         except asyncio.CancelledError:
             if not movement.ended:
@@ -232,12 +230,12 @@ class PiezoAxis(
         """Return the columns of a recording that have the values of this axis."""
         group = f"recording/axis_{self._axis}"
         return [
-            Column(signal.name, f"{group}/{name}", signal.source, self._metadata(unit)())
-            for signal, name, unit in (
-                (self.position, "position_um", "um"),
-                (self.command, "command_um", "um"),
+            Column(signal.name, f"{group}/{name}", signal.source, self._metadata(name)())
+            for signal, name in (
+                (self.position, "position_um"),
+                (self.command, "command_um"),
                 # The voltage that was in force when the position was measured.
-                (self.drive, "in_force_v", "V"),
+                (self.drive, "in_force_v"),
             )
         ]
 
@@ -248,20 +246,22 @@ class PiezoAxis(
         self._set_low_limit(facts.range_um[0])
         self._set_high_limit(facts.range_um[1])
 
-    def _measured(self, quantity: str, unit: str) -> Source[float]:
+    def _measured(self, quantity: str) -> Source[float]:
         return Source(
             f"{self._axis}/{quantity}",
             float,
             lambda status: getattr(status.axes[self._axis], quantity),
             lambda interval: getattr(interval.axes[self._axis], quantity).last,
-            self._metadata(unit),
+            self._metadata(quantity),
         )
 
-    def _metadata(self, unit: str) -> Callable[[], SignalMetadata]:
+    def _metadata(self, quantity: str) -> Callable[[], SignalMetadata]:
         def metadata() -> SignalMetadata:
-            found = SignalMetadata(units=unit, precision=_DIGITS[unit])
+            unit = unit_of(quantity)
+            sign = unit.sign.replace("µ", "u")
+            found = SignalMetadata(units=sign, precision=unit.fine)
             if facts := self._link.facts.get(self._axis):  # not in mock mode
-                low, high = facts.range_um if unit == "um" else facts.drive_v
+                low, high = facts.drive_v if sign == "V" else facts.range_um
                 found["limits"] = Limits(control=LimitsRange(low=low, high=high))
             return found
 

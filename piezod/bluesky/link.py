@@ -69,9 +69,6 @@ class StageLink:
     async def connect(self, axes: tuple[str, ...]) -> None:
         """Find the stage, and read its limits.
 
-        Args:
-            axes: Names that its axes must have.
-
         Raises:
             ClientError: If no daemon answers, or it has no such axis.
         """

@@ -1,13 +1,13 @@
 """Movements, and the wait for their end."""
 
-import math
 from asyncio import Event
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
+from math import inf
 from typing import Final
 
 from piezod.bluesky.link import StageLink
-from piezod.client.arrival import arrival, longest_wait_s, until_arrived
+from piezod.client.arrival import Arriving, arrival
 from piezod.client.calls import Waveforms
 from piezod.errors import RefusedError
 from piezod.messages.answers import Answer
@@ -36,9 +36,11 @@ async def move_to(link: StageLink, axis: str, position_um: float, *, limited: bo
         with moving(link, axis):
             await link.mover.go_on()
             answer = (await link.mover.goto({axis: position_um}))[axis]
-            longest_s = longest_wait_s(answer) if limited else None
             has_sensor = link.facts[axis].has_sensor
-            await until_arrived(intervals, answer, axis, longest_s, has_sensor=has_sensor)
+            arriving = Arriving(answer, axis, None if limited else inf, has_sensor=has_sensor)
+            async for interval in intervals:
+                if arriving.feed(interval):
+                    return
 
 
 async def follow_waves(
@@ -69,7 +71,7 @@ async def follow_waves(
 async def _waves_end(
     intervals: AsyncIterator[Telemetry], answer: Answer, axes: tuple[str, ...]
 ) -> None:
-    begin_s = math.inf
+    begin_s = inf
     async for interval in intervals:
         arrival(interval, answer.motion, axes[0])  # raises if the movement was interrupted
         if interval.axes[axes[0]].motion < answer.motion:
@@ -86,10 +88,6 @@ def moving(link: StageLink, *axes: str) -> Iterator[None]:
     """Note that axes move, until they have arrived or somebody else has ended the movement.
 
     After a time-out or an interruption they still move, as far as this process knows.
-
-    Args:
-        link: Connection to the stage.
-        axes: Names of the axes.
     """
     link.moving.update(axes)
     try:

@@ -19,9 +19,6 @@ def hold_after_failure(plan: MsgGenerator[Any]) -> MsgGenerator[Any]:
 
     For all plans of a RunEngine: `RE.preprocessors.append(hold_after_failure)`. Without it only a
     stage that moves is held. The next plan resumes them.
-
-    Args:
-        plan: The plan.
     """
     used: list[PiezoStage] = []
 

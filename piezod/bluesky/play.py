@@ -81,11 +81,7 @@ class Play:
         await asyncio.to_thread(_write, played, file)
 
     def columns(self, recorded: Sequence[Column]) -> list[Column]:
-        """Return the columns that its file has.
-
-        Args:
-            recorded: The columns of a recording.
-        """
+        """Return the columns that its file has."""
         group = f"recording/axis_{self.axis}"
         datasets = {
             f"{group}/position_um": "play/position_um",

@@ -66,11 +66,7 @@ class Wave:
         await link.fetch_recording(recording.name, file)
 
     def columns(self, recorded: Sequence[Column]) -> list[Column]:
-        """Return the columns that its file has.
-
-        Args:
-            recorded: The columns of a recording.
-        """
+        """Return the columns that its file has."""
         return list(recorded)
 
     def _start_um(self, facts: Mapping[str, AxisFacts]) -> dict[str, float]:

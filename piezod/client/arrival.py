@@ -1,7 +1,6 @@
 """Whether a movement has reached its target, from telemetry."""
 
 import time
-from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,32 +36,15 @@ _UNKNOWN_MEMORY: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival(Message):
-    """A movement that has reached its target.
+    """A movement that has reached its target."""
 
-    Attributes:
-        axis: Name of the axis.
-        motion: Number of the movement.
-        position_um: Measured position, in µm.
-    """
-
-    axis: str
-    motion: int
-    position_um: float
-
-
-def longest_wait_s(answer: Answer) -> float:
-    """Return how long to wait for a movement if its client does not say, in s."""
-    return answer.duration_s + SETTLE_S
+    axis: str  #: Name of the axis.
+    motion: int  #: Number of the movement.
+    position_um: float  #: Measured position, in µm.
 
 
 def has_arrived(state: str, axis: AxisStatus | AxisTelemetry, *, has_sensor: bool) -> bool:
-    """Return whether an axis has arrived: without a sensor, its command has.
-
-    Args:
-        state: State of the stage.
-        axis: The axis.
-        has_sensor: Whether it has a sensor.
-    """
+    """Return whether an axis has arrived: without a sensor, its command has."""
     if has_sensor:
         return axis.on_target
     target_um, command_um = axis.target_um, _last(axis.command_um)
@@ -124,34 +106,39 @@ def arrival(
     return None
 
 
-async def until_arrived(
-    intervals: AsyncIterator[Telemetry],
-    answer: Answer,
-    axis: str | None,
-    longest_s: float | None,
-    *,
-    has_sensor: bool = True,
-) -> Arrival:
-    """Return the arrival of a movement.
+class Arriving:
+    """Decides from telemetry when the movement of an axis is done, for everybody who waits for it.
 
     Args:
-        intervals: Telemetry, from before the movement or later.
         answer: The answer that has started it.
         axis: Name of its axis; None for the only axis.
-        longest_s: Longest time to wait, in s; None for no limit.
+        timeout_s: Longest time to wait, in s; infinite for no limit, None for the time that the
+            movement takes, and `SETTLE_S`.
         has_sensor: Whether the axis has a sensor.
-
-    Raises:
-        NotReachedError: If the movement ends before its target, or takes too long.
-        ClientError: If the daemon ends.
     """
-    start_s = time.monotonic()
-    while True:
-        interval = await anext(intervals)
-        if arrived := arrival(interval, answer.motion, axis, has_sensor=has_sensor):
-            return arrived
-        if longest_s is not None and time.monotonic() - start_s > longest_s:
-            raise too_late(interval, axis, longest_s)
+
+    def __init__(
+        self,
+        answer: Answer,
+        axis: str | None,
+        timeout_s: float | None = None,
+        *,
+        has_sensor: bool = True,
+    ) -> None:
+        self._motion, self._axis, self._has_sensor = answer.motion, axis, has_sensor
+        self._longest_s = answer.duration_s + SETTLE_S if timeout_s is None else timeout_s
+        self._start_s = time.monotonic()
+
+    def feed(self, interval: Telemetry) -> Arrival | None:
+        """Take the next interval; return the arrival, or None while the movement continues.
+
+        Raises:
+            NotReachedError: If the movement has ended before its target, or takes too long.
+        """
+        arrived = arrival(interval, self._motion, self._axis, has_sensor=self._has_sensor)
+        if arrived is None and time.monotonic() - self._start_s > self._longest_s:
+            raise too_late(interval, self._axis, self._longest_s)
+        return arrived
 
 
 def because_of(interval: Telemetry) -> str:
@@ -159,9 +146,6 @@ def because_of(interval: Telemetry) -> str:
 
     An unknown hysteresis memory follows from a stop; neither it nor the faults of disk, log and
     configuration file change a state.
-
-    Args:
-        interval: The newest interval of telemetry.
     """
     faults = [fault for fault in interval.faults if fault not in _NO_CAUSE]
     return f" because of {', '.join(faults)}" if faults else ""

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from piezod.client.arrival import Arrival, longest_wait_s, refuse_without_sensor, until_arrived
+from piezod.client.arrival import Arrival, Arriving, refuse_without_sensor
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
@@ -51,14 +51,15 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             await stage.mode("adaptive")
             await stage.goto_and_wait(12.5)
 
-    Several tasks of one event loop may use it at the same time. Arguments, results and errors are
-    those of `StageClient`.
+    Several tasks of one event loop may use it at the same time. Every method raises ClientError,
+    or a subclass, if it cannot reach the daemon or the daemon refuses.
 
     Args:
         stage: Name of the stage, or its address at `piezod web` of another machine; None for
             `PIEZOD_STAGE`, or the only stage that runs.
         socket: Path of the daemon's socket, in place of a name.
-        name: Name of this client, as in `StageClient`.
+        name: Name of this client, up to 64 letters, digits and _.:@-. The lease belongs to user and
+            name: clients of one user without a name, such as shell and scripts, share it.
 
     Attributes:
         place: Where the daemon is reached.
@@ -140,9 +141,12 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         """
         refuse_without_sensor(await self.status(), axis)
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
-        longest_s = longest_wait_s(answer) if timeout_s is None else timeout_s
+        arriving = Arriving(answer, axis, timeout_s)
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
-            return await until_arrived(intervals, answer, axis, longest_s)
+            async for interval in intervals:
+                if arrived := arriving.feed(interval):
+                    return arrived
+        raise self.place.ended()
 
     async def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()
@@ -205,10 +209,7 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
             ClientError: As in every method.
         """
         async with self._streamed("GET", recording_path(name)) as response:
-            with whole_file(file) as opened:
-                async for block in response.aiter_stream():
-                    opened.write(block)
-                return opened.tell()
+            return await _save(response, file)
 
     @asynccontextmanager
     async def _streamed(
@@ -222,3 +223,11 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
                     await response.aread()
                 check(response)
                 yield response
+
+
+async def _save(response: "httpcore.Response", file: Path) -> int:
+    """Write a body that arrives piece by piece into a file; return its size in bytes."""
+    with whole_file(file) as opened:
+        async for block in response.aiter_stream():
+            opened.write(block)
+        return opened.tell()

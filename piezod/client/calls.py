@@ -19,16 +19,11 @@ Waveforms: TypeAlias = "Mapping[str, WaveformConfig | Mapping[str, Any]]"
 
 @dataclass(frozen=True)
 class Call(Generic[ResultT]):
-    """One HTTP request to a daemon; its row in the table of commands has the class of the answer.
+    """One HTTP request to a daemon; its row has the class of the answer."""
 
-    Attributes:
-        endpoint: Row of the table of commands.
-        body: Document to send; None for none.
-        answer_within_s: Longest time to wait for the answer, in s; None for that of the row.
-    """
-
-    endpoint: Endpoint
-    body: Document | None = None
+    endpoint: Endpoint  #: Row of the table of commands.
+    body: Document | None = None  #: Document to send; None for none.
+    #: Longest time to wait for the answer, in s; None for that of the row.
     answer_within_s: float | None = None
 
     @property

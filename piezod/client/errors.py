@@ -47,9 +47,6 @@ def error_of(status: int, body: bytes) -> ClientError:
 def translated(place: Place) -> Iterator[None]:
     """Raise errors of the connection to a daemon as errors of piezod.
 
-    Args:
-        place: Where the daemon is reached.
-
     Raises:
         NotRunningError: If the daemon has ended.
         ClientError: If it does not answer in time, or its certificate is not trusted.

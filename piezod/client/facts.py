@@ -8,23 +8,16 @@ from piezod.messages.documents import Document
 
 
 class AxisFacts(NamedTuple):
-    """Limits of an axis.
+    """Limits of an axis."""
 
-    Attributes:
-        range_um: Lowest and highest position, in µm; NaN if the configuration has none.
-        speed_um_per_s: Largest speed, in µm/s.
-        drive_v: Lowest and highest drive voltage, in V.
-        tolerance_um: Tolerance of `on_target`, in µm.
-        has_sensor: Whether the axis has a sensor.
-        longest_move_s: How long a movement over the whole range takes at the largest speed, in s;
-            NaN without a range.
-    """
-
+    #: Lowest and highest position, in µm; NaN if the configuration has none.
     range_um: tuple[float, float]
-    speed_um_per_s: float
-    drive_v: tuple[float, float] = (nan, nan)
-    tolerance_um: float = OnTargetConfig().tolerance_um
-    has_sensor: bool = True
+    speed_um_per_s: float  #: Largest speed, in µm/s.
+    drive_v: tuple[float, float] = (nan, nan)  #: Lowest and highest drive voltage, in V.
+    tolerance_um: float = OnTargetConfig().tolerance_um  #: Tolerance of `on_target`, in µm.
+    has_sensor: bool = True  #: Whether the axis has a sensor.
+    #: How long a movement over the whole range takes at the largest speed, in s; NaN without a
+    #: range.
     longest_move_s: float = nan
 
     @classmethod

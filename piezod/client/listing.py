@@ -18,19 +18,12 @@ ANSWER_WITHIN_S: Final = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class ListedStage:
-    """A stage of this machine.
+    """A stage of this machine."""
 
-    Attributes:
-        name: Its name.
-        socket: Socket of its daemon; None if no daemon runs.
-        status: Its status; None if the daemon does not answer.
-        why: Why there is no status; empty if there is one.
-    """
-
-    name: str
-    socket: Path | None
-    status: Status | None = None
-    why: str = ""
+    name: str  #: Its name.
+    socket: Path | None  #: Socket of its daemon; None if no daemon runs.
+    status: Status | None = None  #: Its status; None if the daemon does not answer.
+    why: str = ""  #: Why there is no status; empty if there is one.
 
     @property
     def lease_holder(self) -> str:

@@ -17,14 +17,10 @@ _NO_ANSWER: Final = (
 
 @dataclass(frozen=True)
 class Outcomes(Generic[ResultT]):
-    """What became of calls, by the names of the stages, in the order of the calls.
+    """What became of calls, by the names of the stages, in the order of the calls."""
 
-    Attributes:
-        done: Results.
-        failed: Errors of the stages without a result.
-    """
-
-    done: dict[str, ResultT] = field(default_factory=dict)
+    done: dict[str, ResultT] = field(default_factory=dict)  #: Results.
+    #: Errors of the stages without a result.
     failed: dict[str, ClientError] = field(default_factory=dict)
 
 

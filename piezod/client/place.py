@@ -22,18 +22,12 @@ _FORM: Final = "an address is like https://labpc:8080/stages/bench"
 
 @dataclass(frozen=True)
 class Place:
-    """The place of a daemon.
+    """The place of a daemon."""
 
-    Attributes:
-        socket: Its socket; None on another machine.
-        url: Address of the stage at `piezod web`, without the final `/v1/…`.
-        token: Token for that address; empty on a socket.
-        ca: File with the only certificates to trust; None for those of this system.
-    """
-
-    socket: Path | None = None
-    url: str = _LOCAL
-    token: str = field(default="", repr=False)
+    socket: Path | None = None  #: Its socket; None on another machine.
+    url: str = _LOCAL  #: Address of the stage at `piezod web`, without the final `/v1/…`.
+    token: str = field(default="", repr=False)  #: Token for that address; empty on a socket.
+    #: File with the only certificates to trust; None for those of this system.
     ca: Path | None = None
 
     def __str__(self) -> str:
@@ -60,11 +54,7 @@ class Place:
         return NotRunningError(f"{self}: the daemon has ended", "check that it still runs")
 
     def unreachable(self, cause: BaseException | None) -> ClientError:
-        """Return the error of a connection that could not be opened.
-
-        Args:
-            cause: The reason, if it is known.
-        """
+        """Return the error of a connection that could not be opened."""
         if self.socket is not None:
             return self.ended()
         while cause is not None:

@@ -24,15 +24,10 @@ START_IN_S: Final = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class GroupStart:
-    """Movements of several stages that begin together.
+    """Movements of several stages that begin together."""
 
-    Attributes:
-        start_s: The instant at which they begin, in s as `time.monotonic()`.
-        answers: Answers of the stages, by name.
-    """
-
-    start_s: float
-    answers: dict[str, Answer]
+    start_s: float  #: The instant at which they begin, in s as `time.monotonic()`.
+    answers: dict[str, Answer]  #: Answers of the stages, by name.
 
 
 class StageGroup:

@@ -26,10 +26,7 @@ class TelemetryReader:
         self._data: list[str] = []
 
     def feed(self, line: str) -> Telemetry | None:
-        """Take the next line; return the interval if the line completes one.
-
-        Args:
-            line: The line without its end.
+        """Take the next line, without its end; return the interval that it completes.
 
         Raises:
             ClientError: If the event has an unexpected form.

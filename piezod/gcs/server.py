@@ -61,13 +61,7 @@ def identity_of(status: Status, like: str) -> str:
 
 
 def refusal(plan: Plan, address: IPv4Address, clients: int) -> str:
-    """Return why a client may not connect; empty if it may.
-
-    Args:
-        plan: What to serve.
-        address: Address of the client.
-        clients: Number of connected clients.
-    """
+    """Return why a client may not connect; empty if it may."""
     if not address.is_loopback and address not in plan.allowed:
         return f"{address} is not allowed: name it with --allow"
     if clients >= MOST_CLIENTS:

@@ -30,12 +30,7 @@ class Actions:
         self._names, self._records = names, records
 
     async def do_stage(self, name: str, value: Any) -> None:
-        """Carry out what a client has written to a record of the stage.
-
-        Args:
-            name: Name in the table.
-            value: What was written.
-        """
+        """Carry out what a client has written to a record of the stage."""
         link = self._link
         plain: Mapping[str, Callable[[], Awaitable[object]]] = {
             "ARM": link.arm,
@@ -58,13 +53,7 @@ class Actions:
             await (mover.take_lease(self) if value == _KEEP else mover.return_lease(self))
 
     async def do_axis(self, axis: str, name: str, value: Any) -> None:
-        """Carry out what a client has written to a record of an axis.
-
-        Args:
-            axis: Name of the axis.
-            name: Name in the table.
-            value: What was written.
-        """
+        """Carry out what a client has written to a record of an axis."""
         if name == "MODE":
             await self._link.mode(MODES[value], axis=axis)
         elif name == "ZERO":

@@ -144,12 +144,7 @@ class AxisMotor:
             self._end(OK)
 
     def feed(self, state: str, axis: AxisTelemetry) -> None:
-        """Take the newest interval of telemetry.
-
-        Args:
-            state: State of the stage.
-            axis: The axis in it.
-        """
+        """Take the newest interval of telemetry."""
         position_um = axis.position_um.last if self._has_sensor else axis.command_um.last
         values = {} if position_um is None else {"RBV": position_um}
         with self._record.locked():

@@ -27,12 +27,7 @@ def autosave_list(names: Names) -> str:
 
 
 def screen(names: Names, title: str) -> str:
-    """Return a screen for Phoebus (BOB): a column for the stage, and one for each axis.
-
-    Args:
-        names: Names of the records.
-        title: Title of the screen.
-    """
+    """Return a screen for Phoebus (BOB): a column for the stage, and one for each axis."""
     display = ElementTree.Element("display", version="2.0.0")
     _texts(display, name=title)
     stage = [(f"{names.prefix}{each.name}", each) for each in STAGE]

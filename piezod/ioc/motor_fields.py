@@ -144,11 +144,7 @@ FIELDS: Final = (
 
 
 def derived(values: Mapping[str, float | str]) -> dict[str, float]:
-    """Return the fields that follow from others.
-
-    Args:
-        values: Values of all fields.
-    """
+    """Return the fields that follow from others."""
     of = {name: value for name, value in values.items() if not isinstance(value, str)}
     target, position = of["VAL"], of["RBV"]
     target_steps, steps = round(target / STEP_UM), round(position / STEP_UM)

@@ -56,11 +56,7 @@ def pending_write(record: int) -> int:
 
 
 def fail_write(record: int) -> None:
-    """Let the write that the record carries out end with an error.
-
-    Args:
-        record: Address of the record.
-    """
+    """Let the write that the record carries out end with an error."""
     dbCore.dbScanLock(record)
     if address := pending_write(record):
         _Notify.from_address(address).status = _ERROR

@@ -123,6 +123,8 @@ class IocStage:
                     self._set(values.of_status(status))
                     self._set(values.of_recordings(recordings))
                     for axis, motor in self._motors.items():
+                        now, has_sensor = status.axes[axis], self._sensors[axis]
+                        self._set_axis(axis, values.of_axis(now, has_sensor=has_sensor))
                         motor.limit(facts[axis])
             await self._mirror.until_changed()
 

@@ -3,6 +3,7 @@
 The names of records of a stage have capitals, names of axes have none, so that they cannot collide.
 """
 
+from collections.abc import Mapping
 from enum import Enum
 from math import isfinite
 from typing import Any, Final, NamedTuple, Self
@@ -14,7 +15,10 @@ from piezod.config.states import State
 from piezod.config.waveforms.paths import Points
 from piezod.config.waveforms.swings import SWINGS
 from piezod.ioc.bounds import longest, range_of
+from piezod.messages.answers import AXIS as AXIS_FIELDS
+from piezod.messages.answers import STAGE as STAGE_FIELDS
 from piezod.messages.requests import Play, Wave
+from piezod.messages.shown import UNARCHIVED, ShownField
 
 HISTORY: Final = 64
 """Longest history, in points: a second at 50 Hz, and some for intervals of unequal length."""
@@ -63,6 +67,17 @@ class Kind(Enum):
         return self is Kind.COMMAND or self.name.startswith("SET_")
 
 
+_KINDS: Final = {
+    float: Kind.NUMBER,
+    int: Kind.COUNT,
+    bool: Kind.FLAG,
+    str: Kind.WORD,
+    tuple: Kind.WORD,
+}
+"""Kinds of records, by the types of the fields that they show."""
+_NO_YES: Final = ("no", "yes")
+
+
 class Record(NamedTuple):
     """One record."""
 
@@ -77,6 +92,22 @@ class Record(NamedTuple):
     high: float = float("inf")  #: Highest value that may be written.
     start: float | str = 0  #: Value when the IOC starts.
     archive: bool = False  #: Whether an archiver should store it.
+
+    @classmethod
+    def of_field(cls, field: ShownField) -> Self:
+        """Return the record that shows a field of telemetry or status."""
+        shown, kind = field.shown, _KINDS[field.kind]
+        if field.choices:
+            kind = Kind.CHOICE
+        return cls(
+            shown.record,
+            kind,
+            shown.what,
+            field.unit.sign.replace("µ", "u"),
+            field.unit.fine,
+            choices=_NO_YES if kind is Kind.FLAG else field.choices,
+            archive=not field.has(UNARCHIVED),
+        )
 
     @classmethod
     def setting(cls, of: tuple[type[BaseModel], str], *record: Any, **more: Any) -> Self:
@@ -115,6 +146,11 @@ class Record(NamedTuple):
         return self.kind.is_set and self.kind is not Kind.COMMAND and self.name not in _LIVE
 
 
+def recorded(fields: Mapping[str, ShownField]) -> list[ShownField]:
+    """Return the fields that have a record."""
+    return [each for each in fields.values() if each.shown.record]
+
+
 def wave_record(key: str) -> str:
     """Return the name of the record of a number of a waveform."""
     return "WAVE:FREQ" if key == "frequency_hz" else f"WAVE:{key.partition('_')[0].upper()}"
@@ -123,12 +159,10 @@ def wave_record(key: str) -> str:
 _WAVE_NUMBERS: Final = dict.fromkeys(each for numbers in SWINGS.values() for each in numbers)
 _LIVE: Final = ("MODE", "LEASE")
 """Settings that act at once, which a restart must not repeat."""
-_NO_YES: Final = ("no", "yes")
 
 STAGE: Final = (
     Record("CONNECTED", Kind.FLAG, "The daemon answers", choices=_NO_YES, archive=True),
-    Record("STATE", Kind.CHOICE, "State of the stage", choices=STATES, archive=True),
-    Record("SHADOW", Kind.FLAG, "Shadow mode: nothing is written", choices=_NO_YES),
+    *map(Record.of_field, recorded(STAGE_FIELDS)),
     Record("FAULTS", Kind.WORD, "Faults, present or latched", archive=True),
     Record("FAULT:COUNT", Kind.COUNT, "Number of faults", archive=True),
     Record("FAULT:TEXT", Kind.TEXT, "Worst fault and its remedy", length=LONGEST_TEXT),
@@ -136,9 +170,6 @@ STAGE: Final = (
         Record(f"FAULT:{name}", Kind.WORD, f"Faults {letter}1, {letter}2, ...", archive=True)
         for name, letter in FAULT_GROUPS.items()
     ),
-    Record("LOOP:RATE", Kind.NUMBER, "Cycles per second, as configured", "Hz", 0),
-    Record("LOOP:LATE", Kind.NUMBER, "Largest lateness of a cycle", "us", 0, archive=True),
-    Record("LOOP:SKIPPED", Kind.COUNT, "Skipped cycles since the start", archive=True),
     Record("REC:RUNNING", Kind.FLAG, "A recording runs", choices=_NO_YES, archive=True),
     Record("REC:NAME", Kind.TEXT, "Name of the recording that runs", length=LONGEST_TEXT),
     Record("REC:RECORDS", Kind.COUNT, "Recorded cycles"),
@@ -161,13 +192,7 @@ STAGE: Final = (
 """Records of a stage, after its prefix."""
 
 AXIS: Final = (
-    Record("POS", Kind.NUMBER, "Measured position", "um", 4, archive=True),
-    Record("CMD", Kind.NUMBER, "Commanded position", "um", 4, archive=True),
-    Record("ERR", Kind.NUMBER, "Command minus position", "um", 4, archive=True),
-    Record("DRIVE", Kind.NUMBER, "Drive voltage", "V", 3, archive=True),
-    Record("TARGET", Kind.NUMBER, "Target of the movement", "um", 4),
-    Record("ONTARGET", Kind.FLAG, "On target", choices=_NO_YES, archive=True),
-    Record("MODE_RBV", Kind.CHOICE, "Mode in use", choices=MODES, archive=True),
+    *map(Record.of_field, recorded(AXIS_FIELDS)),
     Record("MODE", Kind.SET_CHOICE, "Select the mode; READY to RUN", choices=MODES),
     Record("ZERO", Kind.COMMAND, "Displacement at rest becomes zero"),
     Record("HIST:TIME", Kind.ARRAY, "Times before the newest sample", "s", length=HISTORY),

@@ -3,12 +3,13 @@
 from collections import deque
 from collections.abc import Mapping
 from math import nan
-from typing import Final
+from typing import Any, Final
 
 from piezod.config.states import State
 from piezod.ioc.readings import FAULTY, OK, UNKNOWN, WARNING, Alarm, Reading
-from piezod.ioc.table import FAULT_GROUPS, HISTORY, LONGEST_TEXT, LONGEST_WORD, MODES, STATES
-from piezod.messages.answers import Fault, Holder, Status
+from piezod.ioc.table import FAULT_GROUPS, HISTORY, LONGEST_TEXT, LONGEST_WORD, STATES, recorded
+from piezod.messages.answers import AXIS, STAGE, AxisStatus, Fault, Holder, Status
+from piezod.messages.shown import NEEDED, ShownField
 from piezod.messages.stores import Recordings
 from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
@@ -34,33 +35,47 @@ def alarm_of_state(state: str) -> Alarm:
 
 def of_interval(interval: Telemetry) -> Readings:
     """Return the readings of the stage that an interval of telemetry has."""
-    state = interval.state
-    number = STATES.index(state) if state in STATES else 0
-    late_us = interval.late_max_us
+    return _shown(interval, STAGE, live=True)
+
+
+def of_axis(axis: AxisTelemetry | AxisStatus, *, has_sensor: bool) -> Readings:
+    """Return the readings of an axis that only its telemetry, or only its status, has."""
+    readings = _shown(axis, AXIS, live=isinstance(axis, AxisTelemetry))
+    position = AXIS["position_um"].shown.record
+    if position in readings and not has_sensor:
+        readings[position] = readings[position]._replace(alarm=OK)
+    return readings
+
+
+def _shown(message: object, fields: Mapping[str, ShownField], *, live: bool) -> dict[str, Reading]:
+    """Return the readings of the fields of a message that have a record.
+
+    Args:
+        message: A message.
+        fields: The fields of its kind.
+        live: Whether it is telemetry; the status leaves to it what both have.
+    """
     return {
-        "STATE": Reading(number, alarm_of_state(state)),
-        "SHADOW": Reading(interval.shadow),
-        "LOOP:LATE": Reading(nan, UNKNOWN) if late_us is None else Reading(late_us),
-        "LOOP:SKIPPED": Reading(interval.skipped_cycles),
+        field.shown.record: _reading(field, getattr(message, field.name))
+        for field in recorded(fields)
+        if field.live is live
     }
 
 
-def of_axis(axis: AxisTelemetry, *, has_sensor: bool) -> Readings:
-    """Return the readings of an axis that an interval of telemetry has."""
-    mode = MODES.index(axis.mode) if axis.mode in MODES else 0
-    return {
-        "POS": _number(axis.position_um.last, UNKNOWN if has_sensor else OK),
-        "CMD": _number(axis.command_um.last),
-        "ERR": _number(axis.error_um.last),
-        "DRIVE": _number(axis.drive_v.last, UNKNOWN),
-        "TARGET": _number(axis.target_um),
-        "ONTARGET": Reading(axis.on_target),
-        "MODE_RBV": Reading(mode),
-    }
+def _reading(field: ShownField, value: Any) -> Reading:
+    value = value.last if isinstance(value, Range) else value
+    if choices := field.choices:
+        alarm = alarm_of_state(value) if choices == STATES else OK
+        return Reading(choices.index(value) if value in choices else 0, alarm)
+    if value is None:
+        return Reading(nan, UNKNOWN if field.has(NEEDED) else OK)
+    if isinstance(value, str | tuple):
+        return Reading(text(field.text(value), LONGEST_WORD))
+    return Reading(value)
 
 
 def of_status(status: Status) -> Readings:
-    """Return the readings of faults and lease."""
+    """Return the readings of faults and lease, and of what telemetry does not have."""
     faults = sorted(status.faults, key=_seriousness)
     worst = f"{faults[0].id} {faults[0].name}: {faults[0].remedy}" if faults else ""
     groups = {
@@ -69,7 +84,7 @@ def of_status(status: Status) -> Readings:
     }
     holder = status.lease.holder if status.lease else Holder()
     return {
-        "LOOP:RATE": _number(status.rate_hz),
+        **_shown(status, STAGE, live=False),
         "FAULTS": _ids(faults),
         "FAULT:COUNT": Reading(len(faults), _worst(faults)),
         "FAULT:TEXT": Reading(text(worst), _worst(faults)),
@@ -97,12 +112,7 @@ class History:
         self._points: deque[tuple[float, float, float, float]] = deque(maxlen=HISTORY)
 
     def feed(self, t_s: float, axis: AxisTelemetry) -> None:
-        """Take the newest interval.
-
-        Args:
-            t_s: Its time, in s.
-            axis: The axis in it.
-        """
+        """Take the newest interval."""
         values = (_last(axis.position_um), _last(axis.command_um), _last(axis.drive_v))
         self._points.append((t_s, *values))
         while self._points[0][0] <= t_s - HISTORY_S:
@@ -119,10 +129,6 @@ class History:
 
 def _last(range_: Range) -> float:
     return nan if range_.last is None else range_.last
-
-
-def _number(value: float | None, alarm_without: Alarm = OK) -> Reading:
-    return Reading(nan, alarm_without) if value is None else Reading(value)
 
 
 def _seriousness(fault: Fault) -> tuple[int, bool]:

@@ -120,12 +120,7 @@ class Writes:
             await self._mover.stop(self._mirror.state, resume=True)
 
     def refuse(self, full: str, why: str) -> None:
-        """Report that a write was refused; from any thread.
-
-        Args:
-            full: Full name of the record.
-            why: The reason.
-        """
+        """Report that a write was refused; from any thread."""
         name = full.removeprefix(self._names.prefix)
         self._loop.call_soon_threadsafe(self._tell, name, why)
 

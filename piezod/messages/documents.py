@@ -4,17 +4,17 @@ import inspect
 import json
 import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Final, TypeAlias
 
 Document: TypeAlias = dict[str, Any]
 """A JSON object."""
 
-
-_ATTRIBUTE: Final = re.compile(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", re.MULTILINE)
-"""One entry of an "Attributes:" section, with its continued lines."""
+_FIELD: Final = re.compile(r"^((?: {4}#: .+\n)*) {4}(\w+): .*?(?: {2}#: (.+))?$", re.MULTILINE)
+"""A field of a class, with the comment before it or behind it."""
 
 
 class Message:
@@ -39,14 +39,29 @@ def plain(value: Any) -> Any:
 
 
 def attributes(declared: type) -> dict[str, str]:
-    """Return what the fields of a class and of its bases mean, as their docstrings say."""
-    texts = (inspect.cleandoc(each.__doc__ or "") for each in reversed(declared.__mro__))
-    sections = (text.partition("Attributes:\n")[2] for text in texts)
-    return {
-        name: " ".join(text.split())
-        for section in sections
-        for name, text in _ATTRIBUTE.findall(section)
-    }
+    """Return what the fields of a class and of its bases mean: the comments `#:` beside them.
+
+    They are read from the source, so that each text stands in one place, beside its field.
+    """
+    found: dict[str, str] = {}
+    for each in reversed(declared.__mro__):
+        found |= _commented(each.__module__).get(each.__name__, {})
+    return found
+
+
+@cache
+def _commented(module: str) -> dict[str, dict[str, str]]:
+    """Return the comments of the fields of all classes of a module, by the names of the classes."""
+    if module == "builtins":
+        return {}
+    source = inspect.getsource(sys.modules[module])
+    classes = re.findall(r"^class (\w+)(.*?)(?=^[^\s)]|\Z)", source, re.MULTILINE | re.DOTALL)
+    return {name: _comments(body) for name, body in classes}
+
+
+def _comments(body: str) -> dict[str, str]:
+    found = ((name, before or behind) for before, name, behind in _FIELD.findall(body))
+    return {name: " ".join(text.replace("#:", "").split()) for name, text in found if text}
 
 
 def dump(content: Any) -> bytes:

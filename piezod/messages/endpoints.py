@@ -36,19 +36,12 @@ class Role(IntEnum):
 
 
 class Access(NamedTuple):
-    """What an endpoint requires and allows.
+    """What an endpoint requires and allows."""
 
-    Attributes:
-        role: The least role that may use it.
-        lease: Whether it needs the lease, and renews it.
-        urgent: Whether limits of rate and connections do not apply.
-        most_bytes: Largest body, in bytes.
-    """
-
-    role: Role
-    lease: bool = False
-    urgent: bool = False
-    most_bytes: int = SMALL_BODY
+    role: Role  #: The least role that may use it.
+    lease: bool = False  #: Whether it needs the lease, and renews it.
+    urgent: bool = False  #: Whether limits of rate and connections do not apply.
+    most_bytes: int = SMALL_BODY  #: Largest body, in bytes.
 
 
 LOOK: Final = Access(Role.VIEWER)
@@ -74,37 +67,26 @@ class Group(StrEnum):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """One row of the table of commands.
+    """One row of the table of commands."""
 
-    Attributes:
-        name: Name of the method of both clients; for requests also their `kind`.
-        method: HTTP method.
-        path: Path below `/v1/`.
-        access: Who may use it, and under which limits.
-        help: First line and details, for the command line, OpenAPI and docs/client.md.
-        group: Heading under which help lists the verb; None if the command line has none.
-        verb: Words after `piezod`; empty if the command line has none.
-        done: What the command line prints when the request is accepted.
-        request: Model of the body of a request to the loop; None for all other endpoints.
-        streamed: Whether the body is a stream of lines, which the endpoint reads itself.
-        answer: Name of the class of the answer, of each event for telemetry; "dict" for a document
-            without a class, "str" for a text, empty for a file.
-        also_fine: HTTP status that is no error.
-        answer_within_s: Longest time that a client waits for the answer, in s.
-    """
-
-    name: str
-    method: str
-    path: str
-    access: Access
-    help: str
+    name: str  #: Name of the method of both clients; for requests also their `kind`.
+    method: str  #: HTTP method.
+    path: str  #: Path below `/v1/`.
+    access: Access  #: Who may use it, and under which limits.
+    help: str  #: First line and details, for the command line, OpenAPI and docs/client.md.
+    #: Heading under which help lists the verb; None if the command line has none.
     group: Group | None = None
-    verb: str = ""
-    done: str = ""
+    verb: str = ""  #: Words after `piezod`; empty if the command line has none.
+    done: str = ""  #: What the command line prints when the request is accepted.
+    #: Model of the body of a request to the loop; None for all other endpoints.
     request: "type[BaseModel] | None" = None
+    #: Whether the body is a stream of lines, which the endpoint reads itself.
     streamed: bool = False
+    #: Name of the class of the answer, of each event for telemetry; "dict" for a document without a
+    #: class, "str" for a text, empty for a file.
     answer: str = ""
-    also_fine: int = 200
+    also_fine: int = 200  #: HTTP status that is no error.
+    #: Longest time that a client waits for the answer, in s.
     answer_within_s: float = ANSWER_WITHIN_S
 
     @property

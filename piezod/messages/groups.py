@@ -72,10 +72,6 @@ def load_groups(file: Path) -> dict[str, tuple[str, ...]]:
 def stages_of(group: str, file: Path) -> tuple[str, ...]:
     """Return the stages of a group.
 
-    Args:
-        group: Name of the group.
-        file: The file of the groups.
-
     Raises:
         ConfigError: If the file is missing or not valid, or has no such group.
     """

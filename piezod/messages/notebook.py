@@ -5,13 +5,7 @@ from html import escape
 
 
 def html_table(line: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a line of text and a table below it, as HTML.
-
-    Args:
-        line: The line.
-        headings: Headings of the columns.
-        rows: Cells of each row.
-    """
+    """Return a line of text and a table below it, as HTML."""
     head = "".join(f"<th>{escape(each)}</th>" for each in headings)
     body = "".join(
         f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows

@@ -26,12 +26,7 @@ _TRY_LATER: Final = 1013
 
 
 def create_app(stages: Stages, access: Access) -> Starlette:
-    """Return the application.
-
-    Args:
-        stages: All stages.
-        access: The secrets.
-    """
+    """Return the application."""
     numbers, exports = count(1), Exports(stages)
 
     async def index(_request: Request) -> Response:

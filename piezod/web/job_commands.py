@@ -90,12 +90,7 @@ def command_of(wanted: JobMessage, model: Document | None) -> Callable[[Path], l
 
 
 def identify_command(wanted: Identify, folder: Path) -> list[str]:
-    """Return the arguments of `piezod`; write the file of the drive.
-
-    Args:
-        wanted: What to do.
-        folder: Folder of its files.
-    """
+    """Return the arguments of `piezod`; write the file of the drive."""
     arguments = ["identify", "--live", "--axis", wanted.axis, "--method", wanted.method]
     arguments += ["--out", str(folder / MODEL)]
     if wanted.drive is not None:
@@ -106,12 +101,7 @@ def identify_command(wanted: Identify, folder: Path) -> list[str]:
 
 
 def learn_command(wanted: Learn, folder: Path) -> list[str]:
-    """Return the arguments of `piezod`; write the file of the waveform.
-
-    Args:
-        wanted: What to do.
-        folder: Folder of its files.
-    """
+    """Return the arguments of `piezod`; write the file of the waveform."""
     file = folder / "wave.yaml"
     file.write_text(json.dumps({"command_um": wanted.command_um}))
     tables = tables_folder(wanted.stage)

@@ -127,11 +127,6 @@ def row_of(call: CallStage) -> Endpoint:
 def http_request_of(call: CallStage, row: Endpoint, client: str) -> HttpRequest:
     """Return the request to a daemon.
 
-    Args:
-        call: The call.
-        row: Its row in the table of commands.
-        client: Name of the tab.
-
     Raises:
         PageError: If the body has a number that is not finite.
     """

@@ -9,6 +9,7 @@ from typing import Any, Final
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from piezod.client.wire import http_request
+from piezod.messages.answers import AXIS, STAGE
 from piezod.messages.documents import Document
 from piezod.messages.endpoints import Role
 from piezod.messages.requests import TABLE
@@ -197,8 +198,17 @@ class Tab:
 
     def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]
-        mine = {"client": self.name, "role": self._role.name.lower(), "tables": barriers()}
-        return {**mine, "stages": stages}
+        fields = {"axis": AXIS, "stage": STAGE}
+        return {
+            "client": self.name,
+            "role": self._role.name.lower(),
+            "tables": barriers(),
+            "shown": {
+                kind: {name: field.document for name, field in shown.items()}
+                for kind, shown in fields.items()
+            },
+            "stages": stages,
+        }
 
     def _watch(self, message: messages.Watch) -> Document:
         stage = self._stages.named(message.stage)

@@ -11,7 +11,7 @@ import pytest
 from piezod.client import AsyncStageClient, StageClient
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
 from piezod.messages import requests
 from piezod.messages.endpoints import Role

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from piezod.client import AsyncStageClient, StageClient, StageGroup
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
 from piezod.messages import requests
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.fakes import Served

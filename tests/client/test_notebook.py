@@ -26,4 +26,4 @@ def test_notebook_shows_a_table() -> None:
     shown = status()._repr_html_()
 
     assert "<p>rig: RUN, mode adaptive; faults: L2 late &lt;often&gt;</p>" in shown
-    assert "<td>x</td><td>1.235</td><td>–</td><td>–</td><td>20.000</td><td>no</td>" in shown
+    assert "<td>x</td><td>1.235</td><td>–</td><td>–</td><td>20.00</td><td>no</td>" in shown

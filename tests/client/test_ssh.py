@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from piezod.client import StageClient
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
 from piezod.messages import requests
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.fakes import Served

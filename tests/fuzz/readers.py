@@ -162,9 +162,9 @@ def points() -> Reader:
 
 def body() -> Reader:
     """JSON: the body of a request, then the request."""
-    loads, adapter = _of("piezod.daemon.service.strict_json:loads"), _of("pydantic:TypeAdapter")
+    loads, adapter = _of("piezod.daemon.service.route:loads"), _of("pydantic:TypeAdapter")
     request = adapter(_of("piezod.messages.requests:Request"))
-    refusals = (_of("piezod.daemon.service.refusals:BadJsonError"), _of("pydantic:ValidationError"))
+    refusals = (_of("piezod.daemon.service.answers:BadJsonError"), _of("pydantic:ValidationError"))
     good = b'{"kind": "goto", "position_um": 12.5, "speed_um_per_s": 190.0}'
     return Reader(
         lambda path: request.validate_python(loads(path.read_bytes()), strict=True), good, refusals

@@ -104,7 +104,7 @@ class Machine:
             "piezod.daemon.loop.play_thread._PlayThread": partial(SteppedPlay, self.steps),
             "piezod.daemon.loop.play_thread.time": SimpleNamespace(sleep=self.steps.sleep),
             "piezod.daemon.logging.EventRateLimit": VirtualRateLimit,
-            "piezod.daemon.service.roles.ThreadPoolExecutor": AtOnce,
+            "piezod.daemon.service.access.ThreadPoolExecutor": AtOnce,
             "piezod.daemon.safe.ramp_down.construct": lambda *_: {"rig": self.rig},
         }
         requests_codec.warm_up()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.fakes import FakeReader, Served
 from tests.daemon.waiting import eventually

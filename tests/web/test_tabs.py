@@ -20,6 +20,7 @@ from piezod.client import StageClient
 from piezod.client.mirror import AT_MOST_EACH_S
 from piezod.control.stage.answer import Answer
 from piezod.errors import NotAllowedError, RefusedError
+from piezod.messages.answers import AXIS, STAGE
 from piezod.messages.endpoints import Role
 from piezod.messages.requests import TABLE
 from piezod.telemetry.arrays import record_dtype
@@ -62,6 +63,15 @@ def test_stages_are_listed(web: Web) -> None:
     assert [each["stage"] for each in result["stages"]] == ["bench"]
     assert result["stages"][0]["up"]
     assert result["stages"][0]["status"]["state"] == "SAFE"
+
+
+def test_page_knows_how_fields_are_shown(web: Web) -> None:
+    """It has the descriptions that all adapters have, so that it shows a new field as they do."""
+    with web.tab() as tab:
+        shown = tab.ask(do="stages")["result"]["shown"]
+
+    assert shown["axis"] == {name: field.document for name, field in AXIS.items()}
+    assert shown["stage"] == {name: field.document for name, field in STAGE.items()}
 
 
 def test_command_has_the_answer_of_the_daemon(web: Web, daemon: Served) -> None:

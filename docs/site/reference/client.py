@@ -13,6 +13,7 @@ from piezod.client.arrival import Arrival
 from piezod.client.commands import StageCommands
 from piezod.client.reports import StageReports
 from piezod.messages import answers, stores, telemetry
+from piezod.messages.documents import attributes
 from tests.command_table import CONNECTION
 
 _WIDTH: Final = 84
@@ -52,6 +53,8 @@ def _documented(thing: Any, heading: str, signature: inspect.Signature | None) -
         yield f"```python\n{_source(thing, signature)}\n```\n"
     about = docstring(thing)
     yield about.text
+    if is_dataclass(thing):
+        about.entries["Attributes"] = attributes(thing)
     for section, head in (("Args", "argument"), ("Attributes", "attribute"), ("Raises", "error")):
         entries = about.entries.get(section, {}).items()
         yield from table((head, "meaning"), ((code(name), text) for name, text in entries))

@@ -9,8 +9,9 @@ import typer
 from piezod.cli.options import JsonOption
 from piezod.cli.output import new_console, new_table, print_json
 from piezod.cli.stage_options import SocketOption, StageOption, connect
-from piezod.messages.answers import AxisStatus, Fault, Status
+from piezod.messages.answers import COLUMNS, STAGE, AxisStatus, Fault, Status
 from piezod.messages.documents import Document
+from piezod.messages.shown import COLUMN
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -27,7 +28,7 @@ def status(
         return
     console = new_console()
     console.print(_summary(found))
-    console.print(_axes(found))
+    console.print(axes_table(found))
     if devices := found.devices:
         console.print(_devices(devices))
     if found.processor is not None and found.processor.shared_with:
@@ -93,18 +94,23 @@ def _summary(found: Status) -> str:
     shadow = "in shadow: nothing is written" if found.shadow else ""
     skipped = f"{found.skipped_cycles} skipped cycles" if found.skipped_cycles else ""
     processor = f"processor {found.processor.number}" if found.processor else ""
-    parts = (found.state, shadow, f"mode {found.mode}", processor, skipped)
+    columns = (
+        f"{field.shown.words} {field.text(getattr(found, name))} {field.unit.sign}".rstrip()
+        for name, field in STAGE.items()
+        if field.has(COLUMN)
+    )
+    parts = (found.state, shadow, *columns, processor, skipped)
     text = ", ".join(filter(None, parts))
     return f"{found.stage}: {text}" if found.stage else text
 
 
-def _axes(found: Status) -> "Table":
-    table = new_table("axis", right=("position/µm", "command/µm", "error/µm", "drive/V"))
+def axes_table(found: Status) -> "Table":
+    """Return the table of the axes of a stage."""
+    table = new_table("axis", right=tuple(column.heading for column in COLUMNS))
     table.add_column("")
     for name, axis in found.axes.items():
-        numbers = (axis.position_um, axis.command_um, axis.error_um)
-        shown = [number(each, 3) for each in numbers]
-        table.add_row(name, *shown, number(axis.drive_v, 2), _remark(axis))
+        shown = (column.text(getattr(axis, column.name)) for column in COLUMNS)
+        table.add_row(name, *shown, _remark(axis))
     return table
 
 

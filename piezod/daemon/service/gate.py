@@ -1,14 +1,61 @@
-"""The first checks of a request: no foreign web page, and limits of rate and connections."""
+"""The first checks of a request: no foreign web page, and limits of rate and connections.
 
+A browser cannot reach the socket, unless somebody forwards it to a TCP port, as with `ssh -L`. Then
+any page could arm the stage: a POST without a body is a simple request, which a browser sends
+across origins without asking the server. Other programs than browsers are not restricted.
+"""
+
+from typing import Final
+
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from piezod.daemon.service.answers import error_answer
-from piezod.daemon.service.foreign_pages import refuse_foreign_page
-from piezod.daemon.service.peer_protocol import PeerProtocol, connection_of
-from piezod.daemon.service.rate_limit import RateLimit
-from piezod.daemon.service.refusals import TooManyError
-from piezod.daemon.service.route_table import URGENT
+from piezod.config.origins import is_own_host, is_same_origin
+from piezod.daemon.service.access import RateLimit
+from piezod.daemon.service.answers import ForeignPageError, TooManyError, error_answer
+from piezod.daemon.service.connection import PeerProtocol, connection_of
+from piezod.daemon.service.route import URGENT
 from piezod.daemon.stage.errors import StageError
+
+_READS: Final = ("GET", "HEAD")
+_OWN_SITES: Final = ("none", "same-origin")
+
+
+def refuse_foreign_page(scope: Scope) -> None:
+    """Check where a request comes from.
+
+    Raises:
+        ForeignPageError: If a page of a foreign site may have sent it.
+    """
+    headers = Headers(scope=scope)
+    host, origin = headers.get("host", ""), headers.get("origin")
+    if not is_own_host(host):
+        what = f"Host {host[:64]!r} has a domain name, allowed: an address, or a name without a dot"
+        raise ForeignPageError(what, "use localhost or 127.0.0.1 in the address")
+    if origin is not None and not is_same_origin(origin, host):
+        what = f"Origin {origin[:64]!r} is a foreign page, allowed: programs"
+        raise ForeignPageError(what, _USE_WEB)
+    if headers.get("sec-fetch-site", "none") not in _OWN_SITES:
+        raise ForeignPageError("a foreign page has sent this request", _USE_WEB)
+    if scope["method"] not in _READS and _is_browser(headers) and not _is_asked_before(headers):
+        what = "a browser must send the header X-Piezod-Client, or the content type JSON"
+        raise ForeignPageError(what, _USE_WEB)
+
+
+_USE_WEB: Final = "for a page in a browser run `piezod web`"
+
+
+def _is_browser(headers: Headers) -> bool:
+    """Return whether a browser sends the request; a page cannot change these headers."""
+    agent = headers.get("user-agent", "")
+    return agent.startswith("Mozilla/") or "origin" in headers or "sec-fetch-site" in headers
+
+
+def _is_asked_before(headers: Headers) -> bool:
+    """Return whether a browser asks the server before it sends this across origins."""
+    kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+    return "x-piezod-client" in headers or kind == "application/json"
+
 
 _MALFORMED = (400, 413, 415, 422)
 

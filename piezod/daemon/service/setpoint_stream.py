@@ -7,11 +7,10 @@ from typing import Any, Final
 from starlette.requests import ClientDisconnect, Request
 
 from piezod.config.states import State
-from piezod.daemon.service.open_streams import OpenStream
-from piezod.daemon.service.peer_protocol import PeerProtocol
-from piezod.daemon.service.refusals import SilentError, TooLargeError
-from piezod.daemon.service.request_context import RequestContext
-from piezod.daemon.service.strict_json import loads
+from piezod.daemon.service.answers import SilentError, TooLargeError
+from piezod.daemon.service.connection import PeerProtocol
+from piezod.daemon.service.request import OpenStream, RequestContext
+from piezod.daemon.service.route import loads
 from piezod.daemon.stage.errors import BadValueError, StageError
 from piezod.messages.answers import StreamEnd
 from piezod.messages.requests import Stream

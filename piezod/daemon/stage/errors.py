@@ -1,4 +1,4 @@
-"""Errors of requests to a stage; `service.refusals` has those of the service itself."""
+"""Errors of requests to a stage; `service.answers` has those of the service itself."""
 
 from typing import ClassVar
 

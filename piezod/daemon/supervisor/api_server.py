@@ -9,8 +9,8 @@ from fastapi import FastAPI
 
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths, make_private_folder
-from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.server import bind, make_server
+from piezod.daemon.service.app import bind, make_server
+from piezod.daemon.service.connection import ConnectionLimits
 from piezod.daemon.supervisor.kept_files import KeptFiles
 from piezod.daemon.supervisor.quiet_loop import QuietLoop
 

@@ -16,8 +16,8 @@ from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
+from piezod.daemon.service.access import GroupRoles
 from piezod.daemon.service.app import create_app
-from piezod.daemon.service.roles import GroupRoles
 from piezod.daemon.stage.errors import NotNowError, StageError
 from piezod.daemon.stage.peer import Peer
 from piezod.daemon.stage.running_stage import RunningStage

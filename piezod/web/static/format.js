@@ -20,6 +20,16 @@ export function short(value) {
 export const microns = (value) => fixed(value, 3);
 export const volts = (value) => fixed(value, 2);
 
+/** Return a value as the description of its field says: a number with its unit, yes or no, or words. */
+export function described(value, { unit, digits }) {
+  if (value == null || value === "") return UNKNOWN;
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  if (Array.isArray(value)) return value.join(", ") || "none";
+  if (typeof value !== "number") return value;
+  const text = digits ? fixed(value, digits) : value.toLocaleString("en-GB");
+  return unit ? `${text} ${unit}` : text;
+}
+
 /** Return the time of day of a Date, of a text of ISO 8601, or of seconds since 1970. */
 export function clockTime(when) {
   const date = when instanceof Date ? when : new Date(typeof when === "number" ? 1000 * when : when);

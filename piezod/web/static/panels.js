@@ -2,7 +2,7 @@
 
 import { nameOf } from "./availability.js";
 import { el, setText } from "./dom.js";
-import { clockTime, duration, fixed, microns, short, volts } from "./format.js";
+import { clockTime, described, duration, fixed, microns, volts } from "./format.js";
 import { announce } from "./notices.js";
 import { rms } from "./signals.js";
 import { MEANINGS, reason } from "./states.js";
@@ -102,23 +102,22 @@ export function facts(rows) {
   return { list, set: (key, text) => setText(values[key], text) };
 }
 
-/** Return the details of axis and timing. */
+/** Return what the server says that people see of axis and loop. */
 export function detailsPanel(context, axis) {
-  const { list, set } = facts({
-    target: "target", gate: "learning", trim: "trim", readBack: "read-back voltage", rate: "loop rate",
-    skipped: "skipped cycles", realtime: "not real-time",
-  });
-  const element = el("section", { class: "panel" }, el("h2", {}, "Axis and loop"), list);
+  const element = el("section", { class: "panel" }, el("h2", {}, "Axis and loop"));
+  let list = null;
   const show = ({ up, status }) => {
     const values = status?.axes?.[axis.name()];
-    if (!up || !values) return;
-    set("target", values.target_um == null ? "–" : `${microns(values.target_um)} µm${values.on_target ? ", reached" : ""}`);
-    set("gate", values.gate ?? "–");
-    set("trim", values.trim_um == null ? "–" : `${microns(values.trim_um)} µm`);
-    set("readBack", values.read_back_v == null ? "–" : `${volts(values.read_back_v)} V`);
-    set("rate", axis.config() ? `${short(axis.config().rate_hz)} Hz` : "–");
-    set("skipped", status.skipped_cycles.toLocaleString("en-GB"));
-    set("realtime", status.not_realtime?.join(", ") || "nothing is missing");
+    const { shown } = context.me();
+    if (!up || !values || !shown) return;
+    const details = [[shown.axis, values], [shown.stage, status]].flatMap(([fields, of]) => (
+      Object.entries(fields).filter(([, { detail }]) => detail).map(([name, field]) => ({ name, field, value: of[name] }))
+    ));
+    if (!list) {
+      list = facts(Object.fromEntries(details.map(({ name, field }) => [name, field.words])));
+      element.append(list.list);
+    }
+    for (const { name, field, value } of details) list.set(name, described(value, field));
   };
   return { element, show };
 }

@@ -16,12 +16,9 @@ from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.stage.states import HoldCause
 from piezod.control.watch.loop import CycleTiming
-from piezod.daemon.service.lease import Lease
-from piezod.daemon.service.open_streams import OpenStreams
-from piezod.daemon.service.refusals import LeaseHeldError
-from piezod.daemon.service.request_context import RequestContext, ServiceState
-from piezod.daemon.service.roles import Roles
-from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.service.access import Lease, Roles, UrgentNotes
+from piezod.daemon.service.answers import LeaseHeldError
+from piezod.daemon.service.request import OpenStreams, RequestContext, ServiceState
 from piezod.daemon.stage.errors import StageError
 from piezod.daemon.stage.peer import Peer
 from piezod.daemon.stage.running_stage import RunningStage

@@ -7,7 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
 from tests.daemon.service.fakes import Served
 
 Serve = Callable[[ConnectionLimits], Served]

@@ -14,14 +14,10 @@ from numpy.typing import NDArray
 
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.app import create_app
-from piezod.daemon.service.lease import Lease
-from piezod.daemon.service.open_streams import OpenStreams
-from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
-from piezod.daemon.service.request_context import ServiceState
-from piezod.daemon.service.roles import User
-from piezod.daemon.service.server import bind, make_server
-from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.service.access import Lease, UrgentNotes, User
+from piezod.daemon.service.app import bind, create_app, make_server
+from piezod.daemon.service.connection import ConnectionLimits, Credentials
+from piezod.daemon.service.request import OpenStreams, ServiceState
 from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNameError
 from piezod.daemon.stage.following_reader import FollowingReader
 from piezod.daemon.stage.peer import AuditEntry, Peer

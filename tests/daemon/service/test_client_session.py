@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from piezod.daemon.service.client_session import RETRY_S
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
+from piezod.daemon.service.long_answers import RETRY_S
 from piezod.messages.stores import RunningRecording
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import Served

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.daemon.service.lease import LEASE_S, Lease
-from piezod.daemon.service.refusals import LeaseHeldError
-from piezod.daemon.service.route_table import ROUTES
+from piezod.daemon.service.access import LEASE_S, Lease
+from piezod.daemon.service.answers import LeaseHeldError
+from piezod.daemon.service.route import ROUTES
 from piezod.daemon.stage.errors import NotNowError
 from piezod.daemon.stage.peer import Peer
 from piezod.messages.endpoints import Role

@@ -8,16 +8,16 @@ import httpx
 import numpy as np
 import pytest
 
-from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.rate_limit import (
+from piezod.daemon.service.access import (
+    BURST,
     CLIENT_BURST,
     CLIENT_RATE_HZ,
     TOTAL_BURST,
     TOTAL_RATE_HZ,
     RateLimit,
 )
-from piezod.daemon.service.route_table import ROUTES, URGENT
-from piezod.daemon.service.urgent_notes import BURST
+from piezod.daemon.service.connection import ConnectionLimits
+from piezod.daemon.service.route import ROUTES, URGENT
 from piezod.messages.endpoints import LARGE_BODY, SMALL_BODY, Role
 from piezod.telemetry.arrays import record_dtype
 from tests.conftest import Reaction

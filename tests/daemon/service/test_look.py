@@ -6,9 +6,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.route_table import ROUTES
-from piezod.daemon.service.server import bind, make_server
+from piezod.daemon.service.app import bind, make_server
+from piezod.daemon.service.connection import ConnectionLimits
+from piezod.daemon.service.route import ROUTES
 from piezod.messages.endpoints import Role
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually

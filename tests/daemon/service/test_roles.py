@@ -9,10 +9,10 @@ import httpx
 import pytest
 from fastapi.routing import APIRoute
 
-from piezod.daemon.service import routes_commands, routes_look, routes_stores
-from piezod.daemon.service.peer_protocol import Credentials
-from piezod.daemon.service.roles import GroupRoles
-from piezod.daemon.service.route_table import ROUTES
+from piezod.daemon.service.access import GroupRoles
+from piezod.daemon.service.connection import Credentials
+from piezod.daemon.service.route import ROUTES
+from piezod.daemon.service.routes import router
 from piezod.messages.endpoints import LOOK, Role
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
@@ -23,11 +23,9 @@ ENDPOINTS = sorted(ROUTES)
 
 def test_every_route_is_in_the_table() -> None:
     """The application has the endpoints of the table of commands, and no others."""
-    routers = (routes_look.router, routes_commands.router, routes_stores.router)
-    routes = [route for router in routers for route in router.routes]
     found = {
         (method, route.path)
-        for route in routes
+        for route in router.routes
         if isinstance(route, APIRoute)
         for method in route.methods or ()
     }

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
 from piezod.messages.requests import Stream
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import Served

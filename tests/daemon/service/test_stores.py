@@ -4,8 +4,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.recording_files import open_recording
+from piezod.daemon.service.connection import ConnectionLimits
+from piezod.daemon.service.long_answers import open_recording
 from piezod.daemon.stage.errors import UnknownNameError
 from piezod.messages.stores import RunningRecording
 from tests.daemon.service.conftest import Serve

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.daemon.service.refusals import BadJsonError
-from piezod.daemon.service.strict_json import MAX_DEPTH, loads
+from piezod.daemon.service.answers import BadJsonError
+from piezod.daemon.service.route import MAX_DEPTH, loads
 
 WHOLE = st.integers(-(10**18) + 1, 10**18 - 1)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)

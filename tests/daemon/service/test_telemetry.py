@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.connection import ConnectionLimits
 from piezod.messages.documents import Document
 from piezod.telemetry.arrays import record_dtype
 from tests.daemon.service.conftest import Serve

@@ -1,6 +1,6 @@
-"""One request of one client: its user, its access rights, the lease and the audit."""
+"""One request of one client: its access rights, the audit, and the streams that it ends."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import nullcontext
 from typing import Annotated, Any, Final, NamedTuple, TypeVar
 
@@ -9,15 +9,75 @@ from fastapi import Request as HttpRequest
 
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.lease import Lease
-from piezod.daemon.service.open_streams import OpenStreams, commanded_axes
-from piezod.daemon.service.roles import Roles
-from piezod.daemon.service.urgent_notes import UrgentNotes
+from piezod.daemon.service.access import Lease, Roles, UrgentNotes
+from piezod.daemon.service.answers import SupersededError
 from piezod.daemon.stage.errors import BadValueError, NotNowError, StageError
 from piezod.daemon.stage.peer import AuditEntry, Peer
 from piezod.daemon.stage.running_stage import RunningStage
-from piezod.messages.endpoints import Access
-from piezod.messages.requests import Request
+from piezod.messages.endpoints import Access, Group
+from piezod.messages.requests import TABLE, Request
+
+
+class OpenStream:
+    """A stream in progress, until another request commands one of its axes.
+
+    Args:
+        axes: Names of its axes.
+    """
+
+    def __init__(self, axes: Iterable[str]) -> None:
+        self.axes = frozenset(axes)
+        self.superseded = ""
+        """What took over, for people; empty while the stream has all its axes."""
+
+    def check(self) -> None:
+        """Check that the stage still follows this stream.
+
+        Raises:
+            SupersededError: If another request has taken over.
+        """
+        if self.superseded:
+            raise SupersededError(self.superseded, "start a new stream for further setpoints")
+
+
+class OpenStreams:
+    """All streams in progress; the newest request for an axis ends the stream of that axis."""
+
+    def __init__(self) -> None:
+        self._streams: set[OpenStream] = set()
+
+    def open(self, axes: Iterable[str]) -> OpenStream:
+        """Add a stream whose request the loop has accepted."""
+        stream = OpenStream(axes)
+        self._streams.add(stream)
+        return stream
+
+    def close(self, stream: OpenStream) -> None:
+        """Remove a stream that has ended; a second call does nothing."""
+        self._streams.discard(stream)
+
+    def supersede(self, axes: Iterable[str], by: str) -> None:
+        """End the streams of these axes.
+
+        Args:
+            axes: Names of the axes.
+            by: The request that commands them from now on, and its user, for people.
+        """
+        for stream in self._streams:
+            if shared := sorted(stream.axes.intersection(axes)):
+                stream.superseded = f"{by} has taken over {', '.join(shared)}"
+        self._streams = {stream for stream in self._streams if not stream.superseded}
+
+
+def commanded_axes(request: Request, all_axes: Sequence[str]) -> Sequence[str]:
+    """Return the axes that no longer follow their stream when a request was accepted."""
+    row = TABLE[request.kind]
+    if row.group is not Group.MOVE and not row.access.urgent:
+        return ()
+    named = getattr(request, "axes", None) or getattr(request, "command_um", None)
+    axis = getattr(request, "axis", None)
+    return tuple(named or ((axis,) if axis else all_axes))
+
 
 ResultT = TypeVar("ResultT")
 _SHOWN: Final = 300

@@ -1,10 +1,13 @@
-"""A connection to the service: the user at the other end, and limits of time and number."""
+"""A connection to the service: its user, its process, and limits of time and number."""
 
 import asyncio
 import json
+import os
 import socket
 import struct
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Final, NamedTuple, cast
 
 import h11
@@ -13,7 +16,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from piezod.daemon.service.refusals import UnknownPeerError
+from piezod.daemon.service.answers import UnknownPeerError
 
 _EXTENSION: Final = "piezod.connection"
 _BAD_WINDOW_S: Final = 10.0
@@ -240,3 +243,31 @@ def _response(status: str, code: str, what: str) -> bytes:
     body = json.dumps({"error": {"code": code, "what": what, "remedy": ""}})
     header = f"HTTP/1.1 {status}\r\ncontent-type: application/json\r\nconnection: close"
     return f"{header}\r\ncontent-length: {len(body)}\r\n\r\n{body}".encode()
+
+
+@contextmanager
+def closed_with_its_process(connection: PeerProtocol) -> Iterator[None]:
+    """Close a connection when the process that opened it ends.
+
+    The kernel alone closes it later, if a child of that process has inherited the socket.
+
+    Args:
+        connection: Connection to a unix socket. Where the kernel gives no handle of its process,
+            as for one of another container, nothing is watched.
+    """
+    try:
+        handle = os.pidfd_open(connection.credentials.pid)
+    except ProcessLookupError:  # it has ended already
+        connection.abort()
+        yield
+        return
+    except OSError:
+        yield
+        return
+    loop = asyncio.get_running_loop()
+    loop.add_reader(handle, connection.abort)
+    try:
+        yield
+    finally:
+        loop.remove_reader(handle)
+        os.close(handle)

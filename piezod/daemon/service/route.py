@@ -1,32 +1,166 @@
-"""The checks of every request before FastAPI: first the role, then the body."""
+"""The routes of the table of commands: strict JSON, first the role, then the body."""
 
 import asyncio
+import json
+import math
 import re
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import is_dataclass
 from typing import Any, Final, NoReturn
 
+from fastapi import APIRouter
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
+from starlette.routing import compile_path
 
 from piezod.daemon.logging import logger
-from piezod.daemon.service.answers import internal_error_answer
-from piezod.daemon.service.peer_protocol import connection_of
-from piezod.daemon.service.refusals import (
+from piezod.daemon.service.answers import (
+    BadJsonError,
     BadRequestError,
     ForbiddenError,
+    JsonAnswer,
     MediaTypeError,
     TooLargeError,
+    internal_error_answer,
 )
-from piezod.daemon.service.request_context import RequestContext, ServiceState
-from piezod.daemon.service.route_table import ROUTES
-from piezod.daemon.service.strict_json import loads
+from piezod.daemon.service.connection import connection_of
+from piezod.daemon.service.request import RequestContext, ServiceState
 from piezod.daemon.stage.errors import BadValueError, StageError
 from piezod.daemon.stage.peer import Peer
-from piezod.messages.endpoints import SMALL_BODY, Access
+from piezod.messages.answers import ErrorDocument
+from piezod.messages.endpoints import SMALL_BODY, Access, Endpoint
+from piezod.messages.requests import TABLE
+
+MAX_DEPTH: Final = 16
+_LARGEST_WHOLE: Final = 2**53
+_MAX_DIGITS: Final = 18  # of whole numbers, so that they fit into 64 bits
+
+
+def loads(text: bytes) -> Any:
+    """Read a JSON document; lists become tuples, which strict validation requires.
+
+    Raises:
+        BadJsonError: If the text is not UTF-8 or not JSON, has a key twice, is nested deeper than
+            16 levels, or has a number that is not finite or a whole number of more than 18 digits.
+    """
+    try:
+        return _tuples(_DECODER.decode(text.decode()), MAX_DEPTH)
+    except RecursionError:
+        raise _too_deep() from None
+    except ValueError as error:  # of decoding UTF-8, and of JSON
+        raise BadJsonError(f"the body is not JSON: {error}") from error
+
+
+def _tuples(value: Any, depth: int) -> Any:
+    if isinstance(value, dict | list) and depth == 0:
+        raise _too_deep()
+    if isinstance(value, dict):
+        return {_text(key): _tuples(entry, depth - 1) for key, entry in value.items()}
+    if isinstance(value, list):
+        return tuple([_tuples(entry, depth - 1) for entry in value])
+    return _text(value) if isinstance(value, str) else value
+
+
+def _text(text: str) -> str:
+    text.encode()  # half a surrogate pair cannot be written to a log or an answer
+    return text
+
+
+def _too_deep() -> BadJsonError:
+    return BadJsonError(f"nested too deeply, allowed: at most {MAX_DEPTH} levels")
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise BadJsonError(f"the key {twice[:40]!r} occurs twice, allowed: once")
+    return found
+
+
+def _whole(digits: str) -> int:
+    if len(digits.lstrip("-")) > _MAX_DIGITS:
+        what = f"a whole number has {len(digits)} digits, allowed: at most {_MAX_DIGITS}"
+        raise BadJsonError(what)
+    return int(digits)
+
+
+def _number(digits: str) -> float:
+    value = float(digits)
+    if not math.isfinite(value):
+        raise BadJsonError(f"the number {digits[:40]} is too large")
+    # In JSON 190.0 is a whole number like 190; floats without a fraction convert exactly.
+    return int(value) if value.is_integer() and abs(value) < _LARGEST_WHOLE else value
+
+
+def _constant(name: str) -> NoReturn:
+    raise BadJsonError(f"{name} is not JSON, allowed: finite numbers")
+
+
+_DECODER: Final = json.JSONDecoder(
+    object_pairs_hook=_object,
+    parse_int=_whole,
+    parse_float=_number,
+    parse_constant=_constant,
+)
+
+
+PREFIX: Final = "/v1"
+ROUTES: Final[Mapping[tuple[str, str], Endpoint]] = {
+    (row.method, f"{PREFIX}/{row.path}"): row for row in TABLE.values()
+}
+"""Every endpoint by method and path; the application has no others."""
+URGENT: Final = frozenset(route for route, row in ROUTES.items() if row.access.urgent)
+"""The endpoints that are served at any rate and on any connection."""
+_ERRORS: Final[dict[int | str, dict[str, Any]]] = {"default": {"model": ErrorDocument}}
+
+
+_PATTERNS: Final = [(compile_path(path)[0], method) for method, path in ROUTES]
+
+
+def methods_of(path: str) -> list[str]:
+    """Return the methods of the endpoints with a path, sorted."""
+    literal = {method for method, template in ROUTES if template == path}
+    # Only then: a template such as `recordings/{name}` fits the paths of other endpoints too.
+    fitting = {method for pattern, method in _PATTERNS if pattern.fullmatch(path)}
+    return sorted(literal or fitting)
+
+
+def endpoint(
+    router: APIRouter, name: str, /, **options: Any
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return a decorator that adds a function to a router as the endpoint of a row.
+
+    Args:
+        router: The router.
+        name: Name of the row in the table of commands.
+        options: Further arguments of `APIRouter.api_route`.
+    """
+    row = TABLE[name]
+    settings = {
+        "responses": _responses(row),
+        "response_model": None,
+        "response_class": JsonAnswer,
+        "description": row.help,
+        **options,
+    }
+    return router.api_route(f"/{row.path}", methods=[row.method], **settings)
+
+
+def _responses(row: Endpoint) -> dict[int | str, dict[str, Any]]:
+    answer = row.answer_class
+    if answer is None or not is_dataclass(answer) or row.name == "telemetry":
+        return _ERRORS
+    fine: dict[int | str, dict[str, Any]] = {200: {"model": answer}}
+    if row.also_fine != 200:
+        fine[row.also_fine] = {"model": answer, "description": row.help}
+    return {**fine, **_ERRORS}
+
 
 _LOG: Final = logger("service")
 _CLIENT: Final = re.compile(r"[A-Za-z0-9_.:@-]{0,64}")
