@@ -1,4 +1,10 @@
-"""Compilation of all numeric kernels of piezod, and their cache on disk."""
+"""Compilation of all numeric kernels of piezod, and their cache on disk.
+
+Why not plain `numba.njit(cache=True)`: its cache raises where it finds no folder to write to, uses
+a kernel whose callee in another file has changed, and runs a damaged file. A daemon that drives a
+stage must do none of this. numba has no public interface to its cache, so private classes of it are
+used here, and nowhere else; `pyproject.toml` names the versions of numba that this is tested with.
+"""
 
 import hashlib
 import inspect

@@ -35,18 +35,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Generic, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
+from piezod.config.faults import Fault
+
 if typing.TYPE_CHECKING:
     from pydantic import BaseModel
 
 OptionsT = TypeVar("OptionsT", bound="BaseModel")
 
-_NOT_REPORTED: Final = frozenset({"unknown", "not told"})
+UNKNOWN: Final = "unknown"
+NOT_TOLD: Final = "not told"
+"""Parts of an identity that the device does not report, or whose reply says nothing."""
 
 
 class Identity(NamedTuple):
     """Identity that a device reports; texts as the device gives them, none of them empty.
 
-    A part is "unknown" or "not told" if the device does not report it, or does not report it while
+    A part is `UNKNOWN` or `NOT_TOLD` if the device does not report it, or does not report it while
     only its outputs are used.
     """
 
@@ -63,7 +67,7 @@ def is_same(found: Identity, known: Identity) -> bool:
     it can be updated.
     """
     return all(
-        a == b or not _NOT_REPORTED.isdisjoint({a, b})
+        a == b or not {a, b}.isdisjoint({UNKNOWN, NOT_TOLD})
         for a, b in zip(found[:3], known[:3], strict=True)
     )
 
@@ -257,6 +261,15 @@ def any_channel(_options: object) -> None:
     """Return None: the driver accepts any channel name."""
 
 
+def faults(ids: str) -> frozenset[str]:
+    """Return the faults of `docs/faults.md` with these ids, which spaces separate, such as "A1 B3".
+
+    Raises:
+        ValueError: If there is no such fault.
+    """
+    return frozenset(map(Fault, ids.split()))
+
+
 @dataclass(frozen=True, slots=True)
 class DriverPlugin(Generic[OptionsT]):
     """Description of a driver, exported by its module as `PLUGIN` for `piezod.devices.registry`."""
@@ -272,5 +285,5 @@ class DriverPlugin(Generic[OptionsT]):
     confirmed_on_hardware: bool  #: Whether it has been confirmed on the real device.
     #: Returns the channels of a device with these options; None if any name is accepted.
     channels: Callable[[OptionsT], ChannelUnits | None] = any_channel
-    #: Ids of the faults of bus, amplifier and sensor (`docs/faults.md`) that it can detect.
+    #: Ids of the faults of bus, amplifier and sensor that it can detect; see `faults`.
     sees: frozenset[str] = frozenset()

@@ -123,7 +123,6 @@ class PlayedAxis:
         Raises:
             DeviceError: If the device refuses it, or does not know the voltage of an output that
                 is to stay.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         others = list(self._device.read_back(now_ns))
         others[self._output] = 0.0  # replaced by the table
@@ -169,7 +168,6 @@ class PlayedAxis:
 
         Raises:
             DeviceError: If none has ended, or the record could not be read.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         record = self._device.recording(check)
         true_um = np.full(len(record.positions), np.nan)

@@ -1,8 +1,10 @@
 """The memory of a surface: the 24 regressors of the displacement at each extremum of the drive.
 
-The regressors are sums of `everett.fill_basis` over the loops that the drive has left open. They do
-not depend on the coefficients, so that the coefficients may change at any time. Between reversals
-one term changes, so that a step costs the same for any past:
+A surface (`everett`) tells how far a stage moves in one loop of the drive; the displacement is a
+sum over all loops that are open. A cycle has no time to form this sum anew: the memory keeps the
+part of it that no longer changes. The regressors are sums of `everett.fill_basis` over the loops
+that the drive has left open. They do not depend on the coefficients, so that the coefficients may
+change at any time. Between reversals one term changes, so that a step costs the same for any past:
 
     rising:  b = b_m + basis(v, v_m),     falling:  b = b_M - basis(v_M, v),
 

@@ -1,4 +1,11 @@
-"""The form of a model that is a surface: displacement = hysteresis of the drive."""
+"""The form of a model that is a surface: displacement = hysteresis of the drive.
+
+A model has one of two forms (`forms`). The one of the paper, a sum of stops, gives the drive for a
+displacement, and so is its own inverse model. This one gives the displacement for a drive: it fits
+stages of which a sum of stops cannot make the loops, and its inverse is found by a search. This
+file makes it a `ModelForm`, so that identification, experiments and the loop need not know which
+form a model has.
+"""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,8 @@
-"""The checksum of HDF5's administrative data: Bob Jenkins' `lookup3`, function `hashlittle`."""
+"""The checksum of HDF5's administrative data: Bob Jenkins' `lookup3`, function `hashlittle`.
+
+`repair` needs it: the first bytes of a recording end with their checksum, which changes with them.
+Neither Python nor h5py offers it.
+"""
 
 from typing import Final
 

@@ -1,7 +1,8 @@
 """Recordings whose writer was killed: HDF5 opens them plainly when their flags are cleared.
 
-A writer sets flags in the superblock, and clears them when it closes the file. What `h5clear` does
-is done here without HDF5, on the 48 bytes of the superblock.
+A writer sets flags in the superblock, the first 48 bytes, and clears them when it closes the file.
+While they are set HDF5 takes the file for one that is being written. HDF5 has a program that clears
+them, `h5clear`, which does not come with h5py: what it does is done here, without HDF5.
 """
 
 import errno

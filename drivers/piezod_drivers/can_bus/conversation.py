@@ -52,8 +52,13 @@ class CanConversation:
         self._overdue_until_ns = 0
         self._noticed: set[DeviceFlag] = set()
 
-    def restart(self) -> None:
-        """Forget all earlier exchanges; call it whenever the bus was opened."""
+    def restart(self, own: Iterable[int]) -> None:
+        """Forget all earlier exchanges; call it whenever the bus was opened.
+
+        Args:
+            own: Identifiers that only this end sends from now on.
+        """
+        self._own_ids = frozenset(own)
         self._refused = 0
         self._overdue.clear()
         self._noticed.clear()

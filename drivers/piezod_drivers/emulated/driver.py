@@ -70,20 +70,12 @@ class EmulatedRig:
         return greeting.identity
 
     def capabilities(self) -> Capabilities:
-        """Return axes and highest rate.
-
-        Raises:
-            DeviceError: If the rig is not open.
-        """
+        """Return axes and highest rate."""
         greeting = self._require_open()
         return Capabilities(greeting.axes, greeting.axes, True, greeting.max_rate_hz, holds=True)
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's, time is the rig's own
-        """Accept writes from now on.
-
-        Raises:
-            DeviceError: If the rig is not open.
-        """
+        """Accept writes from now on."""
         self._require_open()
         self._active = True
 
@@ -99,11 +91,7 @@ class EmulatedRig:
         self._session.close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take a sample of each axis; invalid without a reply in time. Real-time safe.
-
-        Raises:
-            DeviceError: If the rig is not active.
-        """
+        """Take a sample of each axis; invalid without a reply in time. Real-time safe."""
         if not self._active or self._greeting is None:
             raise DeviceError("the emulated rig is not active")
         self._session.reconnect(self._greeting, now_ns)
@@ -130,11 +118,7 @@ class EmulatedRig:
         return reply is not None and reply.taken
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Measure the output of each amplifier, in V; NaN without a reply. Real-time safe.
-
-        Raises:
-            DeviceError: If the rig is not open.
-        """
+        """Measure the output of each amplifier, in V; NaN without a reply. Real-time safe."""
         self._require_open()
         # The exchange of this instant already had the voltages.
         if now_ns != self._in_force_ns:
@@ -142,11 +126,7 @@ class EmulatedRig:
         return self._in_force_v
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Report for a second that the rig was lost and has restarted. Real-time safe.
-
-        Raises:
-            DeviceError: If the rig is not open.
-        """
+        """Report for a second that the rig was lost and has restarted. Real-time safe."""
         self._require_open()
         since_ns = self._restarted_ns
         restarted = since_ns is not None and now_ns - since_ns < NS_PER_S

@@ -7,7 +7,7 @@ from piezod.devices.bus.line import Line
 from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
 from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.bus.tcp_line import TcpLine
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring, faults
 from piezod_drivers.modbus.labjack_dialogue import LabJackDialogue
 from piezod_drivers.modbus.layout import profile_of
 from piezod_drivers.modbus.options import ModbusOptions
@@ -84,7 +84,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels_of,
-    sees=frozenset(
-        "A1 A2 A3 A7 A8 A9 A12 B1 B2 B3 B4 B5 B6 B7 B10 B13 B14 S7 S10".split()  # noqa: SIM905 - a list of words
-    ),
+    sees=faults("A1 A2 A3 A7 A8 A9 A12 B1 B2 B3 B4 B5 B6 B7 B10 B13 B14 S7 S10"),
 )

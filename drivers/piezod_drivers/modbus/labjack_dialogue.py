@@ -5,10 +5,11 @@ from math import inf, isnan, nan
 from struct import Struct
 from typing import Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.codec import FEEDBACK, ModbusRequest
 from piezod_drivers.modbus.layout import armed_watchdogs, profile_of
@@ -32,7 +33,7 @@ converter.
 _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 
 
-class LabJackDialogue:
+class LabJackDialogue(BaseDialogue):
     """Implements `ExchangingDialogue`.
 
     Each request reads the outputs before and after it sets them. This shows whether the watchdog
@@ -55,6 +56,7 @@ class LabJackDialogue:
     def __init__(
         self, options: ModbusOptions, wiring: Wiring, transactions: Transactions, stream: Line
     ) -> None:
+        super().__init__(wiring, transactions, transactions)
         profile = profile_of(options)
         assert profile is not None  # noqa: S101 - `make_device` has checked it
         self._profile, self._options, self._transactions = profile, options, transactions
@@ -67,6 +69,7 @@ class LabJackDialogue:
         inputs = [_register(options.known, "input", name) for name in wiring.inputs]
         self._outputs = [_register(options.known, "output", name) for name in wiring.outputs]
         self._n_inputs, self._n_outputs = n_inputs, n = len(inputs), len(self._outputs)
+        self._ranges = [(register.low, register.high) for register in self._outputs]
         self._input_ranges = [(register.low, register.high) for register in inputs]
         before = [register.address for register in self._outputs]
         self._head = _ECHO + _reads(before)
@@ -79,16 +82,10 @@ class LabJackDialogue:
         # The reply: function, outputs before and after, inputs, counter.
         numbers = Struct(f">B{2 * n + n_inputs}fI")
         self._unpack, self._reply_bytes = numbers.unpack, numbers.size
-        self._wiring = wiring
-        self._no_flags: Sequence[Flags] = [NO_FLAGS] * (n_inputs + n)
-        self._flags: Sequence[Flags] = self._no_flags
         self._values: Sequence[float] = ()
-        self._in_force: Sequence[float] = ()
-        self._in_force_ns: int | None = None
         self._last_ns = self._counter = 0
         self._changed: DeviceFlag | None = None
         self._in_control = False
-        self._noticed: set[DeviceFlag] = set()
         self.player = LabJackPlayer(
             StreamSetup(transactions, options.unit, STREAM_PLANS[profile.name]),
             stream,
@@ -101,24 +98,18 @@ class LabJackDialogue:
         """Connect, check the order of words, identify the device and read everything once.
 
         Raises:
-            DeviceUnavailableError: If the device is absent.
             DeviceError: If it is another device.
-            LineFault: If an exchange fails.
         """
         self._transactions.open()
         setup = DeviceSetup(self._transactions, self._options.unit)
         setup.check_constants(self._profile, {*self._wiring.inputs, *self._wiring.outputs})
         identity = setup.read_identity(self._profile)
         # The first reply has no earlier outputs to be compared with.
-        self._in_force, self._in_force_ns = (), None
+        self._keep_in_force((), None)
         # During a stream the inputs cannot be read; `activate` stops it, if it drives our outputs.
         if not self.player.setup.is_active():
             self._read_all()
         return identity
-
-    def close(self) -> None:
-        """Disconnect; the outputs keep their values. Never raises."""
-        self._transactions.close()
 
     def capabilities(self) -> Capabilities:
         """Return the channels and the highest rate of the device."""
@@ -132,16 +123,11 @@ class LabJackDialogue:
             quality=True,
         )
 
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of each output, in V."""
-        return [(register.low, register.high) for register in self._outputs]
-
     def activate(self) -> None:
         """Stop a play that is found, and arm the watchdog; the outputs keep their values.
 
         Raises:
             DeviceError: If it cannot be armed, or a stream of another program is running.
-            LineFault: If an exchange fails.
         """
         if self.player.stop_found():
             self._in_force = ()
@@ -159,11 +145,7 @@ class LabJackDialogue:
         self._in_control = True
 
     def deactivate(self) -> None:
-        """Stop the watchdog, if it was armed; the outputs hold.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop the watchdog, if it was armed; the outputs hold."""
         if self._watchdog is not None:
             DeviceSetup(self._transactions, self._options.unit).disarm(self._watchdog)
 
@@ -175,36 +157,23 @@ class LabJackDialogue:
 
     def put(self, values: Sequence[float]) -> None:
         """Set every output. Real-time safe."""
-        self._in_force_ns = None
+        self._forget_in_force()
         self._set(values)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Set every output and read every input in one request. Real-time safe."""
-        self._in_force_ns = None
+        self._forget_in_force()
         self._set(values)
         self._in_force_ns = now_ns
         return now_ns, self._values
 
-    def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the value that each output holds. Real-time safe."""
-        if self._in_force_ns != now_ns:
-            self._read_all()
-            self._in_force_ns = now_ns
+    def _ask_in_force(self) -> Sequence[float]:
+        self._read_all()
         return self._in_force
-
-    def flags(self) -> Sequence[Flags]:
-        """Return which inputs are saturated. Real-time safe."""
-        return self._flags
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised."""
-        noticed = self._transactions.take_noticed() | self._noticed
-        self._noticed = set()
-        return noticed
 
     def _take_outputs(self, values: Sequence[float]) -> None:
         """Take the outputs after a play as the ones that are in force. Real-time safe."""
-        self._in_force, self._in_force_ns = tuple(values), None
+        self._keep_in_force(tuple(values), None)
         self._last_ns = self._transactions.now_ns()
 
     def _set(self, values: Sequence[float]) -> None:

@@ -87,7 +87,6 @@ class LabJackPlayer:
 
         Raises:
             DeviceError: If another stream makes the inputs unreadable.
-            LineFault: If an exchange fails.
         """
         if not self.setup.is_active():
             return False
@@ -126,8 +125,6 @@ class LabJackPlayer:
 
         Raises:
             DeviceError: If a stream is running, or the device refuses.
-            LineFault: If an exchange fails.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.modbus import stream_arrays  # noqa: PLC0415 - numpy, see there
 
@@ -144,7 +141,6 @@ class LabJackPlayer:
 
         Raises:
             DeviceError: If the device refuses, or the stream's port cannot be reached.
-            LineFault: If an exchange fails.
         """
         table = self._require_table()
         self._scales = [self.setup.scale(address // 2) for address in self._inputs]
@@ -162,7 +158,6 @@ class LabJackPlayer:
 
         Raises:
             DeviceError: If the device refuses.
-            LineFault: If an exchange fails.
         """
         self._polled_ns = self._ended_ns = None
         while self._inputs and self._stream.receive(0):
@@ -170,11 +165,7 @@ class LabJackPlayer:
         self.setup.write(registers.ENABLE, 1)
 
     def progress(self, now_ns: int) -> Progress:
-        """Take the packets that have come, and ask the device now and then. Real-time safe.
-
-        Raises:
-            LineFault: If the device is lost or does not reply.
-        """
+        """Take the packets that have come, and ask the device now and then. Real-time safe."""
         record = self._record
         if self._inputs and not record.complete:
             try:
@@ -200,9 +191,6 @@ class LabJackPlayer:
         """Stop the stream; return the outputs. Real-time safe.
 
         LabJack's own example reads an output while a stream-out drives it.
-
-        Raises:
-            LineFault: If the device is lost or does not reply.
         """
         self._in_force = self._requests.stop()
         self._take_outputs(self._in_force)
@@ -213,7 +201,6 @@ class LabJackPlayer:
 
         Raises:
             DeviceError: If scans are missing that the device does not report as lost.
-            PlayCancelledError: If `check` has raised it.
         """
         check()
         from piezod_drivers.modbus import stream_arrays  # noqa: PLC0415 - numpy, see there
@@ -230,11 +217,7 @@ class LabJackPlayer:
         return now_ns, self._record.newest_v(self._scales) or [nan] * len(self._inputs)
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the value of each output. Real-time safe.
-
-        Raises:
-            LineFault: If the device is lost or does not reply.
-        """
+        """Return the value of each output. Real-time safe."""
         if self._polled_ns != now_ns:
             self._polled_ns = now_ns
             _, self._in_force = self._requests.poll()

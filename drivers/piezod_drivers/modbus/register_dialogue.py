@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from math import isnan, nan
 from typing import Final
 
-from piezod.devices.bus.bus_device import LOSING
+from piezod.devices.bus.base_dialogue import BaseDialogue, StatusTurns
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import DeviceFlag, Flags
 from piezod_drivers.modbus.blocks import ReadBlock, WriteBlock
 from piezod_drivers.modbus.layout import armed_watchdogs, make_layout, profile_of
 from piezod_drivers.modbus.options import ModbusOptions
@@ -24,7 +24,7 @@ less.
 """
 
 
-class RegisterDialogue:
+class RegisterDialogue(BaseDialogue):
     """Implements `ExchangingDialogue` for the units of one line.
 
     Watchdogs are armed only for devices whose outputs are in use. If one has tripped, the outputs
@@ -38,8 +38,10 @@ class RegisterDialogue:
     """
 
     def __init__(self, options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> None:
+        super().__init__(wiring, transactions, transactions)
         self._options, self._transactions = options, transactions
         self._layout = make_layout(options, wiring)
+        self._ranges = self._layout.ranges
         self._watched = armed_watchdogs(options, wiring)
         wanted = options.watchdog if self._watched else None
         # 0.9 is a margin: after this silence the watchdog may trip before the next request arrives.
@@ -48,15 +50,11 @@ class RegisterDialogue:
         self._n_inputs = len(wiring.inputs)
         self._channels = {*wiring.inputs, *wiring.outputs}
         self._no_values = [nan] * len(wiring.inputs)
-        self._no_flags: list[Flags] = [NO_FLAGS] * len((*wiring.inputs, *wiring.outputs))
-        self._status_flags = self._flags = self._no_flags
+        self._status_flags = self._no_flags
         self._combined = self._layout.combined
-        self._status_ns: int | None = None
+        self._turns = StatusTurns(STATUS_PERIOD_NS)
         self._last_ns = 0
         self._tripped = self._trip_lasts = False
-        self._noticed: set[DeviceFlag] = set()
-        self._in_force: Sequence[float] = ()
-        self._in_force_ns: int | None = None
 
     @property
     def exchanges(self) -> bool:
@@ -67,9 +65,7 @@ class RegisterDialogue:
         """Connect, identify every unit, and read everything once.
 
         Raises:
-            DeviceUnavailableError: If the device is absent.
             DeviceError: If it is another device.
-            LineFault: If an exchange fails.
         """
         self._transactions.open()
         with self._transactions.opening():
@@ -83,7 +79,8 @@ class RegisterDialogue:
                 setup.check_constants(profile, self._channels)
             identities.append(setup.read_identity(profile))
         self._status_flags = self._flags = self._no_flags
-        self._status_ns = self._in_force_ns = None
+        self._turns.restart()
+        self._forget_in_force()
         reads = [self._try_forms(block) for block in self._layout.reads]
         if self._combined:
             # The combined requests have the same forms as the only read block.
@@ -92,24 +89,15 @@ class RegisterDialogue:
             self._try_forms(block)
         return Identity(*(" + ".join(parts) for parts in zip(*identities, strict=True)))
 
-    def close(self) -> None:
-        """Disconnect; the outputs keep their values. Never raises."""
-        self._transactions.close()
-
     def capabilities(self) -> Capabilities:
         """Return the channels and the highest rate of the line."""
         return self._layout.capabilities
-
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of each output, in its unit."""
-        return self._layout.ranges
 
     def activate(self) -> None:
         """Arm the watchdogs; the outputs keep their values.
 
         Raises:
             DeviceError: If one cannot be armed.
-            LineFault: If an exchange fails.
         """
         self._last_ns = self._transactions.now_ns()
         if (wanted := self._options.watchdog) is not None:
@@ -122,11 +110,7 @@ class RegisterDialogue:
             self._tripped = self._trip_lasts = self._reports_trip()
 
     def deactivate(self) -> None:
-        """Stop the watchdogs that were armed; the outputs hold.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop the watchdogs that were armed; the outputs hold."""
         for unit, plan in self._watched:
             DeviceSetup(self._transactions, unit).disarm(plan)
 
@@ -138,7 +122,7 @@ class RegisterDialogue:
 
     def put(self, values: Sequence[float]) -> None:
         """Set every output; without inputs, also read the status if due. Real-time safe."""
-        self._in_force_ns = None
+        self._forget_in_force()
         began_ns = self._require_untripped()
         for block in self._layout.writes:
             self._write(block, values)
@@ -150,7 +134,7 @@ class RegisterDialogue:
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Set and read everything in one request (function 23). Real-time safe."""
-        self._in_force_ns = None
+        self._forget_in_force()
         began_ns = self._require_untripped()
         write, block = self._layout.writes[0], self._layout.reads[0]
         words = write.words(values)
@@ -161,23 +145,10 @@ class RegisterDialogue:
         block.decode(pdu, measured)
         return self._reading(measured, now_ns)
 
-    def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the read-back value of each output. Real-time safe."""
-        if self._in_force_ns != now_ns:
-            read_back = [nan] * len(self._layout.ranges)
-            self._read(self._layout.read_backs, read_back)
-            self._in_force, self._in_force_ns = read_back, now_ns
-        return self._in_force
-
-    def flags(self) -> Sequence[Flags]:
-        """Return the flags that the devices reported last. Real-time safe."""
-        return self._flags
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised."""
-        noticed = self._transactions.take_noticed() | self._noticed
-        self._noticed = set()
-        return noticed
+    def _ask_in_force(self) -> list[float]:
+        read_back = [nan] * len(self._ranges)
+        self._read(self._layout.read_backs, read_back)
+        return read_back
 
     def _try_forms(self, block: ReadBlock) -> list[int]:
         """Keep the forms of a block that the device accepts; return their indices."""
@@ -245,9 +216,9 @@ class RegisterDialogue:
         self._read_due_status(now_ns)
         self._flags = self._status_flags
         if saturated := [position for position, value in enumerate(values) if isnan(value)]:
-            self._flags = list(self._status_flags)
+            self._flags = flags = list(self._status_flags)
             for position in saturated:
-                self._flags[position] |= {DeviceFlag.SATURATED}
+                flags[position] |= {DeviceFlag.SATURATED}
         return now_ns, values
 
     def _poll_status(self, now_ns: int) -> None:
@@ -259,16 +230,11 @@ class RegisterDialogue:
         try:
             self._read_due_status(now_ns)
         except LineFault as fault:
-            if fault.flag in LOSING:
-                raise
-            self._noticed.add(fault.flag)
+            self._note_unless_lost(fault)
         self._flags = self._status_flags
 
     def _read_due_status(self, now_ns: int) -> None:
-        if self._layout.status and (
-            self._status_ns is None or now_ns - self._status_ns >= STATUS_PERIOD_NS
-        ):
-            self._status_ns = now_ns
+        if self._layout.status and self._turns.due(now_ns) is not None:
             self._status_flags = self._read_status()
 
     def _read_status(self) -> list[Flags]:

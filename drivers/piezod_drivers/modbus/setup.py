@@ -1,10 +1,9 @@
 """Exchanges with a device before and after the loop: identity and watchdog."""
 
 from collections.abc import Collection, Sequence
-from typing import Final
 
 from piezod.devices.bus.line import LineFault
-from piezod.devices.interface import Identity
+from piezod.devices.interface import NOT_TOLD, Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.codec import WriteMany, read, write_one
@@ -17,19 +16,15 @@ from piezod_drivers.modbus.profiles.profile import (
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 from piezod_drivers.modbus.transactions import Transactions
 
-NOT_REPORTED: Final = "not told"
-"""Identity text if the protocol cannot ask for it."""
-
 
 class DeviceSetup:
     """Reads and writes single numbers of one device. Not real-time safe.
 
+    Every method raises `LineFault` if an exchange fails, and the constructor if the line is lost.
+
     Args:
         transactions: The open line; late replies are waited for first.
         unit: Address of the device.
-
-    Raises:
-        LineFault: If the line is lost.
     """
 
     def __init__(self, transactions: Transactions, unit: int) -> None:
@@ -37,22 +32,14 @@ class DeviceSetup:
         transactions.settle()
 
     def read_number(self, table: Table, address: int, kind: NumberType) -> float:
-        """Read a number.
-
-        Raises:
-            LineFault: If that fails.
-        """
+        """Read a number."""
         layout = STRUCTS[kind]
         count = 1 if table == "coil" else layout.size // 2
         pdu = self._transactions.ask(self._unit, [read(table, address, count)])
         return float(pdu[2] & 1 if table == "coil" else layout.unpack_from(pdu, 2)[0])
 
     def write(self, setting: Setting) -> None:
-        """Write a setting.
-
-        Raises:
-            LineFault: If that fails.
-        """
+        """Write a setting."""
         words = _words(setting)
         many = WriteMany(setting.address, len(words) // 2)
         # Function 6 writes one register, function 16 writes several.
@@ -69,7 +56,6 @@ class DeviceSetup:
         Raises:
             DeviceError: If it is another device, has other settings, or sends its words in another
                 order.
-            LineFault: If an exchange fails.
         """
         for constant in profile.constants:
             if constant.channel in {None, *channels} and (what := self._objection(constant)):
@@ -80,14 +66,10 @@ class DeviceSetup:
                 )
 
     def read_identity(self, profile: ModbusProfile | None) -> Identity:
-        """Read the identity; an unreported part is `NOT_REPORTED`.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
-        identity = dict.fromkeys(("model", "serial", "firmware"), NOT_REPORTED)
+        """Read the identity; an unreported part is `NOT_TOLD`."""
+        identity = dict.fromkeys(("model", "serial", "firmware"), NOT_TOLD)
         if profile is None:
-            return Identity(NOT_REPORTED, **identity)
+            return Identity(NOT_TOLD, **identity)
         identity["model"] = profile.model
         for name, field in profile.identity_fields:
             try:
@@ -106,7 +88,6 @@ class DeviceSetup:
 
         Raises:
             DeviceError: If the device does not hold the settings afterwards.
-            LineFault: If an exchange fails.
         """
         settings = plan.settings(timeout_s, safe)
         if not (self._differing(settings) or self._differing(plan.on)):
@@ -125,11 +106,7 @@ class DeviceSetup:
             )
 
     def disarm(self, plan: WatchdogPlan) -> None:
-        """Stop the watchdog.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop the watchdog."""
         for setting in plan.off:
             self.write(setting)
 

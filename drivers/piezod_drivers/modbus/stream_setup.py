@@ -98,7 +98,6 @@ class StreamSetup:
 
         Raises:
             DeviceError: If the device does not hold them afterwards.
-            PlayCancelledError: If `check` has raised it.
         """
         step = registers.OUT_STEP * out
         # Without this a stream-out goes on where an earlier stream has stopped.

@@ -87,11 +87,7 @@ class SimulatedRig:
         )
 
     def capabilities(self) -> Capabilities:
-        """Return axes and highest rate.
-
-        Raises:
-            DeviceError: If the rig is not open.
-        """
+        """Return axes and highest rate."""
         self._require_open()
         max_rate_hz = NS_PER_S / self._options.sub_step_ns
         return Capabilities(
@@ -99,11 +95,7 @@ class SimulatedRig:
         )
 
     def activate(self, now_ns: int) -> None:
-        """Accept writes from now on.
-
-        Raises:
-            DeviceError: If the rig is not open.
-        """
+        """Accept writes from now on."""
         self._require_open()
         self._elapsed_ns(now_ns)
         self._active = True

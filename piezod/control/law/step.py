@@ -1,4 +1,11 @@
-"""One step of the compensator for a sum of stops, compiled with numba."""
+"""One step of the compensator for a sum of stops, compiled with numba.
+
+Each cycle of the loop, and each sample of an experiment, makes this step for every axis. So all of
+it is one compiled function, and its arguments are single arrays and numbers by position: numba
+takes an object apart at each call, which costs more than the arithmetic. `StopKernel` binds the
+arrays once, so that a caller gives eight numbers. What one step leaves to the next is in `carried`,
+whose indices `kernel` explains.
+"""
 
 from collections.abc import Callable
 from functools import partial

@@ -1,4 +1,10 @@
-"""A connection to the service: its user, its process, and limits of time and number."""
+"""A connection to the service: the user and the process at the other end, and limits of time and number.
+
+The rights of a request depend on the user who sends it, which the kernel tells of a unix socket;
+and no client that is slow, silent or broken may keep another one from an emergency stop. uvicorn
+does neither, so its HTTP protocol is extended here. That needs parts of it which are not
+documented: the class itself, its parser `conn`, its task for idle connections.
+"""
 
 import asyncio
 import json

@@ -86,11 +86,7 @@ class BusDevice:
         return identity
 
     def capabilities(self) -> Capabilities:
-        """Return the capabilities of the device.
-
-        Raises:
-            DeviceError: If it is not open.
-        """
+        """Return the capabilities of the device."""
         return self._require_open()
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
@@ -128,11 +124,7 @@ class BusDevice:
             self._dialogue.close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Return a sample of each input, invalid ones after a fault. Real-time safe.
-
-        Raises:
-            DeviceError: If it is not active.
-        """
+        """Return a sample of each input, invalid ones after a fault. Real-time safe."""
         if not self._active or self._able is None:
             raise DeviceError(f"{self._name} is not active")
         return self._samples(self._try(self._dialogue.sample, now_ns), now_ns)
@@ -144,11 +136,7 @@ class BusDevice:
         return self._note_set(drive_v, self._try(self._set, drive_v))
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Return the read-back value of each output, NaN after a fault. Real-time safe.
-
-        Raises:
-            DeviceError: If it is not open.
-        """
+        """Return the read-back value of each output, NaN after a fault. Real-time safe."""
         able = self._require_open()
         if not able.read_back:
             # A lost device may have been switched off, so the written value need not be in force.
@@ -160,9 +148,6 @@ class BusDevice:
         """Return the flags of each channel. Real-time safe.
 
         A flag of an exchange is reported once, by the next call; a lasting flag while it lasts.
-
-        Raises:
-            DeviceError: If it is not open.
         """
         self._require_open()
         if noticed := self._dialogue.take_noticed():
@@ -252,11 +237,7 @@ class ExchangingBusDevice(BusDevice):
         self._exchanging = dialogue
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Set every output and return a sample of each input. Real-time safe.
-
-        Raises:
-            DeviceError: If it is not active.
-        """
+        """Set every output and return a sample of each input. Real-time safe."""
         if not self._accepts(drive_v):
             return False, self.read(now_ns)  # the loop needs its samples in any case
         reading = self._try(self._exchanging.exchange, drive_v, now_ns)

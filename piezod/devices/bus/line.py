@@ -77,3 +77,43 @@ class NoticingLine(Protocol):
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the faults since the last call. Real-time safe."""
         ...
+
+
+class LineWrapper:
+    """Implements `Line` and `NoticingLine` by another line, except what a subclass changes.
+
+    Args:
+        line: The other line.
+    """
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+
+    @property
+    def where(self) -> str:
+        """Port or address, for people."""
+        return self._line.where
+
+    def open(self) -> None:
+        """Connect."""
+        self._line.open()
+
+    def close(self) -> None:
+        """Disconnect. Never raises."""
+        self._line.close()
+
+    def send(self, data: bytes) -> None:
+        """Send all bytes. Real-time safe."""
+        self._line.send(data)
+
+    def receive(self, within_ns: int) -> bytes:
+        """Return the received bytes. Real-time safe."""
+        return self._line.receive(within_ns)
+
+    def now_ns(self) -> int:
+        """Return the instant, in ns. Real-time safe."""
+        return self._line.now_ns()
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return and clear the faults that the other line has noticed. Real-time safe."""
+        return self._line.take_noticed() if isinstance(self._line, NoticingLine) else set()

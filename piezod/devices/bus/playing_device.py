@@ -90,7 +90,6 @@ class PlayingBusDevice(BusDevice):
 
         Raises:
             DeviceError: If it does not fit, or a play is going on.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         able = self.player_capabilities()
         if self._may_play:
@@ -141,11 +140,7 @@ class PlayingBusDevice(BusDevice):
         raise DeviceError(f"{self._name} cannot replace a table while it plays: load a new one")
 
     def progress(self, now_ns: int) -> Progress:
-        """Return the progress. Call once per cycle. Real-time safe.
-
-        Raises:
-            DeviceError: If it is not active.
-        """
+        """Return the progress. Call once per cycle. Real-time safe."""
         if self._progress.state is not PlayState.PLAYING:
             return self._progress
         progress = self._try(self._play.progress, now_ns)
@@ -178,18 +173,13 @@ class PlayingBusDevice(BusDevice):
 
         Raises:
             DeviceError: If none has ended, or it cannot be read.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         self._require_active()
         self._require(PlayState.ENDED, "read a record")
         return self._do("read the record", self._play.recording, check)
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Return a sample of each input; during a play the newest of its record. Real-time safe.
-
-        Raises:
-            DeviceError: If it is not active.
-        """
+        """Return a sample of each input; during a play the newest of its record. Real-time safe."""
         if self._active and self._plays_on():
             # What was sampled of a play that is to stop is not followed any more.
             asked = None if self._stop_owed else self._try(self._play.sample, now_ns)
@@ -197,11 +187,7 @@ class PlayingBusDevice(BusDevice):
         return super().read(now_ns)
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Return the read-back value of each output. Real-time safe.
-
-        Raises:
-            DeviceError: If it is not open.
-        """
+        """Return the read-back value of each output. Real-time safe."""
         able = self._require_open()
         if self._active and self._plays_on():
             values = None if self._stop_owed else self._try(self._play.in_force, now_ns)

@@ -9,7 +9,10 @@ from piezod.devices.emulation.faults import WireFaults
 
 
 class Emulator(Protocol):
-    """The device end of a byte stream; never blocks, reads no clock but that of its rig."""
+    """The device end of a byte stream; never blocks, reads no clock but that of its rig.
+
+    An emulator that inherits from it sends only replies, unless it overrides `due`.
+    """
 
     def receive(self, data: bytes) -> list[bytes]:
         """Process bytes from the host; return the replies one by one.
@@ -21,7 +24,7 @@ class Emulator(Protocol):
 
     def due(self) -> list[bytes]:
         """Return the unsolicited messages that are due; called every few milliseconds."""
-        ...
+        return []
 
 
 @runtime_checkable

@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.devices import emulators
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.modbus import emulator
 from piezod_drivers.modbus.checksum import checksum
@@ -22,25 +21,6 @@ def tcp_answer(plugin: EmulatorPlugin, pdu: bytes) -> bytes:
     (reply,) = plugin.create(bench(1)[0], "").receive(frame)
     assert reply[:7] == pack(">HHHB", 7, 0, len(reply) - 6, 1)
     return reply[7:]
-
-
-@pytest.mark.parametrize("plugin", PLUGINS, ids=lambda plugin: plugin.name)
-def test_emulators_can_be_found(plugin: EmulatorPlugin) -> None:
-    """Each emulator is found under its own name."""
-    assert emulators.load(plugin.name) is plugin
-
-
-@pytest.mark.parametrize("plugin", PLUGINS, ids=lambda plugin: plugin.name)
-@given(st.lists(st.binary(max_size=40), max_size=3))
-def test_bytes_that_are_no_request_raise_nothing(
-    plugin: EmulatorPlugin, chunks: list[bytes]
-) -> None:
-    """Any bytes raise nothing, and without a request nothing is sent."""
-    assert plugin.create is not None
-    device = plugin.create(bench(1)[0], "X-7")
-    for chunk in chunks:
-        device.receive(chunk)
-        assert device.due() == []
 
 
 @pytest.mark.parametrize("plugin", TCP, ids=lambda plugin: plugin.name)

@@ -1,7 +1,6 @@
 import pytest
 from pydantic import ValidationError
 
-from piezod.devices import registry
 from piezod_drivers.modbus.driver import channels_of
 from piezod_drivers.modbus.options import ModbusOptions
 
@@ -109,10 +108,3 @@ def test_channels_have_the_units_of_their_registers() -> None:
         {"a": "%"},
         {"a": "V"},
     )
-
-
-def test_the_driver_can_be_found() -> None:
-    """The driver is installed under its name and is not confirmed on hardware."""
-    plugin = registry.load("modbus")
-    assert plugin.options_model is ModbusOptions
-    assert not plugin.confirmed_on_hardware

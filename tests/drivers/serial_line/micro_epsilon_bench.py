@@ -2,9 +2,8 @@
 
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import Wiring
-from piezod_drivers.serial_line.micro_epsilon import codec
 from piezod_drivers.serial_line.micro_epsilon.dialogue import MicroEpsilonDialogue
-from piezod_drivers.serial_line.micro_epsilon.emulator import ILD1420, ODC2520
+from piezod_drivers.serial_line.micro_epsilon.emulator import ILD1420, ODC2520, word_of
 from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
@@ -16,7 +15,7 @@ ANSWER = (
     b"GETINFO\r\nName: ILD1420-10\r\nSerial: 77\r\nMeasuring range: 10.00mm\r\nVersion: 1\r\n->"
 )
 COUNT = 32_000
-WORD = codec.pack(COUNT, 3)
+WORD = word_of(COUNT, 3)
 AT_COUNT_UM = (COUNT * 102 / 65520 - 1) / 100 * 10_000
 
 
@@ -40,7 +39,7 @@ def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, Scripte
     if PROFILES[model].answers_commands:
         line.then(exchange(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
     device = BusDevice(model, MicroEpsilonDialogue(options(model, **more), WIRING, line))
-    line.comes(codec.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
+    line.comes(word_of(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
     device.open()
     device.activate(line.now_ns())
     return device, line

@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, AptFrameError, Hardware, Id
-from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator, KsgEmulator
-from tests.drivers.serial_line.linear_rig import bench
 
 COUNTS = st.integers(-32768, 32767)
 CHANNEL = 1
@@ -159,22 +157,3 @@ def test_next_message_is_found_after_garbage() -> None:
     while (length := codec.length_to_host(rest)) < 0:
         rest = rest[-length:]
     assert rest[:length] == FRAME
-
-
-HEADS = st.builds(
-    lambda ident, rest: codec.short(ident)[:2] + rest, st.sampled_from(Id), st.binary(max_size=20)
-)
-
-
-@pytest.mark.parametrize("cube", [KpzEmulator, KsgEmulator])
-@given(parts=st.lists(st.binary(max_size=60) | HEADS, max_size=20))
-def test_emulators_survive_whatever_comes(
-    cube: type[KpzEmulator | KsgEmulator], parts: list[bytes]
-) -> None:
-    """Any bytes make the emulated cubes raise nothing."""
-    stand, _, _ = bench()
-    emulator = cube(stand, "")
-    for part in parts:
-        for answer in emulator.receive(part):
-            assert codec.length_to_host(answer) == len(answer)
-        emulator.due()

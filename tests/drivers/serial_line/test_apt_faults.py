@@ -252,35 +252,6 @@ def test_half_a_message_does_not_block_for_ever() -> None:
     assert DeviceFlag.GARBAGE in device.status(NOW)[0]
 
 
-@pytest.mark.sees("thorlabs_apt", "B5")
-@pytest.mark.sees("thorlabs_apt", "B6")
-@pytest.mark.parametrize("cycles", [2000, pytest.param(50_000, marks=pytest.mark.stress)])
-def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
-    """With replies up to ten time-outs late, or doubled, no voltage of another instant is read."""
-    device, line, _, emulator = kpz()
-    device.open()
-    device.activate(NOW)
-    seen: set[DeviceFlag] = set()
-    taken = 0
-    for i in range(cycles):
-        value = float(i * 7 % 150)
-        line._delay_ns = (1 + i // 40 % 13 * 24) * MS if i % 40 == 0 else 1 * MS  # noqa: SLF001 - the test's own line
-        line.change = (lambda r: r + r) if i % 17 == 0 else (lambda r: r)
-        line.time.t_ns += 10 * MS
-        if device.write([value], NOW):
-            taken += 1
-            assert (
-                emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0][8:]
-                == codec.words(1, round(value / 150 * codec.FULL_SCALE))[2:]
-            )
-        reading = device.read_back(NOW)[0]
-        held = codec.words_of(emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0], 1)[0]
-        assert isnan(reading) or reading == pytest.approx(held / codec.FULL_SCALE * 150)
-        seen |= device.status(NOW)[0]
-    assert taken > cycles // 20
-    assert {DeviceFlag.LATE_REPLY, DeviceFlag.OUT_OF_ORDER} <= seen
-
-
 def test_answer_of_another_channel_is_garbage() -> None:
     """A reading of another channel is refused."""
     device, line, _, _ = ksg()

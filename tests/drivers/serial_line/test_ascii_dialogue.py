@@ -112,16 +112,6 @@ def test_voltage_in_force_comes_from_the_device() -> None:
     assert dut.read_back(line.now_ns()) == [7.5]
 
 
-def test_no_answer_is_late_and_nothing_is_asked_until_it_cannot_come() -> None:
-    """A late reply is never taken for the reply to the next command."""
-    dut, line = started(exchange(b"V 1.00\n"))
-
-    assert not dut.write([1.0], line.now_ns())
-    assert DeviceFlag.LATE_REPLY in dut.status(line.now_ns())[0]
-    assert not dut.write([2.0], line.now_ns())
-    line.assert_done()
-
-
 def test_numbers_that_go_round_tell_a_late_answer_from_the_next() -> None:
     """A late reply with a running number is dropped."""
     dut, line = started(

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from piezod.devices.bus.line import LineFault
-from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.ascii_line.codec import AsciiLines, number
 from piezod_drivers.serial_line.ascii_line.driver import PLUGIN
@@ -102,15 +101,6 @@ def test_channels_and_units_are_those_of_the_options(options: dict[str, Any]) ->
     assert units is not None
     assert list(units.inputs) == list(model.inputs)
     assert list(units.outputs) == list(model.outputs)
-
-
-@pytest.mark.parametrize("options", [PLAIN, LISTENED])
-def test_a_device_is_made_without_its_port(options: dict[str, Any]) -> None:
-    """Constructing a device opens nothing."""
-    model = AsciiOptions.model_validate(dict(options))
-    wiring = Wiring(tuple(model.inputs), tuple(model.outputs))
-
-    assert PLUGIN.create(model, wiring, 1) is not None
 
 
 @given(st.floats(-1e9, 1e9), st.integers(0, 999))

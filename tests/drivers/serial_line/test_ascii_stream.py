@@ -144,15 +144,6 @@ def test_a_sensor_that_falls_silent_cannot_be_activated() -> None:
         dut.activate(line.now_ns())
 
 
-def test_a_lost_port_is_reported() -> None:
-    """A lost port gives no samples until it is opened again."""
-    dut, line = listening()
-    line.unplugged = True
-
-    assert not dut.read(line.now_ns())[0].valid
-    assert DeviceFlag.DISCONNECTED in dut.status(line.now_ns())[0]
-
-
 def test_start_and_stop_are_sent_to_a_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
     """The commands of `start` and `stop` are sent to a streaming sensor."""
     sent: list[bytes] = []

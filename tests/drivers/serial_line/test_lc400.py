@@ -20,7 +20,7 @@ from piezod_drivers.serial_line.npoint_lc400.emulation.wavetables import MID_UM
 from piezod_drivers.serial_line.npoint_lc400.emulator import Lc400
 from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
+from tests.drivers.serial_line.scripted_line import EmulatedLine
 
 NOW = 5
 BOTH = Wiring.both(("1", "2"))
@@ -147,31 +147,6 @@ def test_range_of_another_unit_has_to_be_set() -> None:
     assert "60" in set_.open().serial
 
 
-@pytest.mark.sees("npoint_lc400", "B5")
-@pytest.mark.sees("npoint_lc400", "B6")
-@pytest.mark.parametrize("cycles", [2000, pytest.param(50_000, marks=pytest.mark.stress)])
-def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
-    """With replies that are late or doubled, no command of another instant is read."""
-    device, line, rig, _ = lc400(Wiring.both(("1",)))
-    device.open()
-    device.activate(NOW)
-    seen: set[DeviceFlag] = set()
-    taken = 0
-    for i in range(cycles):
-        line._delay_ns = i % 11 * 10 * MS if i % 40 < 2 else MS // 10  # noqa: SLF001 - the test's own line
-        line.change = (lambda r: r + r) if i % 17 == 0 else (lambda r: r)
-        line.time.t_ns += 2 * MS
-        value = i * 7 % 100 - 50.0
-        if device.write([value], NOW):
-            taken += 1
-            assert rig.drive_v[0] == pytest.approx(75 + 1.5 * value, abs=1e-3)
-        reading = device.read_back(NOW + i)[0]
-        assert isnan(reading) or 75 + 1.5 * reading == pytest.approx(rig.drive_v[0], abs=1e-3)
-        seen |= device.status(NOW)[0]
-    assert taken > 100
-    assert {DeviceFlag.LATE_REPLY, DeviceFlag.OUT_OF_ORDER} <= seen
-
-
 @pytest.mark.sees("npoint_lc400", "B3")
 def test_flipped_bits_are_seen_where_they_can_be() -> None:
     """Of all single bits of an exchange, only 19 of a position go undetected."""
@@ -228,16 +203,6 @@ def test_frames_are_found_within_what_has_come(garbage: bytes) -> None:
             assert -len(rest) <= length <= len(rest)
             rest = rest[abs(length) :]
         assert len(rest) < 26
-
-
-@given(st.lists(st.binary(max_size=60), max_size=20))
-def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
-    """Any bytes make the emulator raise nothing."""
-    stand, _, _ = bench(2)
-    emulator = Lc400(stand, "")
-    for part in parts:
-        emulator.receive(part)
-    assert emulator.due() == []
 
 
 def test_plug_in_lists_channels_with_both_units() -> None:

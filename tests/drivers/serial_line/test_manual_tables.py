@@ -6,6 +6,7 @@ import pytest
 
 from piezod.devices.status import DeviceFlag, Flags
 from piezod_drivers.serial_line.micro_epsilon import codec as stream
+from piezod_drivers.serial_line.micro_epsilon.emulator import word_of
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from piezod_drivers.serial_line.npoint_lc400 import codec as lc400
 from piezod_drivers.serial_line.npoint_lc400.codec import Lc400Register
@@ -85,7 +86,7 @@ def test_words_of_three_bytes_are_those_of_the_manual() -> None:
 
     assert (stream.count_of(additional), stream.count_of(first)) == (0xA301, 0x3F02A)
     assert stream.newest(first + additional, 3) == (0x3F02A, b"", False)
-    assert stream.pack(0xA301, 3, additional=True) == additional
+    assert word_of(0xA301, 3, additional=True) == additional
 
 
 @pytest.mark.confirms(
@@ -98,7 +99,7 @@ def test_words_of_three_bytes_are_those_of_the_manual() -> None:
 def test_words_of_two_bytes_are_those_of_the_manual() -> None:
     """The digital value 2099 is sent as 90 33."""
     assert stream.newest(b"\x90\x33", 2) == (2099, b"", False)
-    assert stream.pack(2099, 2) == b"\x90\x33"
+    assert word_of(2099, 2) == b"\x90\x33"
 
 
 ERRORS_2: tuple[tuple[int, Flags], ...] = (

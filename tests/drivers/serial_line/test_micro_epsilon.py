@@ -7,9 +7,9 @@ import pytest
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.serial_line.micro_epsilon import codec
 from piezod_drivers.serial_line.micro_epsilon.dialogue import MicroEpsilonDialogue
 from piezod_drivers.serial_line.micro_epsilon.driver import PLUGIN
+from piezod_drivers.serial_line.micro_epsilon.emulator import word_of
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 from tests.drivers.serial_line.micro_epsilon_bench import (
@@ -53,7 +53,7 @@ def test_identity_is_found_between_values() -> None:
 def test_newest_value_wins() -> None:
     """Of many pending values the last one is read, with the instant of the call."""
     device, line = scripted()
-    line.comes(b"".join(codec.pack(COUNT + i, 3) for i in range(500)))
+    line.comes(b"".join(word_of(COUNT + i, 3) for i in range(500)))
     now_ns = line.now_ns()
     (sample,) = device.read(now_ns)
     assert sample.t_ns == now_ns
@@ -91,7 +91,7 @@ def test_activating_waits_for_a_value() -> None:
     """Activating discards pending values and waits for a new one."""
     device, line = scripted()
     device.deactivate(line.now_ns())
-    line.comes(codec.pack(COUNT + 5, 3))
+    line.comes(word_of(COUNT + 5, 3))
     line.comes(WORD, 5 * MS)
     device.activate(line.now_ns())
     assert device.read(line.now_ns())[0].position_um == pytest.approx(AT_COUNT_UM)
@@ -126,7 +126,7 @@ def test_before_the_first_value_nothing_is_valid() -> None:
 def test_limits_and_codes(model: str, count: int, flags: set[DeviceFlag]) -> None:
     """A count beyond the range, or an error code, is no displacement and sets its flag."""
     device, line = scripted(model, range_mm=10.0)
-    line.comes(codec.pack(count, PROFILES[model].word_bytes))
+    line.comes(word_of(count, PROFILES[model].word_bytes))
     (sample,) = device.read(T0_NS + MS)
     assert sample.valid == (not flags)
     assert set(device.status(T0_NS + MS)[0]) == flags
@@ -137,14 +137,14 @@ def test_limits_and_codes(model: str, count: int, flags: set[DeviceFlag]) -> Non
 def test_flipped_flags_make_no_value(model: str, word_bytes: int) -> None:
     """A word with a flipped flag is never read as another value; one such flip is silent."""
     counts = [8000, 8001, 8002]
-    sent = b"".join(codec.pack(count, word_bytes) for count in counts)
+    sent = b"".join(word_of(count, word_bytes) for count in counts)
     flags = {3: (7, 6, 15, 14, 23, 22), 2: (7, 15)}[word_bytes]
     unsaid = []
     for bit in (8 * word_bytes + flag for flag in flags):
         changed = bytearray(sent)
         changed[bit // 8] ^= 1 << bit % 8
         device, line = scripted(model, range_mm=10.0)
-        line.comes(codec.pack(7999, word_bytes))
+        line.comes(word_of(7999, word_bytes))
         device.read(T0_NS)
         seen = set()
         for i in range(len(changed)):
@@ -161,7 +161,7 @@ def test_flipped_flags_make_no_value(model: str, word_bytes: int) -> None:
 def test_backlog_is_dropped_and_reported() -> None:
     """A full buffer is reported, and the newest value is read."""
     device, line = scripted()
-    line.comes(WORD * 1364 + codec.pack(COUNT + 1, 3))
+    line.comes(WORD * 1364 + word_of(COUNT + 1, 3))
     (sample,) = device.read(T0_NS)
     assert sample.position_um > AT_COUNT_UM
     assert set(device.status(T0_NS)[0]) == {DeviceFlag.BUS_OVERLOADED}

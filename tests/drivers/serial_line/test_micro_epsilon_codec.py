@@ -7,11 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod_drivers.serial_line.micro_epsilon import codec
-from piezod_drivers.serial_line.micro_epsilon.emulator import SensorEmulator
+from piezod_drivers.serial_line.micro_epsilon.emulator import SensorEmulator, word_of
 from piezod_drivers.serial_line.micro_epsilon.identity import parse_identity
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import bench
-from tests.drivers.serial_line.scripted_line import MS, T0_NS
 
 
 @pytest.mark.parametrize(
@@ -59,7 +58,7 @@ def test_arbitrary_bytes_are_a_stream(garbage: bytes, word_bytes: int) -> None:
 )
 def test_parts_of_a_stream_give_what_the_whole_gives(counts: list[int], cuts: list[int]) -> None:
     """However a stream is split, its last value is found and no word is broken."""
-    whole, place, rest = b"".join(codec.pack(count, 3) for count in counts), 0, b""
+    whole, place, rest = b"".join(word_of(count, 3) for count in counts), 0, b""
     last = None
     for cut in cuts * len(whole):
         part = whole[place : place + cut]
@@ -74,7 +73,7 @@ def test_parts_of_a_stream_give_what_the_whole_gives(counts: list[int], cuts: li
 
 def test_additional_values_are_passed_over() -> None:
     """Additional values are not taken for the distance."""
-    both = codec.pack(5, 3) + codec.pack(9, 3, additional=True)
+    both = word_of(5, 3) + word_of(9, 3, additional=True)
     assert codec.newest(both * 3, 3) == (5, b"", False)
 
 
@@ -92,14 +91,3 @@ def test_unknown_command_is_refused() -> None:
 def test_half_an_answer_gives_no_identity(text: str) -> None:
     """An identity is complete with name, serial number and prompt."""
     assert parse_identity(text) is None
-
-
-@given(st.lists(st.binary(max_size=60), max_size=20))
-def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
-    """Any bytes make the emulator raise nothing."""
-    stand, _, time = bench()
-    sensor = SensorEmulator(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
-    for part in parts:
-        sensor.receive(part)
-        time.t_ns += MS
-        assert len(sensor.due()) == 1 + (time.t_ns == T0_NS + MS)

@@ -5,7 +5,6 @@ import pytest
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
-from piezod.errors import DeviceUnavailableError
 from piezod_drivers.serial_line.gcs.emulator import GcsEmulator
 from piezod_drivers.serial_line.gcs.reply import GcsReply
 from piezod_drivers.serial_line.pi_gcs1.codec import Gcs1Syntax
@@ -14,7 +13,7 @@ from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR
 from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MANY, EmulatedLine, ScriptedLine, exchange
+from tests.drivers.serial_line.scripted_line import EmulatedLine, ScriptedLine, exchange
 
 OPTIONS = Gcs1Options(port="/dev/ttyS0")
 
@@ -87,35 +86,6 @@ def test_errors_of_the_controller(code: bytes, flag: DeviceFlag) -> None:
     line.change = lambda _: code + b"\n"
     assert not device.write([2.0], 1)
     assert flag in device.status(1)[1]
-
-
-@pytest.mark.sees("pi_gcs1", "B3")
-@pytest.mark.sees("pi_gcs1", "B5")
-@pytest.mark.sees("pi_gcs1", "A3")
-@pytest.mark.sees("pi_gcs1", "A12")
-def test_faults_of_the_line() -> None:
-    """Garbage is reported, a late reply is waited for, the voltage is measured."""
-    device, line, _, rig = emulated()
-    device.activate(0)
-    rig.drive_v = [155.0]
-    line.change = lambda reply: b"?\xfe\n" + reply if b"." in reply else reply
-    assert not device.read(1)[0].valid or device.read_back(1) == [155.0]
-    assert DeviceFlag.GARBAGE in device.status(1)[0]
-    line.change = lambda _: b""
-    assert not device.read(2)[0].valid
-    line.change = lambda reply: reply
-    assert not device.read(3)[0].valid
-    line.comes(b"+0000.0000\n+0000.0000\n0\n")
-    assert device.read(4)[0].position_um == pytest.approx(155 * UM_PER_V)
-    assert DeviceFlag.LATE_REPLY in device.status(4)[0]
-
-
-def test_silent_device() -> None:
-    """A port without reply is an unavailable device."""
-    line = ScriptedLine(*MANY * [exchange(b"ERR?\n")])
-    device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
-    with pytest.raises(DeviceUnavailableError, match="no reply"):
-        device.open()
 
 
 def test_configurations() -> None:

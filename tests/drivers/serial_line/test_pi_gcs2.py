@@ -1,5 +1,3 @@
-from math import isnan
-
 import pytest
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
@@ -170,23 +168,6 @@ def test_a_sensor_that_is_not_valid() -> None:
     assert DeviceFlag.DEVICE_FAILURE in device.status(1)[0]
 
 
-@pytest.mark.sees("pi_gcs2", "B5")
-def test_a_late_reply_answers_no_later_request() -> None:
-    """After a time-out nothing is requested until the late reply has come and was dropped."""
-    device, line, _, rig = emulated()
-    device.activate(0)
-    line.change = lambda _: b""
-    assert not device.read(1)[0].valid
-    line.change = lambda reply: reply
-    sent = len(line.sent)
-    rig.drive_v = [50.0]
-    assert not device.read(2)[0].valid
-    assert len(line.sent) == sent
-    line.comes(b"1=0.0\n1=0.0\n0\n")
-    assert device.read(3)[0].position_um == pytest.approx(50 * UM_PER_V)
-    assert DeviceFlag.LATE_REPLY in device.status(3)[0]
-
-
 @pytest.mark.sees("pi_gcs2", "B3")
 def test_garbage_between_replies() -> None:
     """Garbage before the replies is only reported; garbage between them costs one sample."""
@@ -201,31 +182,6 @@ def test_garbage_between_replies() -> None:
     assert not device.read(2)[0].valid
     line.change = lambda reply: reply
     assert device.read(3)[0].valid
-
-
-@pytest.mark.sees("pi_gcs2", "B7")
-def test_a_slow_reply() -> None:
-    """A reply that takes most of the time-out counts and is reported as slow."""
-    line = ScriptedLine(*OPENING, *LIMITS, *AT_EASE)
-    device = scripted(line)
-    device.open()
-    device.activate(0)
-    line.then(exchange(b"POS? 1\nVOL? 1\nERR?\n", b"1=5\n1=3\n0\n", after_ns=28 * MS))
-    assert device.read(1)[0].valid
-    assert device.status(1)[0] == {DeviceFlag.SLOW_REPLY}
-
-
-@pytest.mark.sees("pi_gcs2", "B1")
-def test_a_line_that_is_pulled() -> None:
-    """Without its line a device is lost: nothing is read, written or known."""
-    device, line, _, _ = emulated()
-    device.activate(0)
-    line.unplugged = True
-    assert not device.read(1)[0].valid
-    assert not device.write([1.0], 1)
-    assert isnan(device.read_back(1)[0])
-    assert DeviceFlag.DISCONNECTED in device.status(1)[0]
-    device.close()
 
 
 def test_a_sensor_only() -> None:

@@ -3,7 +3,6 @@
 import pytest
 from pydantic import ValidationError
 
-from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.psj.driver import PLUGIN
 from piezod_drivers.serial_line.psj.options import PsjOptions
 from piezod_drivers.serial_line.psj.profiles import ProfileName, ReadingUse
@@ -60,11 +59,3 @@ def test_only_an_nv40_has_to_be_said_to_be_under_remote_control() -> None:
     assert PsjOptions(profile="nv40-1", port="p", remote=True).remote
     with pytest.raises(ValidationError, match="not for nv200, whose state is read"):
         PsjOptions(profile="nv200", port="p", remote=True)
-
-
-def test_a_device_is_made_without_its_port() -> None:
-    """Constructing a device opens nothing."""
-    for where in ({"port": "/nowhere"}, {"host": "127.0.0.1", "tcp_port": 23}):
-        options = PsjOptions.model_validate({"profile": "nv200", **where})
-
-        assert PLUGIN.create(options, Wiring.both(("ch0",)), 1) is not None

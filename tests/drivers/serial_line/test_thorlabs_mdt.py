@@ -20,7 +20,6 @@ from piezod_drivers.serial_line.thorlabs_mdt.options import MdtOptions
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import (
     MANY,
-    MS,
     EmulatedLine,
     ScriptedLine,
     Step,
@@ -171,53 +170,6 @@ def test_the_voltage_is_measured() -> None:
     assert device.write([10.0], 1)
     rig.drive_v[0] = 155.0
     assert device.read_back(2) == [155.0]
-
-
-@pytest.mark.sees("thorlabs_mdt", "B5")
-def test_a_late_reply_answers_no_later_request() -> None:
-    """After a time-out nothing is requested until the late reply has come and was dropped."""
-    device, line, _, rig = emulated(B3, "x")
-    line.change = lambda _: b""
-    assert isnan(device.read_back(1)[0])
-    line.change = lambda reply: reply
-    rig.drive_v[0] = 50.0
-    assert not device.write([60.0], 2)
-    assert rig.drive_v[0] == 50.0
-    line.comes(b"[ 12.00]\r>")
-    assert device.read_back(3) == [50.0]
-    assert DeviceFlag.LATE_REPLY in device.status(3)[0]
-
-
-@pytest.mark.sees("thorlabs_mdt", "B3")
-def test_garbage_before_a_reply() -> None:
-    """Garbage is reported, and the voltage behind it is right."""
-    device, line, _, rig = emulated(B3, "x")
-    rig.drive_v[0] = 50.0
-    line.change = lambda reply: b"\xff\x00>" + reply
-    assert device.read_back(1) == [50.0]
-    assert device.status(1) == [frozenset({DeviceFlag.GARBAGE})]
-
-
-@pytest.mark.sees("thorlabs_mdt", "B7")
-def test_a_slow_reply() -> None:
-    """A reply that takes most of the time-out counts and is reported as slow."""
-    device, line, emulator, _ = emulated(B3, "x")
-    slow = EmulatedLine(emulator, line.time, delay_ns=90 * MS)
-    device = BusDevice("MDT", MdtDialogue(slow, TIMEOUT_S, Wiring((), ("x",))))
-    device.open()
-    device.activate(0)
-    assert device.write([1.0], 1)
-    assert device.status(1) == [frozenset({DeviceFlag.SLOW_REPLY})]
-
-
-@pytest.mark.sees("thorlabs_mdt", "B1")
-def test_a_line_that_is_pulled() -> None:
-    """Without its line a device is lost: nothing is written or known."""
-    device, line, _, _ = emulated(B3, "x")
-    line.unplugged = True
-    assert not device.write([1.0], 1)
-    assert isnan(device.read_back(1)[0])
-    assert DeviceFlag.DISCONNECTED in device.status(1)[0]
 
 
 def device_on(line: ScriptedLine, outputs: str = "x") -> BusDevice:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 _SYNC: Final = Frame(objects.SYNC)
 
 
-class Cia401Dialogue:
+class Cia401Dialogue(BaseDialogue):
     """Implements `devices.bus.dialogue.ExchangingDialogue` for a CiA 401 node.
 
     One exchange is: process data with the outputs, SYNC, process data with the inputs. The node
@@ -48,9 +49,13 @@ class Cia401Dialogue:
     def __init__(self, options: Cia401Options, wiring: Wiring, bus: FrameBus) -> None:
         with suppress(ImportError):  # now, because a node is opened again long after the start
             from piezod_drivers.can_bus.cia401 import process_data, setup  # noqa: F401, PLC0415
-        self._options, self._wiring, self._bus = options, wiring, bus
-        self._channels = channels = WiredChannels(options, wiring)
         self._supervision = Supervision(options, bus.now_ns)
+        timeout_ns, take_frame = round(options.timeout_ms * MS), self._supervision.take_frame
+        self._conversation = CanConversation(bus, timeout_ns, (), take_frame)
+        super().__init__(wiring, bus, self._conversation)
+        self._options, self._bus = options, bus
+        self._channels = channels = WiredChannels(options, wiring)
+        self._ranges = channels.ranges
         has_outputs = bool(channels.outputs)
         self._reads_back_by_pdo = options.read_back == "pdo" and has_outputs
         self._reads_only = channels.reads_only
@@ -60,9 +65,6 @@ class Cia401Dialogue:
         self._read_outputs = read_requests(options.node, objects.OUTPUT, channels.outputs)
         self._sdo: SdoAccess | None = None
         self._has_watchdog = False
-        self._in_force: list[float] = []
-        self._in_force_ns: int | None = None
-        self._conversation = self._make_conversation(())
         self._rpdo: PdoLayout | None = None
         self._tpdo: PdoLayout | None = None
         self._tpdo_ids: frozenset[int] = frozenset()
@@ -73,7 +75,6 @@ class Cia401Dialogue:
         Raises:
             DeviceUnavailableError: If it does not reply, or canopen is not installed.
             DeviceError: If it is no CiA 401 node.
-            LineFault: If the bus fails.
         """
         try:
             from piezod_drivers.can_bus.cia401 import sdo_client, setup  # noqa: PLC0415 - optional
@@ -82,7 +83,8 @@ class Cia401Dialogue:
             raise DeviceUnavailableError(what) from error
         options, node = self._options, self._options.node
         self._supervision.health.clear()
-        self._conversation, self._tpdo = self._make_conversation(()), None
+        self._rpdo = self._tpdo = None
+        self._conversation.restart(self._own_ids())
         self._bus.open(self._accepted())
         access = self._sdo = sdo_client.SdoAccess(node, self._bus, self._supervision.take_frame)
         try:
@@ -100,7 +102,7 @@ class Cia401Dialogue:
 
     def close(self) -> None:
         """Disconnect; the outputs keep their values. Never raises."""
-        self._bus.close()
+        super().close()
         self._sdo = None
 
     def capabilities(self) -> Capabilities:
@@ -114,10 +116,6 @@ class Cia401Dialogue:
             watchdog=self._has_watchdog,
         )
 
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the configured range of each output, in its unit."""
-        return self._channels.ranges
-
     def activate(self) -> None:
         """Configure the process data, arm the watchdog and start the node.
 
@@ -126,13 +124,13 @@ class Cia401Dialogue:
 
         Raises:
             DeviceError: If the node cannot be configured this way.
-            LineFault: If it does not reply, or the bus fails.
         """
         from piezod_drivers.can_bus.cia401 import process_data, setup  # noqa: PLC0415 - likewise
 
         options, access, channels = self._options, self._require_open(), self._channels
         if self._reads_only:
-            self._restart(())
+            self._conversation.restart(self._own_ids())
+            channels.forget()
             self._supervision.restart()
             return
         pdos = []
@@ -156,15 +154,12 @@ class Cia401Dialogue:
         access.send_nmt(objects.START)
         # Every heartbeat with the former state comes before the reply to this, and is dropped.
         access.read(objects.DEVICE_TYPE)
-        self._restart((self._rpdo.id,) if self._rpdo else ())
+        self._conversation.restart(self._own_ids())
+        channels.forget()
         self._supervision.restart(is_armed=self._has_watchdog, node_sends=node_sends)
 
     def deactivate(self) -> None:
-        """Disarm the watchdog, so that the outputs hold.
-
-        Raises:
-            LineFault: If the node does not reply, or the bus fails.
-        """
+        """Disarm the watchdog, so that the outputs hold."""
         from piezod_drivers.can_bus.cia401 import setup  # noqa: PLC0415 - `open` has imported it
 
         if self._supervision.is_armed:
@@ -172,11 +167,7 @@ class Cia401Dialogue:
             setup.disarm_watchdog(self._require_open(), self._options.host_node)
 
     def sample(self, now_ns: int) -> Reading:
-        """Send SYNC and read the inputs. Real-time safe.
-
-        Raises:
-            LineFault: If the node does not reply in time, or the bus fails.
-        """
+        """Send SYNC and read the inputs. Real-time safe."""
         if self._reads_only:
             words = read_words(self._conversation, self._read_inputs)
             return now_ns, self._channels.measured(words)
@@ -203,31 +194,9 @@ class Cia401Dialogue:
             raise LineFault(DeviceFlag.DEVICE_FAILURE, what)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
-        """Set the outputs and read the inputs. Real-time safe.
-
-        Raises:
-            LineFault: As `sample`.
-        """
+        """Set the outputs and read the inputs. Real-time safe."""
         frame, _ = self._output_frame(values)
         return now_ns, self._sync([frame, _SYNC], now_ns)
-
-    def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the value that each output is set to, as the node reports. Real-time safe.
-
-        Raises:
-            LineFault: As `sample`, or `WRONG_REQUEST` if the node refuses to report it.
-        """
-        # The exchange of this cycle has read them back already.
-        if self._in_force_ns == now_ns:
-            return self._in_force
-        if self._reads_back_by_pdo and self._tpdo is not None:
-            self._sync([_SYNC], now_ns)
-            return self._in_force
-        self._supervision.keep_alive(self._conversation.tell)
-        words = read_words(self._conversation, self._read_outputs)
-        self._in_force = self._channels.in_force(words)
-        self._in_force_ns = now_ns
-        return self._in_force
 
     def flags(self) -> Sequence[Flags]:
         """Return the faults that the node reports, and which inputs are saturated."""
@@ -239,9 +208,17 @@ class Cia401Dialogue:
             inputs = [flags | no_sensor for flags in inputs]
         return [*inputs, *[common] * len(self._channels.outputs)]
 
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised."""
-        return self._conversation.take_noticed()
+    def _ask_in_force(self) -> Sequence[float]:
+        """Return the value that each output is set to, as the node reports. Real-time safe.
+
+        Raises:
+            LineFault: As `sample`, or `WRONG_REQUEST` if the node refuses to report it.
+        """
+        if self._reads_back_by_pdo and self._tpdo is not None:
+            self._sync([_SYNC], None)
+            return self._in_force
+        self._supervision.keep_alive(self._conversation.tell)
+        return self._channels.in_force(read_words(self._conversation, self._read_outputs))
 
     def _sync(self, frames: Sequence[Frame], now_ns: int | None) -> list[float]:
         layout = self._tpdo
@@ -251,8 +228,7 @@ class Cia401Dialogue:
         words = layout.words(data)
         n_inputs = len(self._channels.inputs)
         if self._reads_back_by_pdo:
-            self._in_force = self._channels.in_force(words[n_inputs:])
-            self._in_force_ns = now_ns
+            self._keep_in_force(self._channels.in_force(words[n_inputs:]), now_ns)
         return self._channels.measured(words[:n_inputs])
 
     def _output_frame(self, values: Sequence[float]) -> tuple[Frame, list[int]]:
@@ -263,18 +239,12 @@ class Cia401Dialogue:
         self._supervision.start_watchdog()
         return layout.frame(own), own
 
-    def _restart(self, own: Sequence[int]) -> None:
-        """Forget what happened before the setup; `own` are identifiers that only we send."""
-        self._conversation = self._make_conversation(own)
-        self._channels.forget()
-
-    def _make_conversation(self, own: Sequence[int]) -> CanConversation:
-        options = self._options
-        ours = [objects.SDO_REQUEST + options.node, *own]
+    def _own_ids(self) -> list[int]:
+        """Return the identifiers that only this host sends."""
+        ours = [objects.SDO_REQUEST + self._options.node]
         if not self._reads_only:
-            ours += [objects.NMT, objects.SYNC, objects.HEARTBEAT + options.host_node]
-        take_frame = self._supervision.take_frame
-        return CanConversation(self._bus, round(options.timeout_ms * MS), ours, take_frame)
+            ours += [objects.NMT, objects.SYNC, objects.HEARTBEAT + self._options.host_node]
+        return ours + ([self._rpdo.id] if self._rpdo else [])
 
     def _accepted(self) -> list[int]:
         host = objects.HEARTBEAT + self._options.host_node

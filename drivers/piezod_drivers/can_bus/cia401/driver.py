@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
-from piezod.devices.interface import DriverPlugin, Wiring
+from piezod.devices.interface import DriverPlugin, Wiring, faults
 from piezod_drivers.can_bus.cia401.dialogue import Cia401Dialogue
 from piezod_drivers.can_bus.cia401.options import Cia401Options, channels
 from piezod_drivers.can_bus.options import make_bus
@@ -26,31 +25,5 @@ PLUGIN: Final = DriverPlugin(
     create=create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset(
-        {
-            Fault.B1,
-            Fault.B2,
-            Fault.B3,
-            Fault.B5,
-            Fault.B6,
-            Fault.B7,
-            Fault.B8,
-            Fault.B9,
-            Fault.B10,
-            Fault.B11,
-            Fault.B12,
-            Fault.B14,
-            Fault.A1,
-            Fault.A3,
-            Fault.A4,
-            Fault.A7,
-            Fault.A8,
-            Fault.A9,
-            Fault.A11,
-            Fault.A12,
-            Fault.A13,
-            Fault.S7,
-            Fault.S10,
-        }
-    ),
+    sees=faults("A1 A3 A4 A7 A8 A9 A11 A12 A13 B1 B2 B3 B5 B6 B7 B8 B9 B10 B11 B12 B14 S7 S10"),
 )

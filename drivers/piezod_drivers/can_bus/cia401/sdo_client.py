@@ -136,6 +136,8 @@ class _Client(SdoClient):
 class SdoAccess:
     """Reads and writes objects of a node and changes its state. Not real-time safe.
 
+    Every method raises `LineFault` if the node does not reply, or the bus fails.
+
     Args:
         node: Node number.
         bus: The bus.
@@ -195,7 +197,6 @@ class SdoAccess:
 
         Raises:
             DeviceError: If the node refuses, or the channel has not 16 bits.
-            LineFault: As `read`.
         """
         data, is_told = self.read(index, number)
         if is_told and len(data) != WORD_BYTES:
@@ -205,11 +206,7 @@ class SdoAccess:
             )
 
     def text(self, index: int) -> str:
-        """Return the printable characters of an object; empty if there is none.
-
-        Raises:
-            LineFault: As `read`.
-        """
+        """Return the printable characters of an object; empty if there is none."""
         try:
             text = self.read(index)[0].decode("latin-1")
         except SdoRefusedError:

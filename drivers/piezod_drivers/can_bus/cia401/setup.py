@@ -1,4 +1,7 @@
-"""Prepares a node by SDO, before the loop runs: identity, watchdog, heartbeat."""
+"""Prepares a node by SDO, before the loop runs: identity, watchdog, heartbeat.
+
+Every function raises `LineFault` if the node does not reply.
+"""
 
 from collections.abc import Sequence
 from typing import Final
@@ -18,7 +21,6 @@ def identify(access: SdoAccess) -> Identity:
 
     Raises:
         DeviceError: If it is no CiA 401 node.
-        LineFault: If it does not reply.
     """
     try:
         # The low word is the device profile, the high word lists kinds of inputs and outputs.
@@ -44,7 +46,6 @@ def check_words(access: SdoAccess, index: int, numbers: Sequence[int]) -> None:
 
     Raises:
         DeviceError: If the node does not let one be read, or it has not 16 bits.
-        LineFault: If it does not reply.
     """
     try:
         for number in numbers:
@@ -59,9 +60,6 @@ def has_watchdog(access: SdoAccess, safe_codes: Sequence[tuple[int, int]]) -> bo
     Args:
         access: The node.
         safe_codes: Number and error value of each output.
-
-    Raises:
-        LineFault: If it does not reply.
     """
     needed = [(objects.ERROR_VALUE, output) for output, _ in safe_codes]
     needed += [(objects.CONSUMER_HEARTBEAT, 1)] if safe_codes else []
@@ -89,7 +87,6 @@ def arm_watchdog(
 
     Raises:
         DeviceError: If the node refuses.
-        LineFault: If it does not reply.
     """
     try:
         for output, code in safe_codes:
@@ -113,9 +110,6 @@ def disarm_watchdog(access: SdoAccess, host: int) -> None:
         access: The node.
         host: Node number of this host. Some nodes only stop supervising a host that is named, with
             the time 0; the entry 0 leaves the watchdog running there.
-
-    Raises:
-        LineFault: If it does not reply.
     """
     try:
         access.write(objects.CONSUMER_HEARTBEAT, 1, host << 16, 4)
@@ -124,11 +118,7 @@ def disarm_watchdog(access: SdoAccess, host: int) -> None:
 
 
 def start_heartbeat(access: SdoAccess, heartbeat_ms: int) -> bool:
-    """Start the heartbeat of a node; return whether it now sends one.
-
-    Raises:
-        LineFault: If it does not reply.
-    """
+    """Start the heartbeat of a node; return whether it now sends one."""
     try:
         access.write(objects.PRODUCER_HEARTBEAT, 0, heartbeat_ms, 2)
     except SdoRefusedError:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from math import nan
 from typing import Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -22,7 +23,7 @@ _FIRST_FRAMES_NS: Final = 1_000_000_000
 """Longest time that the device may take for its first frames."""
 
 
-class DbcDialogue:
+class DbcDialogue(BaseDialogue):
     """Implements `devices.bus.dialogue.ExchangingDialogue` for described frames.
 
     With a request, one exchange is: the messages with outputs, the request, and its replies, which
@@ -37,13 +38,12 @@ class DbcDialogue:
     """
 
     def __init__(self, options: DbcOptions, wiring: Wiring, bus: FrameBus) -> None:
-        self._options, self._wiring, self._bus = options, wiring, bus
+        timeout_ns = round(options.timeout_ms * MS)
+        self._conversation = CanConversation(bus, timeout_ns, (), self._handle_frame)
+        super().__init__(wiring, bus, self._conversation)
+        self._options, self._bus = options, bus
         self._signals_or_none: UsedSignals | None = None
-        self._conversation = CanConversation(
-            bus, round(options.timeout_ms * MS), (), self._handle_frame
-        )
         self._latest: dict[int, tuple[int, bytes]] = {}
-        self._noticed: set[DeviceFlag] = set()
         self._read_ns: int | None = None
 
     def open(self) -> Identity:
@@ -52,7 +52,6 @@ class DbcDialogue:
         Raises:
             DeviceUnavailableError: If it does neither.
             DeviceError: If a message would set an unused output that is not read back.
-            LineFault: If the bus fails.
         """
         signals = self._signals_or_none = UsedSignals(self._options, self._wiring)
         self._latest.clear()
@@ -61,9 +60,7 @@ class DbcDialogue:
         # The own identifiers, too: a frame with one of them shows that another program commands the
         # device.
         self._bus.open((*own, *signals.received))
-        self._conversation = CanConversation(
-            self._bus, round(self._options.timeout_ms * MS), own, self._handle_frame
-        )
+        self._conversation.restart(own)
         try:
             self._ask((), None)
         except LineFault as fault:
@@ -73,10 +70,6 @@ class DbcDialogue:
         file = self._options.dbc
         about = "the configuration" if file is None else file.name
         return Identity("frames described by", about, self._bus.where, "unknown version")
-
-    def close(self) -> None:
-        """Disconnect; the outputs keep their values. Never raises."""
-        self._bus.close()
 
     def capabilities(self) -> Capabilities:
         """Return the channels and the highest rate that the bus allows."""
@@ -108,24 +101,13 @@ class DbcDialogue:
             for (identifier, signal), value in values:
                 self._signals.sent[identifier].put(signal, value)
 
-    def deactivate(self) -> None:
-        """Do nothing: the outputs hold."""
-
     def sample(self, now_ns: int) -> Reading:
-        """Read the inputs. Real-time safe.
-
-        Raises:
-            LineFault: If the device does not reply or send in time, or the bus fails.
-        """
+        """Read the inputs. Real-time safe."""
         self._ask((), now_ns)
         return self._reading(now_ns)
 
     def put(self, values: Sequence[float]) -> None:
-        """Set the outputs. Real-time safe.
-
-        Raises:
-            LineFault: As `sample`.
-        """
+        """Set the outputs. Real-time safe."""
         frames = self._command_frames(values)
         if self._signals.request is None:
             self._conversation.read_pending()
@@ -135,20 +117,12 @@ class DbcDialogue:
             self._ask(frames, None)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
-        """Set the outputs and read the inputs. Real-time safe.
-
-        Raises:
-            LineFault: As `sample`.
-        """
+        """Set the outputs and read the inputs. Real-time safe."""
         self._ask(self._command_frames(values), now_ns)
         return self._reading(now_ns)
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the reported value of each output. Real-time safe.
-
-        Raises:
-            LineFault: As `sample`.
-        """
+        """Return the reported value of each output. Real-time safe."""
         # The exchange of this cycle has read them already, if the instants are equal.
         if self._read_ns != now_ns:
             self._ask((), now_ns)
@@ -163,14 +137,6 @@ class DbcDialogue:
             if identifier in latest and reader.raw(latest[identifier][1]):
                 found |= {flag}
         return [found] * (len(self._wiring.inputs) + len(self._wiring.outputs))
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised."""
-        noticed = self._conversation.take_noticed()
-        if self._noticed:
-            noticed = noticed | self._noticed
-            self._noticed.clear()
-        return noticed
 
     @property
     def _signals(self) -> UsedSignals:

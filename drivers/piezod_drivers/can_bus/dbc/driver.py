@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
-from piezod.devices.interface import DriverPlugin, Wiring
+from piezod.devices.interface import DriverPlugin, Wiring, faults
 from piezod_drivers.can_bus.dbc.dialogue import DbcDialogue
 from piezod_drivers.can_bus.dbc.options import DbcOptions, channels
 from piezod_drivers.can_bus.options import make_bus
@@ -25,30 +24,5 @@ PLUGIN: Final = DriverPlugin(
     create=create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset(
-        {
-            Fault.B1,
-            Fault.B2,
-            Fault.B3,
-            Fault.B4,
-            Fault.B5,
-            Fault.B6,
-            Fault.B7,
-            Fault.B8,
-            Fault.B9,
-            Fault.B11,
-            Fault.B12,
-            Fault.B14,
-            Fault.A1,
-            Fault.A3,
-            Fault.A4,
-            Fault.A8,
-            Fault.A9,
-            Fault.A11,
-            Fault.A12,
-            Fault.A13,
-            Fault.S7,
-            Fault.S8,
-        }
-    ),
+    sees=faults("A1 A3 A4 A8 A9 A11 A12 A13 B1 B2 B3 B4 B5 B6 B7 B8 B9 B11 B12 B14 S7 S8"),
 )

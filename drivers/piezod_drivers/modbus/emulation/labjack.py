@@ -6,13 +6,17 @@ from typing import Final, NamedTuple
 from zlib import crc32
 
 from piezod.devices.emulation.bench import SharedRig
-from piezod_drivers.modbus.codec import FEEDBACK
 from piezod_drivers.modbus.emulation.converter import ConverterOutput, measured_v
 from piezod_drivers.modbus.emulation.flash import Flash
 from piezod_drivers.modbus.emulation.servers import TcpServer
 from piezod_drivers.modbus.emulation.stream import Stream
 from piezod_drivers.modbus.emulation.stream_out import add_stream_outs
-from piezod_drivers.modbus.emulation.unit import DEVICE_FAILURE, EmulatedUnit, ModbusRefusal
+from piezod_drivers.modbus.emulation.unit import (
+    DEVICE_FAILURE,
+    FEEDBACK,
+    EmulatedUnit,
+    ModbusRefusal,
+)
 from piezod_drivers.modbus.emulation.watchdog import RUNNING, Watchdog
 from piezod_drivers.modbus.profiles import labjack
 from piezod_drivers.modbus.profiles.labjack_stream import IS_ACTIVE, LAST_ERROR, STREAM_PLANS

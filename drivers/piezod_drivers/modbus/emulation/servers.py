@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from struct import Struct
 from typing import Final
 
+from piezod.devices.emulation.emulator import Emulator
 from piezod_drivers.modbus.checksum import checksum, has_valid_checksum
 from piezod_drivers.modbus.emulation.unit import EmulatedUnit
 
@@ -54,7 +55,7 @@ class TcpServer:
         return []
 
 
-class RtuServer:
+class RtuServer(Emulator):
     """Implements `Emulator`: the devices of one serial line.
 
     Args:
@@ -85,10 +86,6 @@ class RtuServer:
                 answer = frame[:1] + unit.answer(frame[1:-2])
                 replies.append(answer + checksum(answer))
         return replies
-
-    def due(self) -> list[bytes]:
-        """Send nothing."""
-        return []
 
 
 def _size(got: bytes) -> int:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from struct import Struct
 from typing import Final
 
-from piezod_drivers.modbus.codec import FEEDBACK
+from piezod_drivers.modbus.emulation.unit import FEEDBACK
 from piezod_drivers.modbus.profiles.labjack_stream import (
     COMPLETE,
     LOST,

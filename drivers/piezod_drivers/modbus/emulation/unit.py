@@ -4,9 +4,11 @@ from collections.abc import Callable
 from struct import Struct
 from typing import Final, NamedTuple
 
-from piezod_drivers.modbus.codec import EXCEPTION_BIT
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 
+FEEDBACK: Final = 0x4C
+"""LabJack's function for several reads and writes in one request."""
+EXCEPTION_BIT: Final = 0x80
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
 """Exception codes."""
 READS: Final[dict[int, Table]] = {1: "coil", 3: "holding", 4: "input"}

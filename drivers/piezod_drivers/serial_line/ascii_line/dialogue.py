@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 from typing import Final
 
-from piezod.devices.bus.bus_device import LOSING
+from piezod.devices.bus.base_dialogue import BaseDialogue, StatusTurns
 from piezod.devices.bus.byte_trace import shown
 from piezod.devices.bus.conversation import Conversation, Fits
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
-from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.interface import UNKNOWN, Capabilities, Identity, Wiring
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.ascii_line.codec import (
     TAGS,
@@ -27,7 +27,6 @@ from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.templates import TAG, parsed
 from piezod_drivers.serial_line.quiet import read_until_quiet
 
-UNKNOWN: Final = "unknown"
 _ANY_TEXT: Final = re.compile(".*", re.DOTALL)
 _NO_COMMAND: Final = parsed("~")  # makes half a command before it an unknown one
 _QUIET_NS: Final = 100_000_000
@@ -37,7 +36,7 @@ _MOST_UNASKED: Final = 3
 activation is refused: a `reply` is missing in the configuration."""
 
 
-class AsciiDialogue:
+class AsciiDialogue(BaseDialogue):
     """Implements `Dialogue` for a device that replies to commands.
 
     Args:
@@ -47,8 +46,9 @@ class AsciiDialogue:
     """
 
     def __init__(self, line: Line, options: AsciiOptions, wiring: Wiring) -> None:
-        self._line, self._options, self._wiring = line, options, wiring
         self._conversation = Conversation(line, options.timeout_ms * 1e-3)
+        super().__init__(wiring, line, self._conversation)
+        self._line, self._options = line, options
         self._lines = AsciiLines(options)
         self._errors = compiled_flags(options.errors)
         # Only commands that concern channels in use are sent.
@@ -61,16 +61,15 @@ class AsciiDialogue:
         only_read = bool(options.outputs) and not wiring.outputs  # e.g. `piezod probe`
         self._start = [] if only_read else [compiled_exchange(ask) for ask in options.start]
         self._stop = [] if only_read else [compiled_exchange(ask) for ask in options.stop]
+        used = [options.outputs[name] for name in wiring.outputs]
+        self._ranges = [(output.lowest, output.highest) for output in used]
         self._tolerances = {name: output.tolerance for name, output in options.outputs.items()}
         status = options.status
-        self._status_ns = 0
-        self._status_every_ns = 0 if status is None else round(status.every_ms * 1e6)
+        self._turns = StatusTurns(0 if status is None else round(status.every_ms * 1e6))
         self._status_places = () if status is None else parsed(status.send)
         self._status_flags = () if status is None else compiled_flags(status.flags)
-        self._flags = NO_FLAGS
         self._half_sent = False
         self._tags = count()
-        self._noticed: set[DeviceFlag] = set()
         self._dropped = b""
         self._unasked, self._n_unasked = b"", 0  # answers to setpoints that have no `reply`
 
@@ -88,7 +87,7 @@ class AsciiDialogue:
         self._line.open()
         self._conversation.restart()
         self._end_half_command()
-        self._flags = NO_FLAGS
+        self._flags = self._no_flags
         if self._options.identify is None:
             return Identity(UNKNOWN, f"device at {self._line.where}", UNKNOWN, UNKNOWN)
         self._conversation.wait_out()
@@ -102,10 +101,6 @@ class AsciiDialogue:
         values_read = [found.get(name, "").strip() or UNKNOWN for name in Identity._fields]
         return Identity(*values_read)
 
-    def close(self) -> None:
-        """Disconnect; the outputs keep their values."""
-        self._line.close()
-
     def capabilities(self) -> Capabilities:
         """Return the capabilities of the options."""
         return Capabilities(
@@ -116,17 +111,11 @@ class AsciiDialogue:
             holds=True,
         )
 
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of each output, in its unit."""
-        outputs = [self._options.outputs[name] for name in self._wiring.outputs]
-        return [(output.lowest, output.highest) for output in outputs]
-
     def activate(self) -> None:
         """Send the commands of `start`.
 
         Raises:
             DeviceError: If the device has answered setpoints whose command has no `reply`.
-            LineFault: If an exchange fails.
         """
         if self._n_unasked >= _MOST_UNASKED:
             self._n_unasked = 0  # refused once: the bytes may have been noise after all
@@ -170,15 +159,6 @@ class AsciiDialogue:
         """Read back every output. Real-time safe."""
         values_read = self._numbers(self._read_back, self._wiring.outputs)
         return [values_read[name] for name in self._wiring.outputs]
-
-    def flags(self) -> Sequence[Flags]:
-        """Return the last status, for every channel: it names none. Real-time safe."""
-        return [self._flags] * (len(self._wiring.inputs) + len(self._wiring.outputs))
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        noticed, self._noticed = self._noticed | self._conversation.take_noticed(), set()
-        return noticed
 
     def _numbers(self, exchanges: Sequence[Exchange], channels: Sequence[str]) -> dict[str, float]:
         values_read = {}
@@ -255,22 +235,17 @@ class AsciiDialogue:
 
     def _poll_status(self) -> None:
         """Read the status if it is due; never before a setpoint."""
-        now_ns = self._line.now_ns()
-        if not self._status_flags or now_ns - self._status_ns < self._status_every_ns:
+        if not self._status_flags or self._turns.due(self._line.now_ns()) is None:
             return
-        self._status_ns = now_ns
         request = self._lines.request(self._status_places, {TAG: next(self._tags) % TAGS})
         try:
             text = self._lines.text(self._ask(request))
             match_reply(text, _ANY_TEXT, self._errors)
         except LineFault as fault:
-            if fault.flag in LOSING:
-                raise
-            self._noticed.add(fault.flag)
+            self._note_unless_lost(fault)
             return
-        self._flags = frozenset(
-            flag for pattern, flag in self._status_flags if pattern.fullmatch(text)
-        )
+        flags = frozenset(flag for pattern, flag in self._status_flags if pattern.fullmatch(text))
+        self._flags = [flags] * len(self._no_flags)  # a status names no channel
 
 
 def _serving(exchanges: Sequence[Exchange], channels: Sequence[str]) -> list[Exchange]:

@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring, faults
 from piezod_drivers.serial_line.ascii_line.dialogue import AsciiDialogue
 from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.patterns import compiled
@@ -34,32 +33,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=_channels,
-    sees=frozenset(
-        {
-            Fault.B1,
-            Fault.B2,
-            Fault.B3,
-            Fault.B5,
-            Fault.B6,
-            Fault.B7,
-            Fault.B10,
-            Fault.B11,
-            Fault.B13,
-            Fault.B14,
-        }
-        | {
-            Fault.A1,
-            Fault.A2,
-            Fault.A3,
-            Fault.A4,
-            Fault.A8,
-            Fault.A9,
-            Fault.A11,
-            Fault.A12,
-            Fault.A13,
-            Fault.S7,
-            Fault.S8,
-            Fault.S10,
-        }
-    ),
+    sees=faults("A1 A2 A3 A4 A8 A9 A11 A12 A13 B1 B2 B3 B5 B6 B7 B10 B11 B13 B14 S7 S8 S10"),
 )

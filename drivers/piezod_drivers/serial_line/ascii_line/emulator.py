@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
-from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 
 MOST_BYTES: Final = 256
 V_PER_UM: Final = 150 / 26
@@ -17,7 +17,7 @@ LINE_NS: Final = 2_000_000
 _MOVE: Final = re.compile(r"MOVE([XYZ]) (-?\d{1,4}(?:\.\d{1,6})?)u", re.ASCII)
 
 
-class NanopositionerEmulator:
+class NanopositionerEmulator(Emulator):
     """Implements `Emulator`; its commands look like PiezoConcept's (source: micro-manager).
 
     `INFOX` returns its identity, `MOVEX 1.2340u` is acknowledged by `Ok`, `GET_X` returns the
@@ -38,10 +38,6 @@ class NanopositionerEmulator:
         *lines, rest = (self._rest + data).split(b"\n")
         self._rest = rest[-MOST_BYTES:]
         return [self._answer(line.decode("latin-1")).encode("ascii") + b"\n" for line in lines]
-
-    def due(self) -> list[bytes]:
-        """Send nothing."""
-        return []
 
     def _answer(self, command: str) -> str:
         axis = self._axes.find(command[-1:]) if command else -1

@@ -1,15 +1,15 @@
 """The conversation with a sensor that sends lines of text by itself."""
 
 import re
-from collections.abc import Sequence
 from math import nan
 from typing import Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.conversation import BOOT_NS
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault, NoticingLine
-from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.interface import UNKNOWN, Capabilities, Identity, Wiring
+from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.ascii_line.codec import (
     AsciiLines,
     compiled_exchange,
@@ -19,7 +19,6 @@ from piezod_drivers.serial_line.ascii_line.codec import (
 )
 from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 
-UNKNOWN: Final = "unknown"
 MOST_READS: Final = 4
 """If more bytes come after this number of reads, the line is overloaded."""
 MOST_BYTES: Final = 4096
@@ -28,7 +27,7 @@ MOST_BYTES: Final = 4096
 _NO_READING: Final[Reading] = (0, ())
 
 
-class AsciiStreamDialogue:
+class AsciiStreamDialogue(BaseDialogue):
     """Implements `Dialogue` for a device that is only read.
 
     A sample is the newest line. If none has come since the last call, it is the same sample with
@@ -45,13 +44,13 @@ class AsciiStreamDialogue:
     def __init__(
         self, line: Line, options: AsciiOptions, wiring: Wiring, pattern: re.Pattern[str]
     ) -> None:
-        self._line, self._options, self._wiring, self._pattern = line, options, wiring, pattern
+        super().__init__(wiring, line, line if isinstance(line, NoticingLine) else None)
+        self._line, self._options, self._pattern = line, options, pattern
         self._lines = AsciiLines(options)
         self._errors = compiled_flags(options.errors)
         self._timeout_ns = round(options.timeout_ms * 1e6)
         self._rest = b""
         self._newest = _NO_READING
-        self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> Identity:
         """Connect and wait for a line.
@@ -76,17 +75,9 @@ class AsciiStreamDialogue:
         what = f"no line from {self._line.where}"
         raise LineFault(DeviceFlag.LATE_REPLY, what)
 
-    def close(self) -> None:
-        """Disconnect."""
-        self._line.close()
-
     def capabilities(self) -> Capabilities:
         """Return the capabilities of the options."""
         return Capabilities(self._wiring.inputs, (), False, self._options.max_rate_hz)
-
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return nothing: there are no outputs."""
-        return ()
 
     def activate(self) -> None:
         """Send the commands of `start`, and wait for a line.
@@ -123,24 +114,6 @@ class AsciiStreamDialogue:
         # `activate` dates a line by the line's clock, which may be slightly ahead of the caller's
         # instant.
         return min(t_ns, now_ns), values
-
-    def put(self, values: Sequence[float]) -> None:
-        """Do nothing: there are no outputs."""
-
-    def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
-        """Return nothing: there are no outputs."""
-        return ()
-
-    def flags(self) -> Sequence[Flags]:
-        """Return no flags: errors fail the sample. Real-time safe."""
-        return [NO_FLAGS] * len(self._wiring.inputs)
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faulty lines and of the line. Real-time safe."""
-        noticed, self._noticed = self._noticed, set()
-        if isinstance(self._line, NoticingLine):
-            noticed |= self._line.take_noticed()
-        return noticed
 
     def _use_newest(self, now_ns: int) -> None:
         """Use the newest line that is not garbage. Real-time safe.

@@ -4,11 +4,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line
 from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod.units import s_to_ns
 from piezod_drivers.serial_line.gcs.identity import identity_of
@@ -34,7 +34,7 @@ class GcsDrive(NamedTuple):
     max_rate_hz: float  #: Highest rate that the line allows.
 
 
-class GcsDialogue(ABC):
+class GcsDialogue(BaseDialogue, ABC):
     """Implements `ExchangingDialogue`; channels are the identifiers of the axes.
 
     `SVA` sets the outputs, with the servo off, and they hold their values when piezod disconnects.
@@ -58,13 +58,10 @@ class GcsDialogue(ABC):
     def __init__(
         self, line: Line, timeout_s: float, syntax: Syntax, wiring: Wiring, drive: GcsDrive
     ) -> None:
-        self._line, self.syntax, self.wiring, self._drive = line, syntax, wiring, drive
         self.conversation = Conversation(line, timeout_s)
+        super().__init__(wiring, line, self.conversation)
+        self._line, self.syntax, self.wiring, self._drive = line, syntax, wiring, drive
         self.slow_ns = max(OPENING_NS, s_to_ns(timeout_s))
-        self._ranges: list[tuple[float, float]] = []
-        self._in_force_ns: int | None = None
-        self._in_force: Sequence[float] = ()
-        self._flags = [NO_FLAGS] * (len(wiring.inputs) + len(wiring.outputs))
         self._outputs: Sequence[str] = wiring.outputs
         self._prepare_requests()
 
@@ -72,9 +69,7 @@ class GcsDialogue(ABC):
         """Connect, identify the controller, read its axes and ranges; nothing moves.
 
         Raises:
-            DeviceUnavailableError: If the port is absent or locked.
             DeviceError: If an axis is missing, or the range of an output is unknown.
-            LineFault: If an exchange fails.
         """
         self._line.open()
         self._drain()
@@ -88,18 +83,10 @@ class GcsDialogue(ABC):
         self._ranges = self._find_ranges() if self.wiring.outputs else []
         return identity
 
-    def close(self) -> None:
-        """Disconnect; the outputs keep their values. Never raises."""
-        self._line.close()
-
     def capabilities(self) -> Capabilities:
         """Return the capabilities: outputs hold and are read back."""
         inputs, outputs = self.wiring
         return Capabilities(inputs, outputs, True, self._drive.max_rate_hz, holds=True)
-
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of the open-loop value of each output, in V."""
-        return self._ranges
 
     def activate(self) -> None:
         """Take over the outputs from servo or analog input, at their present voltages.
@@ -107,7 +94,6 @@ class GcsDialogue(ABC):
         Raises:
             DeviceError: If a servo cannot be switched off, or a present voltage is unknown or
                 cannot be kept.
-            LineFault: If an exchange fails.
         """
         foreign = self._driven_by_others()
         if not foreign:
@@ -133,9 +119,6 @@ class GcsDialogue(ABC):
             what = f"{self._line.where}: the servo of axis {', '.join(still)} stays on"
             raise DeviceError(what)
 
-    def deactivate(self) -> None:  # noqa: B027 - it holds in every generation
-        """Do nothing: the outputs hold."""
-
     def sample(self, now_ns: int) -> Reading:
         """Read every position and every voltage in one exchange. Real-time safe."""
         return self._keep_read_back(self._ask(self._sample_request, self._sample_reply), now_ns)
@@ -151,20 +134,6 @@ class GcsDialogue(ABC):
         # Positions are read before the setpoint: the sample belongs to the voltage before it.
         whole = self._ask_positions + request + self._ask_voltages + ASK_ERROR
         return self._keep_read_back(self._ask(whole, self._sample_reply), now_ns)
-
-    def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the voltages; reuse those of an exchange at this instant. Real-time safe."""
-        if now_ns != self._in_force_ns:
-            self._in_force, self._in_force_ns = self._ask_in_force(), now_ns
-        return self._in_force
-
-    def flags(self) -> Sequence[Flags]:
-        """Return no flags: errors fail the exchange that caused them. Real-time safe."""
-        return self._flags
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        return self.conversation.take_noticed()
 
     def ask_slowly(self, request: bytes, reply: GcsReply) -> list[bytes]:
         """Send a request and return the values of its reply. Not real-time safe.
@@ -226,7 +195,7 @@ class GcsDialogue(ABC):
 
     def _ask(self, request: bytes, reply: GcsReply) -> list[float]:
         """Send a request in the loop; the values in force are unknown until it succeeds."""
-        self._in_force_ns = None
+        self._forget_in_force()
         return reply.numbers(self.conversation.ask(request, reply.length_of))
 
     def _ask_in_force(self) -> Sequence[float]:
@@ -234,7 +203,7 @@ class GcsDialogue(ABC):
 
     def _keep_read_back(self, values: list[float], now_ns: int) -> Reading:
         n_inputs = len(self.wiring.inputs)
-        self._in_force, self._in_force_ns = values[n_inputs:], now_ns
+        self._keep_in_force(values[n_inputs:], now_ns)
         return now_ns, values[:n_inputs]
 
     def _prepare_requests(self) -> None:

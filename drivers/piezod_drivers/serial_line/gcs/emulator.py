@@ -7,6 +7,7 @@ from math import isfinite
 from typing import Final, NamedTuple, Protocol
 
 from piezod.devices.emulation.bench import SharedRig
+from piezod.devices.emulation.emulator import Emulator
 
 _STOP: Final = 0x18
 _IS_MOVING: Final = 0x05
@@ -80,7 +81,7 @@ class GcsAxis:
     setpoint_v: float = 0.0
 
 
-class GcsEmulator:
+class GcsEmulator(Emulator):
     """Implements `Emulator`: the commands that open-loop drive needs.
 
     A set command and an unknown query have no reply; `ERR?` reports the last error and clears
@@ -139,10 +140,6 @@ class GcsEmulator:
     def connected(self) -> None:
         """Discard an incomplete line of an earlier connection."""
         self._line = b""
-
-    def due(self) -> list[bytes]:
-        """Return nothing: a controller only replies."""
-        return []
 
     def _execute(self, line: bytes) -> bytes:
         if len(line) > self._model.longest:

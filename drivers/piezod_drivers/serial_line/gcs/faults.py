@@ -2,12 +2,7 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
+from piezod.devices.interface import faults
 
-SEES: Final = frozenset(
-    {
-        *(Fault.B1, Fault.B2, Fault.B3, Fault.B5, Fault.B6, Fault.B7, Fault.B10, Fault.B14),
-        *(Fault.A1, Fault.A2, Fault.A3, Fault.A8, Fault.A12, Fault.A13, Fault.S10),
-    }
-)
+SEES: Final = faults("A1 A2 A3 A8 A12 A13 B1 B2 B3 B5 B6 B7 B10 B14 S10")
 """For both generations: faults of the line, missing replies, reported errors, and the voltage."""

@@ -1,8 +1,6 @@
 """Reads the identity of a PI controller."""
 
-from piezod.devices.interface import Identity
-
-_UNKNOWN = "unknown"
+from piezod.devices.interface import UNKNOWN, Identity
 
 
 def identity_of(reply: bytes) -> Identity:
@@ -13,7 +11,7 @@ def identity_of(reply: bytes) -> Identity:
     """
     parts = [part.strip() for part in reply.decode("cp1252", "replace").rsplit(",", 3)]
     if len(parts) < 4:
-        model, *rest = (part for part in parts if part) if any(parts) else (_UNKNOWN,)
+        model, *rest = (part for part in parts if part) if any(parts) else (UNKNOWN,)
         parts = ["Physik Instrumente", model, *rest]
     parts += [""] * (4 - len(parts))
-    return Identity(*(part or _UNKNOWN for part in parts))
+    return Identity(*(part or UNKNOWN for part in parts))

@@ -68,14 +68,6 @@ def count_of(word: bytes) -> int:
     return word[0] | (word[1] & 0x3F) << 6 | (word[2] & 0x3F) << 12
 
 
-def pack(count: int, word_bytes: int, *, additional: bool = False) -> bytes:
-    """Return the word of a value."""
-    if word_bytes == 2:
-        return bytes((0x80 | count >> 7 & 0x7F, count & 0x7F))
-    top = _ADDITIONAL if additional else 0x80
-    return bytes((count & 0x3F, 0x40 | count >> 6 & 0x3F, top | count >> 12 & 0x3F))
-
-
 def text_of(got: bytes, word_bytes: int) -> str:
     """Return the text between the words of a stream."""
     return _WORD[word_bytes].sub(b"", got).decode("ascii", "ignore")

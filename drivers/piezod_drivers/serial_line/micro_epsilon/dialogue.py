@@ -1,14 +1,14 @@
 """The conversation with a sensor: its identity at opening, then its newest value."""
 
-from collections.abc import Sequence
 from math import nan
 from typing import Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line
-from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.interface import NOT_TOLD, Capabilities, Identity, Wiring
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.micro_epsilon import codec, identity
 from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
@@ -18,10 +18,9 @@ _MAKER: Final = "Micro-Epsilon"
 _OPENING_NS: Final = 1_000_000_000
 """Longest time that a sensor may take for its identity, and for its first value."""
 _READ_NS: Final = 20_000_000
-_UNREPORTED: Final = "not told"
 
 
-class MicroEpsilonDialogue:
+class MicroEpsilonDialogue(BaseDialogue):
     """Implements `Dialogue` without outputs.
 
     The sensor sends by itself. A reading is the newest value that has come, with the instant of the
@@ -35,17 +34,17 @@ class MicroEpsilonDialogue:
     """
 
     def __init__(self, options: MicroEpsilonOptions, wiring: Wiring, line: Line) -> None:
+        self._conversation = Conversation(line, _OPENING_NS * 1e-9)
+        super().__init__(wiring, line, self._conversation)
         self._options, self._inputs, self._line = options, wiring.inputs, line
         self._profile = options.profile
-        self._conversation = Conversation(line, _OPENING_NS * 1e-9)
         self._timeout_ns = round(options.timeout_ms * 1e6)
         self._range_um = 0.0
         self._rest = b""
         self._synchronized = False
         self._sample_ns: int | None = None
         self._silent_since_ns: int | None = None
-        self._position_um, self._flags = nan, NO_FLAGS
-        self._noticed: set[DeviceFlag] = set()
+        self._position_um = nan
 
     def open(self) -> Identity:
         """Connect, identify the sensor if it answers commands, and wait for a value.
@@ -53,12 +52,11 @@ class MicroEpsilonDialogue:
         Raises:
             DeviceUnavailableError: If the port is absent, or no values come.
             DeviceError: If it is another model, or its measuring range is unknown.
-            LineFault: If the sensor does not reply.
         """
         self._line.open()
         self._conversation.restart()
         sensor, got = (
-            identity.SensorIdentity(self._options.model, _UNREPORTED, _UNREPORTED, 0.0),
+            identity.SensorIdentity(self._options.model, NOT_TOLD, NOT_TOLD, 0.0),
             b"",
         )
         if self._profile.answers_commands:
@@ -78,42 +76,23 @@ class MicroEpsilonDialogue:
         self._conversation.forget_noticed()
         return Identity(_MAKER, sensor.name, sensor.serial, sensor.version)
 
-    def close(self) -> None:
-        """Disconnect. Never raises."""
-        self._line.close()
-
     def capabilities(self) -> Capabilities:
         """Return the channel and the highest rate that the bit rate allows."""
         # 10 bits per byte: start bit, 8 data bits, stop bit.
         rate_hz = self._options.bits_per_s / (10 * self._profile.word_bytes)
         return Capabilities(self._inputs, (), False, rate_hz, quality=True)
 
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return nothing: there are no outputs."""
-        return ()
-
     def activate(self) -> None:
-        """Discard all pending values, and wait for a new one.
-
-        Raises:
-            LineFault: If the line is lost.
-        """
+        """Discard all pending values, and wait for a new one."""
         # A full buffer may be followed by more.
         while len(self._line.receive(0)) >= codec.MAX_BYTES:
             continue
         self._sample_ns = self._silent_since_ns = None
-        self._synchronized, self._position_um, self._flags = False, nan, NO_FLAGS
+        self._synchronized, self._position_um, self._flags = False, nan, self._no_flags
         self._rest = self._wait_for_value(b"", self._timeout_ns)
 
-    def deactivate(self) -> None:
-        """Do nothing."""
-
     def sample(self, now_ns: int) -> Reading:
-        """Return the newest value, in µm, and the instant it came. Real-time safe.
-
-        Raises:
-            LineFault: If the line is lost.
-        """
+        """Return the newest value, in µm, and the instant it came. Real-time safe."""
         data = self._line.receive(0)
         # The kernel's buffer was full, so bytes were lost between two words.
         if len(data) >= codec.MAX_BYTES:
@@ -126,27 +105,12 @@ class MicroEpsilonDialogue:
         if count is not None:
             self._synchronized = True
             self._sample_ns = self._silent_since_ns = now_ns
-            self._position_um, self._flags = self._profile.read(count, self._range_um)
+            self._position_um, flags = self._profile.read(count, self._range_um)
+            self._flags = [flags] * len(self._inputs)
         else:
             self._check_silence(now_ns)
         t_ns = now_ns if self._sample_ns is None else self._sample_ns
         return t_ns, [self._position_um] * len(self._inputs)
-
-    def put(self, values: Sequence[float]) -> None:
-        """Do nothing: there are no outputs."""
-
-    def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
-        """Return nothing: there are no outputs."""
-        return ()
-
-    def flags(self) -> Sequence[Flags]:
-        """Return the flags of the newest value. Real-time safe."""
-        return [self._flags] * len(self._inputs)
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        noticed, self._noticed = self._noticed, set()
-        return noticed | self._conversation.take_noticed()
 
     def _check_silence(self, now_ns: int) -> None:
         """Report a missing value once per time-out; the last value is then invalid."""

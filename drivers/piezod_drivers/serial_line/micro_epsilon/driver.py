@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring, faults
 from piezod_drivers.serial_line.micro_epsilon.dialogue import MicroEpsilonDialogue
 from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
 from piezod_drivers.serial_line.options import make_line
@@ -28,19 +27,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset(
-        {
-            Fault.B1,
-            Fault.B2,
-            Fault.B3,
-            Fault.B5,
-            Fault.B11,
-            Fault.B14,
-            Fault.S5,
-            Fault.S6,
-            Fault.S7,
-            Fault.S8,
-            Fault.S10,
-        }
-    ),
+    sees=faults("B1 B2 B3 B5 B11 B14 S5 S6 S7 S8 S10"),
 )

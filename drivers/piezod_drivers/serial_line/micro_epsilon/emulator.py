@@ -6,8 +6,6 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.micro_epsilon import codec
-from piezod_drivers.serial_line.micro_epsilon.identity import PROMPT
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES, UM_PER_MM
 
 RATE_HZ: Final = 1000
@@ -15,6 +13,15 @@ _BEHIND_RANGE: Final = 262_078
 _MOST_WORDS: Final = 64
 """No more words are sent at once: a sensor does not catch up after a pause."""
 _LONGEST_LINE: Final = 256
+_PROMPT: Final = "->"
+
+
+def word_of(count: int, word_bytes: int, *, additional: bool = False) -> bytes:
+    """Return the word of a value, of 2 or 3 bytes; with 3 it may be an additional one."""
+    if word_bytes == 2:
+        return bytes((0x80 | count >> 7 & 0x7F, count & 0x7F))
+    top = 0xC0 if additional else 0x80
+    return bytes((count & 0x3F, 0x40 | count >> 6 & 0x3F, top | count >> 12 & 0x3F))
 
 
 class SensorEmulator:
@@ -63,17 +70,17 @@ class SensorEmulator:
         position_um = self._bench.position_um(0)
         if not isfinite(position_um):
             # Error code "behind the measuring range".
-            return codec.pack(_BEHIND_RANGE, self._profile.word_bytes)
+            return word_of(_BEHIND_RANGE, self._profile.word_bytes)
         count = self._profile.count_at(self._rest_um + position_um, self._range_um)
         if not self._profile.lowest <= count <= self._profile.highest:
             count = _BEHIND_RANGE
-        return codec.pack(count, self._profile.word_bytes)
+        return word_of(count, self._profile.word_bytes)
 
     def _answer(self, command: bytes) -> bytes:
         word = command.decode("ascii", "replace").strip()
         # A sensor repeats the command before its reply.
         answer = self._info if word.upper() == "GETINFO" else "E200 I/O error\r\n"
-        return f"{word}\r\n{answer}{PROMPT}".encode("ascii", "replace")
+        return f"{word}\r\n{answer}{_PROMPT}".encode("ascii", "replace")
 
 
 def _ild1420(bench: SharedRig, serial: str) -> SensorEmulator:

@@ -3,6 +3,8 @@
 import re
 from typing import Final, NamedTuple
 
+from piezod.devices.interface import NOT_TOLD
+
 PROMPT: Final = "->"
 REQUEST: Final = b"GETINFO\n"
 
@@ -33,5 +35,5 @@ def parse_identity(text: str) -> SensorIdentity | None:
     range_ = _MILLIMETRES.match(fields.get("Measuring range", ""))
     range_mm = float(range_[1]) if range_ else 0.0
     return SensorIdentity(
-        fields["Name"], fields["Serial"], fields.get("Version", "not told"), range_mm
+        fields["Name"], fields["Serial"], fields.get("Version", NOT_TOLD), range_mm
     )

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from math import nan
 from typing import Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
-from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.interface import NOT_TOLD, Capabilities, Identity, Wiring
+from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.npoint_lc400 import codec
 from piezod_drivers.serial_line.npoint_lc400.codec import FULL_SCALE, HALF_SCALE, Lc400Register
@@ -23,7 +24,7 @@ _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 
 
-class Lc400Dialogue:
+class Lc400Dialogue(BaseDialogue):
     """Implements `ExchangingDialogue`.
 
     Each exchange reads command and servo state of every output and the position of every input. A
@@ -43,8 +44,9 @@ class Lc400Dialogue:
     """
 
     def __init__(self, options: Lc400Options, wiring: Wiring, line: Line) -> None:
-        self._options, self._wiring, self._line = options, wiring, line
         self._conversation = Conversation(line, options.timeout_ms * 1e-3)
+        super().__init__(wiring, line, self._conversation)
+        self._options, self._line = options, line
         self.outputs, self.inputs = _numbers(wiring.outputs), _numbers(wiring.inputs)
         # The servo state is read with each command: another program may switch a servo on.
         watched = (Lc400Register.SETPOINT, Lc400Register.SERVO)
@@ -56,22 +58,18 @@ class Lc400Dialogue:
         self._number = 0
         self.um_per_count: list[float] = []
         self._setpoints: tuple[int, ...] = ()
-        self._read_ns: int | None = None
-        self._no_flags = [NO_FLAGS] * (len(self.inputs) + len(self.outputs))
-        self._flags: Sequence[Flags] = self._no_flags
+        self._ranges = [(-HALF_PCT, HALF_PCT)] * len(self.outputs)
         self.player = Lc400Player(self, options.baud)
 
     def open(self) -> Identity:
         """Connect, and read firmware and ranges.
 
         Raises:
-            DeviceUnavailableError: If the port is absent.
             DeviceError: If the range of a stage is not reported in µm.
-            LineFault: If the controller does not reply.
         """
         self._line.open()
         self._conversation.restart()
-        self._read_ns = None
+        self._forget_in_force()
         self.player.forget()
         request = codec.read_array(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         length_of = codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS)
@@ -82,12 +80,8 @@ class Lc400Dialogue:
         self.um_per_count = [self._range_um(i) / FULL_SCALE for i in self.inputs]
         ranges = " ".join(f"{scale * FULL_SCALE:g}" for scale in self.um_per_count)
         # There is no serial number: the ranges at least distinguish stages of different range.
-        serial = f"ranges {ranges} µm" if ranges else "not told"
-        return Identity("nPoint", "LC.400", serial, firmware or "not told")
-
-    def close(self) -> None:
-        """Disconnect; the commands keep their values. Never raises."""
-        self._line.close()
+        serial = f"ranges {ranges} µm" if ranges else NOT_TOLD
+        return Identity("nPoint", "LC.400", serial, firmware or NOT_TOLD)
 
     def capabilities(self) -> Capabilities:
         """Return the channels and the highest rate that the bit rate allows."""
@@ -97,17 +91,12 @@ class Lc400Dialogue:
         rate_hz = self._options.baud / (10 * (16 * n + 10 * len(self.outputs)))
         return Capabilities(*self._wiring, True, rate_hz, holds=True, quality=True)
 
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of the commands, in %."""
-        return [(-HALF_PCT, HALF_PCT)] * len(self.outputs)
-
     def activate(self) -> None:
         """Take control of outputs that are in open loop already; stop a wavetable that is enabled.
 
         Raises:
             DeviceError: If a servo is on. Its present output cannot be read, so switching the servo
                 off would make the output jump.
-            LineFault: If the exchange fails.
         """
         self._exchange(b"")
         for i, flags in zip(self._wiring.outputs, self._flags[len(self.inputs) :], strict=True):
@@ -117,17 +106,10 @@ class Lc400Dialogue:
         if self.player.stop_found():
             self._exchange(b"")
 
-    def deactivate(self) -> None:
-        """Do nothing: the outputs hold."""
-
     def sample(self, now_ns: int) -> Reading:
-        """Read every input, in µm; NaN at the ends of the range. Real-time safe.
-
-        Raises:
-            LineFault: If the exchange fails.
-        """
+        """Read every input, in µm; NaN at the ends of the range. Real-time safe."""
         reading = now_ns, self._exchange(b"")
-        self._read_ns = now_ns
+        self._keep_in_force(self._commands_pct(), now_ns)
         return reading
 
     def put(self, values: Sequence[float]) -> None:
@@ -145,27 +127,8 @@ class Lc400Dialogue:
             LineFault: If the exchange fails, or reads other commands than these.
         """
         reading = now_ns, self._set(values)
-        self._read_ns = now_ns
+        self._keep_in_force(self._commands_pct(), now_ns)
         return reading
-
-    def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the command in force on each output, in %. Real-time safe.
-
-        Raises:
-            LineFault: If the exchange fails.
-        """
-        if now_ns != self._read_ns:
-            self._exchange(b"")
-            self._read_ns = now_ns
-        return [setpoint / FULL_SCALE * 100.0 for setpoint in self._setpoints]
-
-    def flags(self) -> Sequence[Flags]:
-        """Return which inputs are saturated and which servos are on. Real-time safe."""
-        return self._flags
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        return self._conversation.take_noticed()
 
     def ask_words(
         self, writes: bytes, poll: codec.Poll, timeout_ns: int | None = None
@@ -176,11 +139,8 @@ class Lc400Dialogue:
             writes: Requests without a reply.
             poll: The words.
             timeout_ns: Time-out in ns, if it differs from the usual one.
-
-        Raises:
-            LineFault: If no reply comes.
         """
-        self._read_ns = None
+        self._forget_in_force()
         self._number = number = (self._number + 1) % codec.TAGS
         frame = self._conversation.ask(
             writes + poll.request(number),
@@ -191,15 +151,19 @@ class Lc400Dialogue:
         return poll.values(frame)
 
     def ask_array(self, writes: bytes, address: int, n: int, timeout_ns: int) -> tuple[int, ...]:
-        """Write, then read words one after the other; return them.
-
-        Raises:
-            LineFault: If no reply comes.
-        """
-        self._read_ns = None
+        """Write, then read words one after the other; return them."""
+        self._forget_in_force()
         request, length_of = codec.read_array(address, n), codec.array_length(address, n)
         frame = self._conversation.ask(writes + request, length_of, lambda _frame: True, timeout_ns)
         return codec.array_words(frame)
+
+    def _ask_in_force(self) -> list[float]:
+        self._exchange(b"")
+        return self._commands_pct()
+
+    def _commands_pct(self) -> list[float]:
+        """Return the commands that were read last, in %."""
+        return [setpoint / FULL_SCALE * 100.0 for setpoint in self._setpoints]
 
     def _set(self, values: Sequence[float]) -> list[float]:
         counts = tuple(round(value / 100.0 * FULL_SCALE) for value in values)
@@ -239,7 +203,6 @@ class Lc400Dialogue:
 
         Raises:
             DeviceError: If it is not reported in µm.
-            LineFault: If the exchange fails.
         """
         if self._options.range_um is not None:
             return self._options.range_um

@@ -2,11 +2,10 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.bus.line import Line
 from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring, faults
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
 from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
 from piezod_drivers.serial_line.options import make_line
@@ -37,21 +36,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset(
-        {
-            Fault.A1,
-            Fault.A2,
-            Fault.A3,
-            Fault.A8,
-            Fault.A12,
-            Fault.B1,
-            Fault.B2,
-            Fault.B3,
-            Fault.B5,
-            Fault.B6,
-            Fault.B7,
-            Fault.B14,
-            Fault.S7,
-        }
-    ),
+    sees=faults("A1 A2 A3 A8 A12 B1 B2 B3 B5 B6 B7 B14 S7"),
 )

@@ -60,11 +60,7 @@ class Lc400Player:
         self._table = None
 
     def stop_found(self) -> bool:
-        """Stop wavetables that another process has left enabled; return whether one was.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop wavetables that another process has left enabled; return whether one was."""
         if not self._host.outputs or not self._requests.is_enabled():
             return False
         self._requests.read_scales()
@@ -103,8 +99,6 @@ class Lc400Player:
 
         Raises:
             DeviceError: If they do not fit, or the controller holds other values.
-            LineFault: If an exchange fails.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -135,7 +129,6 @@ class Lc400Player:
 
         Raises:
             DeviceError: If the controller holds other values, or a loop input is not the command.
-            LineFault: If an exchange fails.
         """
         self._requests.read_scales()
         self._requests.check_commands()
@@ -147,7 +140,6 @@ class Lc400Player:
 
         Raises:
             DeviceError: If they do not start.
-            LineFault: If the controller does not reply.
         """
         self._ask_ns, self._cycle = None, 0
         if not self._requests.start().active:
@@ -157,9 +149,6 @@ class Lc400Player:
         """Ask for the progress now and then; end the play when its table is through.
 
         Real-time safe.
-
-        Raises:
-            LineFault: If the controller does not reply.
         """
         if self._ask_ns is not None and now_ns < self._ask_ns:
             return Progress(PlayState.PLAYING, self._cycle)
@@ -184,11 +173,7 @@ class Lc400Player:
         return Progress(PlayState.PLAYING, self._cycle)
 
     def stop(self) -> Sequence[float]:
-        """Stop the wavetables where they are; return the values in force. Real-time safe.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop the wavetables where they are; return the values in force. Real-time safe."""
         return [count * (100.0 / FULL_SCALE) for count in self._requests.stop()]
 
     def recording(self, check: Check) -> PlayedRecord:
@@ -196,8 +181,6 @@ class Lc400Player:
 
         Raises:
             DeviceError: If it is cut off, or the loop inputs do not follow the table.
-            LineFault: If an exchange fails.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 

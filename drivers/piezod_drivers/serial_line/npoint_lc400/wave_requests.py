@@ -155,7 +155,6 @@ class WaveRequests:
 
         Raises:
             DeviceError: If the controller holds other values.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         begin = codec.wave_address(channel)
         for first in range(0, len(counts), PER_EXCHANGE):
@@ -240,7 +239,6 @@ class WaveRequests:
 
         Raises:
             DeviceError: If the recorder has not filled it.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         samples: list[int] = []
         while len(samples) < n_samples:

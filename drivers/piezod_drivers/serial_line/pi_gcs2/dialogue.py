@@ -51,9 +51,7 @@ class Gcs2Dialogue(GcsDialogue):
         """Connect, identify the controller, read its axes and ranges; nothing moves.
 
         Raises:
-            DeviceUnavailableError: If the port is absent or locked.
             DeviceError: If an axis is missing, or the range of an output is unknown.
-            LineFault: If an exchange fails.
         """
         self.player.forget()
         return super().open()
@@ -63,7 +61,6 @@ class Gcs2Dialogue(GcsDialogue):
 
         Raises:
             DeviceError: If an output cannot be taken over.
-            LineFault: If an exchange fails.
         """
         if self.player.stop_found() and not self._by_channel:
             what = f"{self._line.where}: a wave generator was running, and was stopped"
@@ -129,7 +126,6 @@ class Gcs2Dialogue(GcsDialogue):
 
         Raises:
             DeviceError: If it refuses; nothing has moved.
-            LineFault: If an exchange fails.
         """
         axes = list(held)
         try:

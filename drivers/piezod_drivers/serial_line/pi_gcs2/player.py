@@ -64,11 +64,7 @@ class Gcs2Player:
         self._memory = self._table = None
 
     def stop_found(self) -> bool:
-        """Stop generators that another process has left running; return whether one ran.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop generators that another process has left running; return whether one ran."""
         if not self._host.numbers or not self._requests.has_generators():
             return False
         found = self._ours(self._requests.running())
@@ -81,7 +77,6 @@ class Gcs2Player:
 
         Raises:
             DeviceError: If the controller cannot play, or cannot tell where a play has stopped.
-            LineFault: If an exchange fails.
         """
         # Imported at the start, when this is asked: `load` comes long afterwards.
         from piezod_drivers.serial_line import wave_arrays  # noqa: F401, PLC0415 - numpy
@@ -116,8 +111,6 @@ class Gcs2Player:
 
         Raises:
             DeviceError: If they do not fit, or the controller holds other values.
-            LineFault: If an exchange fails.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -142,7 +135,6 @@ class Gcs2Player:
 
         Raises:
             DeviceError: If the controller refuses.
-            LineFault: If an exchange fails.
         """
         table, able, numbers = self._require_table(), self.capabilities(), self._host.numbers
         rate = table.interval_ns // able.shortest_interval_ns
@@ -160,21 +152,13 @@ class Gcs2Player:
             self._requests.do(f"DRC {i + 1} {source} {option}\n".encode())
 
     def start(self) -> None:
-        """Start all generators in one command, and with them the recorder.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Start all generators in one command, and with them the recorder."""
         self._asked_ns, self._cycle = None, 0
         numbers = self._host.numbers
         self._requests.do(command("WGO", numbers, ["1"] * len(numbers)))
 
     def progress(self, now_ns: int) -> Progress:
-        """Ask now and then which generators are running. Real-time safe.
-
-        Raises:
-            LineFault: If the controller does not reply.
-        """
+        """Ask now and then which generators are running. Real-time safe."""
         if self._asked_ns is not None and now_ns - self._asked_ns < POLL_NS:
             return Progress(PlayState.PLAYING, self._cycle)
         self._asked_ns = now_ns
@@ -220,8 +204,6 @@ class Gcs2Player:
 
         Raises:
             DeviceError: If it is too short, or the voltages do not follow the table.
-            LineFault: If an exchange fails.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 

@@ -120,7 +120,6 @@ class WaveRequests:
 
         Raises:
             DeviceError: If it holds other values.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         texts = [f"{value:.4f}" for value in values]
         self.do(f"WCL {number}\n".encode())
@@ -145,11 +144,7 @@ class WaveRequests:
     def read_array(
         self, query: str, n_rows: int, tables: Sequence[str], check: Check
     ) -> list[list[float]]:
-        """Return the first rows of some tables.
-
-        Raises:
-            PlayCancelledError: If `check` has raised it between two exchanges.
-        """
+        """Return the first rows of some tables."""
         rows: list[list[float]] = []
         while len(rows) < n_rows:
             check()

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from piezod.devices.bus.bus_device import LOSING
+from piezod.devices.bus.base_dialogue import BaseDialogue, StatusTurns
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -19,16 +19,14 @@ from piezod_drivers.serial_line.psj.takeover import take_over
 from piezod_drivers.serial_line.psj.wave_requests import WaveRequests
 
 STATUS_NS: Final = 100_000_000
-"""Period of status requests, which follow a setpoint or a sample."""
+"""Period in which the whole status is asked."""
 BITS_PER_BYTE: Final = 10
 STATUS_BYTES: Final = 24
 """Highest number of bytes of a status exchange, in both directions."""
 _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
-_NOT_READ: Final[tuple[int, Sequence[float]]] = (-1, ())
-"""No instant: the value in force is unknown."""
 
 
-class PsjDialogue:
+class PsjDialogue(BaseDialogue):
     """Implements `Dialogue`; the amplifier is driven in open loop, in V.
 
     Outputs hold their voltage when control ends. Control is not returned to the front panel, whose
@@ -58,21 +56,19 @@ class PsjDialogue:
         remote: bool = False,
         at_end: AtEnd = AtEnd.UNKNOWN,
     ) -> None:
-        self._line, self._profile, self._wiring, self._range_v = line, profile, wiring, range_v
-        self._session, self._remote = PsjSession(line, profile, timeout_s), remote
+        self._session = PsjSession(line, profile, timeout_s)
+        super().__init__(wiring, line, self._session)
+        self._line, self._profile, self._range_v, self._remote = line, profile, range_v, remote
         # Channels are called ch0, ch1, ….
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
         self._channels = [int(name[2:]) for name in wiring.channels]
         self._reads_back = profile.reports_setpoint or profile.reads == "voltage"
-        self._ranges: list[tuple[float, float]] = []
         self._ages: list[ReadingAge] = []
-        self._flags: dict[int, Flags] = {}
+        self._channel_flags: dict[int, Flags] = {}
         self._source_flags: dict[int, Flags] = {}
         self._reports_source = False
-        self._status_ns, self._status_turn = 0, 0
-        self._noticed: set[DeviceFlag] = set()
-        self._in_force_v = _NOT_READ
+        self._turns = StatusTurns(STATUS_NS)
         self.player: Nv200Player | None = None
         if profile.plays and wiring.outputs:
             requests = WaveRequests(self._session, profile.baud)
@@ -94,15 +90,11 @@ class PsjDialogue:
             limits_of(self._session, self._profile, channel, self._range_v)
             for channel in self._outputs
         ]
-        self._flags = dict.fromkeys(self._channels, NO_FLAGS)
+        self._channel_flags = dict.fromkeys(self._channels, NO_FLAGS)
         self._source_flags = dict.fromkeys(self._channels, NO_FLAGS)
         self._ages = [ReadingAge(round(self._profile.refresh_s * 1e9)) for _ in self._inputs]
         self._session.forget_noticed()
         return identity
-
-    def close(self) -> None:
-        """Disconnect; the outputs hold."""
-        self._line.close()
 
     def capabilities(self) -> Capabilities:
         """Return the channels and the highest rate that the bit rate allows."""
@@ -116,10 +108,6 @@ class PsjDialogue:
             holds=True,
         )
 
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of each output, in V: as configured, within the device's limits."""
-        return self._ranges
-
     def activate(self) -> None:
         """Check that the outputs can be driven from their present voltages; see `takeover`.
 
@@ -128,18 +116,16 @@ class PsjDialogue:
         Raises:
             DeviceError: If that is impossible without a jump.
         """
-        self._in_force_v = _NOT_READ
+        self._forget_in_force()
         if self.player is not None:
             self.player.stop_found()
         self._reports_source = take_over(
             self._profile, self._outputs, self._session, remote=self._remote
         )
-        for _ in range(self._status_turns()):
-            self._poll_status(now=True)
+        for _ in range(self._n_turns()):
+            self._turns.restart()
+            self._poll_status()
         self._session.forget_noticed()
-
-    def deactivate(self) -> None:
-        """Do nothing: the outputs hold."""
 
     def sample(self, now_ns: int) -> Reading:
         """Read every input, in µm, with the instant of its last refresh. Real-time safe."""
@@ -158,7 +144,7 @@ class PsjDialogue:
         The voltage that an NV40/1 reports is measured and follows the setpoint later. The read-back
         watch checks that it does.
         """
-        self._in_force_v = _NOT_READ
+        self._forget_in_force()
         profile = self._profile
         for channel, value in zip(self._outputs, values, strict=True):
             if profile.acknowledges:
@@ -168,26 +154,11 @@ class PsjDialogue:
                 codec.number(self._session.value(profile.read, channel))
         self._poll_status()
 
-    def in_force(self, now_ns: int) -> Sequence[float]:
-        """Return the setpoints or the voltages, in V; read once per instant. Real-time safe."""
-        if self._in_force_v[0] != now_ns:
-            name = self._profile.set if self._profile.reports_setpoint else self._profile.read
-            values_v = [
-                codec.number(self._session.value(name, channel)) for channel in self._outputs
-            ]
-            self._in_force_v = now_ns, values_v
-        return self._in_force_v[1]
-
     def flags(self) -> Sequence[Flags]:
         """Return the last status of each channel. Real-time safe."""
-        reported, source = self._flags, self._source_flags
+        reported, source = self._channel_flags, self._source_flags
         of_inputs = [reported[channel] for channel in self._inputs]
         return of_inputs + [reported[channel] | source[channel] for channel in self._outputs]
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        noticed, self._noticed = self._noticed | self._session.take_noticed(), set()
-        return noticed
 
     def _bytes_per_cycle(self) -> int:
         """Return the highest number of bytes of a cycle, both ways, without the status."""
@@ -201,22 +172,22 @@ class PsjDialogue:
             n_reads += len(self._outputs)
         return len(self._outputs) * setpoint + n_reads * (asked + answer)
 
-    def _poll_status(self, *, now: bool = False) -> None:
+    def _ask_in_force(self) -> Sequence[float]:
+        """Return the setpoints or the voltages, in V. Real-time safe."""
+        name = self._profile.set if self._profile.reports_setpoint else self._profile.read
+        return [codec.number(self._session.value(name, channel)) for channel in self._outputs]
+
+    def _poll_status(self) -> None:
         """Read one part of the status if it is due; never before a setpoint."""
-        now_ns, turns = self._line.now_ns(), self._status_turns()
-        # One part is read at a time, so that each is read every STATUS_NS.
-        if not turns or not (now or now_ns - self._status_ns >= STATUS_NS // turns):
+        turn = self._turns.due(self._line.now_ns(), self._n_turns())
+        if turn is None:
             return
-        self._status_ns = now_ns
-        turn, self._status_turn = self._status_turn, (self._status_turn + 1) % turns
         try:
             self._ask_status(turn)
         except LineFault as fault:
-            if fault.flag in LOSING:
-                raise
-            self._noticed.add(fault.flag)
+            self._note_unless_lost(fault)
 
-    def _status_turns(self) -> int:
+    def _n_turns(self) -> int:
         """Return the number of exchanges that read the whole status."""
         if not self._profile.status:
             return 0
@@ -231,7 +202,7 @@ class PsjDialogue:
             return
         channel = self._channels[turn]
         status = codec.word(self._session.value(profile.status, channel), 10)
-        self._flags[channel] = codec.flags_of(status, profile.status_bits)
+        self._channel_flags[channel] = codec.flags_of(status, profile.status_bits)
 
     def _ask_common_status(self, turn: int) -> None:
         """Read the status of all channels, or in a later turn the source of one voltage."""
@@ -244,4 +215,4 @@ class PsjDialogue:
         words = self._session.values(profile.status, None, profile.channels)
         for channel in self._channels:
             status = codec.word(words[channel], 16)
-            self._flags[channel] = codec.flags_of(status, profile.status_bits)
+            self._channel_flags[channel] = codec.flags_of(status, profile.status_bits)

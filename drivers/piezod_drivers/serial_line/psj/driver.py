@@ -2,11 +2,10 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.bus.line import Line
 from piezod.devices.bus.playing_device import PlayingBusDevice
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring, faults
 from piezod.devices.player import AtEnd
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
@@ -50,29 +49,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=_channels,
-    sees=frozenset(
-        {
-            Fault.B1,
-            Fault.B2,
-            Fault.B3,
-            Fault.B5,
-            Fault.B6,
-            Fault.B7,
-            Fault.B10,
-            Fault.B13,
-            Fault.B14,
-        }
-        | {
-            Fault.A1,
-            Fault.A2,
-            Fault.A3,
-            Fault.A4,
-            Fault.A8,
-            Fault.A11,
-            Fault.A12,
-            Fault.A13,
-            Fault.S6,
-            Fault.S10,
-        }
-    ),
+    sees=faults("A1 A2 A3 A4 A8 A11 A12 A13 B1 B2 B3 B5 B6 B7 B10 B13 B14 S6 S10"),
 )

@@ -79,11 +79,7 @@ class Nv200Player:
         self._table, self._voltages = None, []
 
     def stop_found(self) -> bool:
-        """Stop a play that another process has left running; return whether there was one.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop a play that another process has left running; return whether there was one."""
         if not self._host.wiring.outputs or self._requests.is_closed():
             return False
         found = self._requests.is_source()
@@ -120,8 +116,6 @@ class Nv200Player:
 
         Raises:
             DeviceError: If it does not fit, or the device holds other values.
-            LineFault: If an exchange fails.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
@@ -148,11 +142,7 @@ class Nv200Player:
         return self._table
 
     def arm(self) -> None:
-        """Set up generator and recorder.
-
-        Raises:
-            LineFault: If the device refuses.
-        """
+        """Set up generator and recorder."""
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         table = self._require_table()
@@ -168,7 +158,6 @@ class Nv200Player:
 
         Raises:
             DeviceError: If the generator does not run; nothing moves then.
-            LineFault: If an exchange fails.
         """
         self._begun_ns, self._cycle = None, 0
         if not self._requests.start():
@@ -178,9 +167,6 @@ class Nv200Player:
         """Ask now and then whether the generator runs, and for its point. Real-time safe.
 
         At the end the command becomes the source of the voltage again.
-
-        Raises:
-            LineFault: If the device does not reply.
         """
         table = self._require_table()
         if self._begun_ns is None:
@@ -202,11 +188,7 @@ class Nv200Player:
         return Progress(PlayState.PLAYING, self._cycle)
 
     def stop(self) -> Sequence[float]:
-        """Stop the generator, measure the voltage, and keep it. Real-time safe.
-
-        Raises:
-            LineFault: If an exchange fails.
-        """
+        """Stop the generator, measure the voltage, and keep it. Real-time safe."""
         return [self._requests.stop()]
 
     def recording(self, check: Check) -> PlayedRecord:
@@ -214,8 +196,6 @@ class Nv200Player:
 
         Raises:
             DeviceError: If it is too short, or does not fit the table.
-            LineFault: If an exchange fails.
-            PlayCancelledError: If `check` has raised it between two exchanges.
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 

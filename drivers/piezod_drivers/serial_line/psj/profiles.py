@@ -19,53 +19,33 @@ class StatusBits(NamedTuple):
 
 
 class PsjProfile(NamedTuple):
-    """A model, as it appears on the line.
+    """A model, as it appears on the line."""
 
-    Attributes:
-        title: Name of the model for people.
-        greetings: Possible beginnings of the reply to an empty command; another model is refused.
-        baud: Default bit rate, in bit/s.
-        read: Command that reads a channel.
-        reads: Meaning of this reading in open loop, according to the public sources.
-        set: Command that sets a voltage, in V in open loop.
-        ending: End of a command.
-        frames: Whether each reply ends with XON; else it is a line.
-        channels: Highest number of channels.
-        numbered: Whether commands name the channel.
-        acknowledges: Whether a setpoint has a reply.
-        tells_setpoint: Whether the command `set` without a value returns the setpoint.
-        refresh_s: Highest age of a reading, in s.
-        status: Command that reads the status, "" for none.
-        status_bits: Meaning of the status.
-        status_per_channel: Whether the status is read channel by channel.
-        serial: Command that reads a serial number or the actuator's identity; "" for none.
-        limits: Commands that read the lowest and the highest voltage, if there are any.
-        limits_per_channel: Whether these commands name the channel.
-        source: Command that reads whether the port sets the voltage of a channel; "" for none.
-        plays: Whether the model has a waveform generator and a data recorder.
-    """
-
-    title: str
+    title: str  #: Name of the model for people.
+    #: Possible beginnings of the reply to an empty command; another model is refused.
     greetings: tuple[str, ...]
-    baud: int
-    read: str
-    reads: ReadingUse
-    set: str = "set"
-    ending: bytes = b"\r"
-    frames: bool = True
-    channels: int = 1
-    numbered: bool = False
-    acknowledges: bool = True
+    baud: int  #: Default bit rate, in bit/s.
+    read: str  #: Command that reads a channel.
+    reads: ReadingUse  #: Meaning of this reading in open loop, according to the public sources.
+    set: str = "set"  #: Command that sets a voltage, in V in open loop.
+    ending: bytes = b"\r"  #: End of a command.
+    frames: bool = True  #: Whether each reply ends with XON; else it is a line.
+    channels: int = 1  #: Highest number of channels.
+    numbered: bool = False  #: Whether commands name the channel.
+    acknowledges: bool = True  #: Whether a setpoint has a reply.
+    #: Whether the command `set` without a value returns the setpoint.
     reports_setpoint: bool = False
-    refresh_s: float = 0.0
-    status: str = ""
-    status_bits: tuple[StatusBits, ...] = ()
-    status_per_channel: bool = True
-    serial: str = ""
+    refresh_s: float = 0.0  #: Highest age of a reading, in s.
+    status: str = ""  #: Command that reads the status, "" for none.
+    status_bits: tuple[StatusBits, ...] = ()  #: Meaning of the status.
+    status_per_channel: bool = True  #: Whether the status is read channel by channel.
+    serial: str = ""  #: Command that reads a serial number or the actuator's identity; "" for none.
+    #: Commands that read the lowest and the highest voltage, if there are any.
     limits: tuple[str, str] | None = None
-    limits_per_channel: bool = True
+    limits_per_channel: bool = True  #: Whether these commands name the channel.
+    #: Command that reads whether the port sets the voltage of a channel; "" for none.
     source: str = ""
-    plays: bool = False
+    plays: bool = False  #: Whether the model has a waveform generator and a data recorder.
 
 
 _D_DRIVE_BITS: Final = (

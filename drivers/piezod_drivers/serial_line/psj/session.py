@@ -17,6 +17,8 @@ SLOW_FACTOR: Final = 2
 class PsjSession:
     """Sends the commands of a model and reads the replies.
 
+    Every request raises `LineFault` if no reply comes, or the line is lost.
+
     Args:
         line: The line; its owner opens and closes it.
         profile: The model.
@@ -50,11 +52,7 @@ class PsjSession:
         return codec.command(self._profile, name, channel, *values)
 
     def tell(self, name: str, channel: int | None = None, *values: float) -> None:
-        """Send a command that has no reply. Real-time safe.
-
-        Raises:
-            LineFault: If it was not sent.
-        """
+        """Send a command that has no reply. Real-time safe."""
         self._conversation.tell(self.command(name, channel, *values))
 
     def ask(self, name: str, channel: int | None = None, *values: float) -> str:
@@ -68,11 +66,7 @@ class PsjSession:
         return codec.text_of(self._conversation.ask(request, self._frame, fits=fits))
 
     def value(self, name: str, channel: int | None = None) -> str:
-        """Return the only value of the reply to a query. Real-time safe.
-
-        Raises:
-            LineFault: If no reply comes.
-        """
+        """Return the only value of the reply to a query. Real-time safe."""
         return self.values(name, channel, 1)[0]
 
     def is_remote(self, channel: int) -> bool:
@@ -100,9 +94,6 @@ class PsjSession:
             count: Required number of values.
             length_of: Finds the end of the reply, if it differs from the usual one.
             answer: First word of the reply, if it differs from the command.
-
-        Raises:
-            LineFault: If no reply comes.
         """
         request = self.command(name, channel)
         named = channel if self._profile.numbered else None
@@ -119,9 +110,6 @@ class PsjSession:
             name: The command.
             index: Its first number, which the reply repeats.
             *others: Further numbers.
-
-        Raises:
-            LineFault: If no reply comes.
         """
         fits = partial(codec.is_reply_to, name, index)
         request = self.command(name, None, index, *others)
@@ -129,11 +117,7 @@ class PsjSession:
         return codec.values_of(codec.text_of(frame), name, index)
 
     def record(self, name: str, index: int, within_ns: int) -> list[str]:
-        """Return the values behind an index in a reply with a whole record.
-
-        Raises:
-            LineFault: If no reply comes.
-        """
+        """Return the values behind an index in a reply with a whole record."""
         fits = partial(codec.is_reply_to, name, index)
         request = self.command(name, None, index)
         frame = self._conversation.ask(
@@ -148,9 +132,6 @@ class PsjSession:
 
         Returns:
             The reply, b"" if none came. Then enough time has passed that none can come.
-
-        Raises:
-            LineFault: If the line is lost.
         """
         request, find = self.command(name, channel), length_of or self._frame
         try:

@@ -3,14 +3,13 @@
 from contextlib import suppress
 
 from piezod.devices.bus.line import LineFault
-from piezod.devices.interface import Identity
+from piezod.devices.interface import UNKNOWN, Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
 from piezod_drivers.serial_line.psj.profiles import PsjProfile
 from piezod_drivers.serial_line.psj.session import PsjSession
 
-UNKNOWN = "unknown"
 _NO_COMMAND = "~"
 """Together with this, half a setpoint that was sent before becomes an unknown command."""
 

@@ -81,7 +81,6 @@ class WaveRequests:
 
         Raises:
             DeviceError: If it holds other values.
-            PlayCancelledError: If `check` has raised it between two points.
         """
         held = []
         for i, percent in enumerate(percents):

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from piezod.devices.bus.dialogue import Reading
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
@@ -32,7 +32,7 @@ _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 _NO_STATUS: Final = frozenset({DeviceFlag.LATE_REPLY})
 
 
-class AmplifierDialogue:
+class AmplifierDialogue(BaseDialogue):
     """Implements `Dialogue`.
 
     A setting has no reply. The voltage is requested in the same write, and must be the one that was
@@ -46,8 +46,9 @@ class AmplifierDialogue:
     """
 
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
-        self._options, self._outputs = options, wiring.outputs
         self._session = AptSession(options, line)
+        super().__init__(wiring, self._session.line, self._session.conversation)
+        self._options, self._outputs = options, wiring.outputs
         self._status = SideRequest(self._session.line, _REQUEST_STATUS, Id.GET_STATUS)
         self._max_v = 0
         self._expected_bits = 0
@@ -57,9 +58,7 @@ class AmplifierDialogue:
         """Connect, identify the cube and read its voltage limit.
 
         Raises:
-            DeviceUnavailableError: If the port is absent.
             DeviceError: If it is another model, or has another limit.
-            LineFault: If an exchange fails.
         """
         identity = self._session.open()
         (code,) = self._session.ask_words(codec.short(Id.REQ_IO, CHANNEL), Id.GET_IO)
@@ -75,20 +74,13 @@ class AmplifierDialogue:
                 f"{self._options.max_v}; set both to the limit of the actuator"
             )
         self._max_v = max_v
+        self._ranges = [(0.0, float(max_v))] * len(self._outputs)
         return identity
-
-    def close(self) -> None:
-        """Disconnect; the output keeps its voltage. Never raises."""
-        self._session.close()
 
     def capabilities(self) -> Capabilities:
         """Return the channel and the highest rate that the bit rate allows."""
         rate_hz = self._options.baud / (10 * _BYTES_PER_CYCLE)
         return Capabilities((), self._outputs, True, rate_hz, holds=True)
-
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of the voltage, in V."""
-        return [(0.0, float(self._max_v))] * len(self._outputs)
 
     def activate(self) -> None:
         """Take control without a jump: of the voltage source, and of a disabled output.
@@ -96,7 +88,6 @@ class AmplifierDialogue:
         Raises:
             DeviceError: If the amplifier does not give control, or only with a jump. In closed loop
                 the voltage after opening the loop is unknown.
-            LineFault: If an exchange fails.
         """
         if not self._outputs:
             return
@@ -111,13 +102,6 @@ class AmplifierDialogue:
         self._expected_bits = self._ask_status().bits & StatusBit.ENABLED
         self._lowest_set, self._unverified = 0, False
         self._status.restart()
-
-    def deactivate(self) -> None:
-        """Do nothing: the output holds its voltage."""
-
-    def sample(self, now_ns: int) -> Reading:
-        """Return no values: there are no inputs."""
-        return now_ns, ()
 
     def put(self, values: Sequence[float]) -> None:
         """Set the voltage, in V. Real-time safe.
@@ -160,10 +144,6 @@ class AmplifierDialogue:
         disabled = self._expected_bits & ~status.bits
         local = disabled or status.bits & StatusBit.CLOSED_LOOP
         return [overdue | _LOCAL if local else overdue] * len(self._outputs)
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised."""
-        return self._session.take_noticed()
 
     def _ask_output(self, before: bytes) -> int:
         """Send `before` and read the voltage in counts; request the status if it is due."""

@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring, faults
 from piezod_drivers.serial_line.thorlabs_apt.amplifier_dialogue import AmplifierDialogue
 from piezod_drivers.serial_line.thorlabs_apt.cube_line import CubeLine
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
@@ -36,8 +35,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset(
-        {Fault.A1, Fault.A2, Fault.A3, Fault.A7, Fault.A8, Fault.A12, Fault.S7, Fault.S10}
-        | {Fault.B1, Fault.B2, Fault.B3, Fault.B5, Fault.B6, Fault.B7, Fault.B10, Fault.B14}
-    ),
+    sees=faults("A1 A2 A3 A7 A8 A12 B1 B2 B3 B5 B6 B7 B10 B14 S7 S10"),
 )

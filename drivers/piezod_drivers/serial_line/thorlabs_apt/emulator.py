@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
-from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import (
     FULL_SCALE,
@@ -41,7 +41,7 @@ _OPEN_LOOP_MODES: Final = frozenset({1, 3})
 _Handler = Callable[[bytes], list[bytes]]
 
 
-class _CubeEmulator:
+class _CubeEmulator(Emulator):
     """The common part of both cubes.
 
     Args:
@@ -70,10 +70,6 @@ class _CubeEmulator:
                 except AptFrameError:
                     continue
         return replies
-
-    def due(self) -> list[bytes]:
-        """Return nothing: the cube only replies."""
-        return []
 
     def _info(self, _frame: bytes) -> list[bytes]:
         return [_answer(Id.GET_INFO, codec.pack_hardware(self._hardware))]

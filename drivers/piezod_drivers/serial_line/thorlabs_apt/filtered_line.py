@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from piezod.devices.bus.line import Line, NoticingLine
+from piezod.devices.bus.line import Line, LineWrapper
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.thorlabs_apt.codec import (
     MAX_MESSAGE_BYTES,
@@ -18,8 +18,8 @@ _SET_ASIDE: Final = frozenset({Id.GET_STATUS, Id.GET_GAUGE_IO})
 _REPLIES: Final = frozenset(map(int, Id)) - _ERROR_MESSAGES
 
 
-class FilteredLine:
-    """Implements `Line` and `NoticingLine`; passes on only messages that are wanted.
+class FilteredLine(LineWrapper):
+    """A line that passes on only messages that are wanted.
 
     Statuses and settings that are not wanted are set aside. Error messages and garbage
     are noticed. All other messages are dropped.
@@ -29,7 +29,7 @@ class FilteredLine:
     """
 
     def __init__(self, line: Line) -> None:
-        self._line = line
+        super().__init__(line)
         self._incomplete = b""
         self._incomplete_since_ns = 0
         self._noticed: set[DeviceFlag] = set()
@@ -38,25 +38,12 @@ class FilteredLine:
         self.aside: dict[int, bytes] = {}
         """The last message of each kind that is set aside, by its identifier."""
 
-    @property
-    def where(self) -> str:
-        """Port of the line."""
-        return self._line.where
-
     def open(self) -> None:
         """Connect, as the line does."""
-        self._line.open()
+        super().open()
         self._incomplete = b""
         self.aside.clear()
         self._noticed.clear()
-
-    def close(self) -> None:
-        """Disconnect. Never raises."""
-        self._line.close()
-
-    def send(self, data: bytes) -> None:
-        """Send all bytes, as the line does. Real-time safe."""
-        self._line.send(data)
 
     def receive(self, within_ns: int) -> bytes:
         """Return complete wanted messages that have come. Real-time safe.
@@ -90,16 +77,10 @@ class FilteredLine:
             self._incomplete_since_ns = self._line.now_ns()
         return b"".join(wanted_messages)
 
-    def now_ns(self) -> int:
-        """Return the instant, as the line does. Real-time safe."""
-        return self._line.now_ns()
-
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the noticed flags. Real-time safe."""
         noticed, self._noticed = self._noticed, set()
-        return (
-            noticed | self._line.take_noticed() if isinstance(self._line, NoticingLine) else noticed
-        )
+        return noticed | super().take_noticed()
 
     def forget_noticed(self) -> None:
         """Clear the flags noticed by this filter."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import nan
 from typing import Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -27,7 +28,7 @@ _QUANTITIES: Final[dict[int, str]] = {
 }
 
 
-class ReaderDialogue:
+class ReaderDialogue(BaseDialogue):
     """Implements `Dialogue`.
 
     The readings are in the quantity that the reader shows, so they are positions only in one of its
@@ -40,8 +41,9 @@ class ReaderDialogue:
     """
 
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
-        self._options, self._inputs = options, wiring.inputs
         self._session = AptSession(options, line)
+        super().__init__(wiring, self._session.line, self._session.conversation)
+        self._options, self._inputs = options, wiring.inputs
         self._mode = SideRequest(self._session.line, _REQUEST_IO, Id.GET_GAUGE_IO)
         self._um_per_count = 0.0
         self._saturated = False
@@ -50,9 +52,7 @@ class ReaderDialogue:
         """Connect, identify the cube, and read its display mode and its travel.
 
         Raises:
-            DeviceUnavailableError: If the port is absent.
             DeviceError: If it is another model, has no travel, or shows no position.
-            LineFault: If an exchange fails.
         """
         identity = self._session.open()
         mode = codec.display_mode_of(self._session.ask(_REQUEST_IO, Id.GET_GAUGE_IO))
@@ -63,24 +63,10 @@ class ReaderDialogue:
         self._mode.restart()
         return identity
 
-    def close(self) -> None:
-        """Disconnect. Never raises."""
-        self._session.close()
-
     def capabilities(self) -> Capabilities:
         """Return the channel and the highest rate that the bit rate allows."""
         rate_hz = self._options.baud / (10 * _BYTES_PER_CYCLE)
         return Capabilities(self._inputs, (), False, rate_hz, quality=True)
-
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return nothing: there are no outputs."""
-        return ()
-
-    def activate(self) -> None:
-        """Do nothing: the reader always replies."""
-
-    def deactivate(self) -> None:
-        """Do nothing."""
 
     def sample(self, now_ns: int) -> Reading:
         """Read the gauge, in µm; NaN at the end of its range. Real-time safe.
@@ -97,13 +83,6 @@ class ReaderDialogue:
         position_um = nan if self._saturated else count * self._um_per_count
         return now_ns, [position_um] * len(self._inputs)
 
-    def put(self, values: Sequence[float]) -> None:
-        """Do nothing: there are no outputs."""
-
-    def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
-        """Return nothing: there are no outputs."""
-        return ()
-
     def flags(self) -> Sequence[Flags]:
         """Return whether the last reading was at an end of the range. Real-time safe.
 
@@ -113,10 +92,6 @@ class ReaderDialogue:
         if self._mode.overdue:
             return [_NO_MODE] * len(self._inputs)
         return [_SATURATED if self._saturated else NO_FLAGS] * len(self._inputs)
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised."""
-        return self._session.take_noticed()
 
     def _check_mode(self) -> None:
         """Refuse readings of another quantity.

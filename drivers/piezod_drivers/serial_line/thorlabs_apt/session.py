@@ -23,17 +23,22 @@ class AptSession:
     """The exchanges with one cube.
 
     A reply has the identifier of its kind, but not that of its request. Therefore, after a
-    time-out, nothing is requested until the late reply has come or counts as lost.
+    time-out, nothing is requested until the late reply has come or counts as lost. Every request
+    raises `LineFault` if no reply comes.
 
     Args:
         options: Options of the cube.
         line: The line to the cube.
+
+    Attributes:
+        line: That line; unrequested messages are set aside.
+        conversation: Requests and replies.
     """
 
     def __init__(self, options: AptOptions, line: Line) -> None:
         self._options = options
         self.line = FilteredLine(line)
-        self._conversation = Conversation(self.line, options.timeout_ms * 1e-3)
+        self.conversation = Conversation(self.line, options.timeout_ms * 1e-3)
 
     def open(self) -> Identity:
         """Connect and identify the cube.
@@ -44,8 +49,8 @@ class AptSession:
             LineFault: If the cube does not reply.
         """
         self.line.open()
-        self._conversation.restart()
-        self._conversation.wait_out()
+        self.conversation.restart()
+        self.conversation.wait_out()
         # No firmware update follows, and periodic statuses are not wanted. A program before us may
         # have left the cube silent: the acknowledgement makes it send statuses again.
         setup = (Id.NO_FLASH_PROGRAMMING, Id.STOP_UPDATES, Id.ACK_STATUS)
@@ -53,28 +58,20 @@ class AptSession:
         self.line.wanted = Id.GET_INFO
         request = codec.short(Id.REQ_INFO)
         # `FilteredLine` passes only complete messages of the wanted identifier.
-        with self._conversation.opening():
-            frame = self._conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
+        with self.conversation.opening():
+            frame = self.conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
         hardware = codec.hardware_of(frame)
         if hardware.model != self._options.model:
             found, wanted = hardware.model, self._options.model
             raise DeviceError(f"{self.line.where} leads to {found}, configured is {wanted}")
-        self._conversation.forget_noticed()
+        self.conversation.forget_noticed()
         self.line.forget_noticed()
         return Identity(_MAKER, hardware.model, str(hardware.serial), hardware.firmware)
 
-    def close(self) -> None:
-        """Disconnect. Never raises."""
-        self.line.close()
-
     def ask(self, request: bytes, wanted: int) -> bytes:
-        """Return the reply to a request. Real-time safe.
-
-        Raises:
-            LineFault: If none comes.
-        """
+        """Return the reply to a request. Real-time safe."""
         self.line.wanted = wanted
-        return self._conversation.ask(request, codec.length_of_whole)
+        return self.conversation.ask(request, codec.length_of_whole)
 
     def ask_words(self, request: bytes, wanted: int, n: int = 1) -> tuple[int, ...]:
         """Return the first numbers behind the channel in a reply. Real-time safe.
@@ -102,13 +99,5 @@ class AptSession:
         return value
 
     def tell(self, message: bytes) -> None:
-        """Send a message that has no reply.
-
-        Raises:
-            LineFault: If it cannot be sent.
-        """
-        self._conversation.tell(message)
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        return self._conversation.take_noticed()
+        """Send a message that has no reply."""
+        self.conversation.tell(message)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from piezod.devices.bus.line import LineFault
-from piezod.devices.interface import Identity
+from piezod.devices.interface import UNKNOWN, Identity
 from piezod.devices.status import DeviceFlag
 
 _NUMBER: Final = rb"[+-]?[0-9]{1,6}(?:\.[0-9]{0,6})?"
@@ -169,8 +169,8 @@ def identity_in(reply: bytes) -> Identity | None:
     return Identity(
         "Thorlabs",
         model.group().upper(),
-        serial.group(1) if serial else "unknown",
-        firmware.group(1) if firmware else "unknown",
+        serial.group(1) if serial else UNKNOWN,
+        firmware.group(1) if firmware else UNKNOWN,
     )
 
 

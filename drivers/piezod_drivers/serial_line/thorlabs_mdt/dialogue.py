@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Final
 
+from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.conversation import Conversation, Fits, LengthOf
-from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.quiet import read_until_quiet
 from piezod_drivers.serial_line.thorlabs_mdt.codec import (
@@ -37,7 +37,7 @@ _MOST_CHUNKS: Final = 100
 _SECOND_FIRMWARE: Final = 2
 
 
-class MdtDialogue:
+class MdtDialogue(BaseDialogue):
     """Implements `Dialogue` for an amplifier that only drives in open loop.
 
     The protocol of the device is detected when it is opened, by reading until it is quiet; nothing
@@ -52,21 +52,17 @@ class MdtDialogue:
     def __init__(self, line: Line, timeout_s: float, wiring: Wiring) -> None:
         self._line, self._outputs = NulFreeLine(line), wiring.outputs
         self._conversation = Conversation(self._line, timeout_s)
+        super().__init__(wiring, self._line, self._conversation)
         self._commands, self._replies = LONG_COMMANDS, Replies(b">", b"")
         self._all_axes_at_once = False
         self._echo_is_on = False
         self._echo_is_back = False
-        self._restarted: set[DeviceFlag] = set()
-        self._ranges: list[tuple[float, float]] = []
-        self._flags = [NO_FLAGS] * len(wiring.outputs)
 
     def open(self) -> Identity:
         """Connect, detect the protocol, identify the device and read its limits.
 
         Raises:
-            DeviceUnavailableError: If the port is absent or locked.
             DeviceError: If it is no MDT, or an axis is missing.
-            LineFault: If the device does not reply.
         """
         self._line.open()
         self._conversation.restart()
@@ -91,33 +87,14 @@ class MdtDialogue:
         )
         return identity
 
-    def close(self) -> None:
-        """Disconnect; the outputs keep their values. Never raises."""
-        self._line.close()
-
     def capabilities(self) -> Capabilities:
         """Return the capabilities: outputs hold and are measured."""
         return Capabilities((), self._outputs, True, MAX_RATE_HZ, holds=True)
 
-    def ranges(self) -> Sequence[tuple[float, float]]:
-        """Return the range of each output, in V."""
-        return self._ranges
-
     def activate(self) -> None:
-        """Switch off the echo of an amplifier that has restarted; its voltage stays.
-
-        Raises:
-            LineFault: If the line is lost.
-        """
+        """Switch off the echo of an amplifier that has restarted; its voltage stays."""
         if self._echo_is_back:
             self._switch_echo_off()
-
-    def deactivate(self) -> None:
-        """Do nothing: the outputs hold."""
-
-    def sample(self, now_ns: int) -> Reading:
-        """Return no values: there is no sensor."""
-        return now_ns, ()
 
     def put(self, values: Sequence[float]) -> None:
         """Set every output. Real-time safe.
@@ -141,15 +118,6 @@ class MdtDialogue:
             return [by_name[name] for name in self._outputs]
         return [self._get(self._commands.get.format(name.upper()), 1)[0] for name in self._outputs]
 
-    def flags(self) -> Sequence[Flags]:
-        """Return no flags: the amplifier has no status."""
-        return self._flags
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        restarted, self._restarted = self._restarted, set()
-        return self._conversation.take_noticed() | restarted
-
     def _set(self, command: str) -> None:
         request = line_of(command)
 
@@ -169,7 +137,7 @@ class MdtDialogue:
         frame = self._conversation.ask(request, length_of, fits=fits)
         if not self._echo_is_on and has_echo(frame, request):
             self._echo_is_back = True  # after a restart
-            self._restarted.add(DeviceFlag.RESTARTED)
+            self._noticed.add(DeviceFlag.RESTARTED)
         return frame
 
     def _find_echo(self) -> bytes:

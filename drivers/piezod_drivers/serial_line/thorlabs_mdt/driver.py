@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring, faults
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.thorlabs_mdt.dialogue import MdtDialogue
 from piezod_drivers.serial_line.thorlabs_mdt.options import MdtOptions
@@ -26,22 +25,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=_channels,
-    sees=frozenset(
-        {
-            Fault.B1,
-            Fault.B2,
-            Fault.B3,
-            Fault.B5,
-            Fault.B6,
-            Fault.B7,
-            Fault.B10,
-            Fault.B14,
-            Fault.A1,
-            Fault.A2,
-            Fault.A3,
-            Fault.A7,
-            Fault.A12,
-            Fault.S10,
-        }
-    ),
+    sees=faults("A1 A2 A3 A7 A12 B1 B2 B3 B5 B6 B7 B10 B14 S10"),
 )

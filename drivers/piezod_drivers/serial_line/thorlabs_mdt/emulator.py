@@ -24,7 +24,7 @@ class MdtModel(NamedTuple):
     firmware: str  #: Reported firmware.
 
 
-class MdtEmulator:
+class MdtEmulator(Emulator):
     """Implements `Emulator`: voltages, their limits, identity, echo and compatibility mode.
 
     Args:
@@ -74,10 +74,6 @@ class MdtEmulator:
             elif len(self._line) < _LONGEST:
                 self._line += bytes((byte,))
         return replies
-
-    def due(self) -> list[bytes]:
-        """Return nothing: the amplifier only replies."""
-        return []
 
     def _answer(self, line: bytes, end: str) -> bytes:
         text = line.decode("ascii", "replace")

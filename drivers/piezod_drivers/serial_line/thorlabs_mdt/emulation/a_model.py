@@ -3,6 +3,7 @@
 from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
+from piezod.devices.emulation.emulator import Emulator
 from piezod_drivers.serial_line.thorlabs_mdt.emulation.values import RefusalError, volts
 
 _MOST_BYTES: Final = 20
@@ -12,7 +13,7 @@ _REFUSED, _DONE = b"!", b"*"
 _LIMIT_CODE: Final = 2  # 150 V
 
 
-class MdtAEmulator:
+class MdtAEmulator(Emulator):
     """Implements `Emulator`: an MDT693A, which knows the short commands only.
 
     It echoes each byte at once and in lower case, and a NUL follows about every second prompt. Only
@@ -47,10 +48,6 @@ class MdtAEmulator:
             elif self._line or char != b"\n":
                 self._line += char
         return [*replies, out] if out else replies
-
-    def due(self) -> list[bytes]:
-        """Return nothing: the amplifier only replies."""
-        return []
 
     def _answer(self, line: bytes) -> bytes:
         try:
