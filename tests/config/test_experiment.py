@@ -11,7 +11,9 @@ from pydantic import ValidationError
 from piezod.config.axes import LimitsConfig
 from piezod.config.devices import DeviceConfig
 from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.modes import Mode
+from piezod.config.trim import TrimConfig
 from piezod.devices import registry
 from piezod.errors import ConfigError
 
@@ -19,6 +21,7 @@ Load = Callable[..., ExperimentConfig]
 ProblemsOf = Callable[..., list[str]]
 
 SHIPPED = sorted((Path(__file__).parents[2] / "config" / "experiments").glob("*.yaml"))
+RANGE = "    command_range_um: [0, 26]"
 AXIS_Y = """\
 axes:
   y:
@@ -50,6 +53,28 @@ def test_defaults_are_filled_in(load: Load) -> None:
         experiment.axes["x"].compensator.deadband_pct,
     ) == ("auto", 0.1)
     assert experiment.devices["rig"].options.model_dump() == {"variant": "stack", "gain": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        (
+            "first_mode: {frequency_hz: 734, damping: 0.015}",
+            FirstModeConfig(frequency_hz=734.0, damping=0.015),
+        ),
+        (
+            "trim: {base: adaptive, gain_per_s: 20, authority_pct: 2}",
+            TrimConfig(base="adaptive", gain_per_s=20.0, authority_pct=2.0),
+        ),
+    ],
+)
+def test_optional_keys_of_an_axis_are_read(load: Load, key: str, expected: object) -> None:
+    """The gain of a trim has no default: it depends on mode and delay of the stage."""
+    rest, given = load().axes["x"], load((RANGE, f"{RANGE}\n    {key}")).axes["x"]
+
+    assert getattr(given, key.partition(":")[0]) == expected
+    assert rest.first_mode is None
+    assert rest.trim == TrimConfig(base="feedforward", gain_per_s=None, authority_pct=5.0)
 
 
 def test_nothing_can_be_changed(load: Load) -> None:

@@ -27,6 +27,7 @@ OWN: Final = (
     SafetyConfig,
     LoopConfig,
     RecordingsConfig,
+    AxisConfig,
 )
 
 
@@ -46,8 +47,3 @@ def test_page_has_the_defaults(model: type[BaseModel]) -> None:
         shown = f"{field.default:g}" if isinstance(field.default, float) else str(field.default)
 
         assert re.search(rf"\b{re.escape(shown)}\b", after[:220]), key
-
-
-def test_page_names_the_keys_of_any_axis() -> None:
-    """The keys of experiments are included."""
-    assert [key for key in AxisConfig.model_fields if f"`{key}`" not in PAGE] == []
