@@ -55,7 +55,7 @@ def record_and_fit(
         recorded.file, recorded.run_in_s, recorded.takes_surface
     )  # with a progress bar of its own
     fitted = replace(fitted, warnings=(*fitted.warnings, *recorded.warnings))
-    return fitted.beside(recorded.first_mode), recorded.axis
+    return fitted.with_configured_mode(recorded.first_mode), recorded.axis
 
 
 def adopt_model(fitted: "FileFit", axis: str, client: "StageClient", created_at: datetime) -> None:
@@ -70,7 +70,7 @@ def adopt_model(fitted: "FileFit", axis: str, client: "StageClient", created_at:
     from piezod.experiment.fit.model_io import to_model_file
     from piezod.experiment.live.identify import adopt_live
 
-    model = to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, created_at)
+    model = to_model_file(fitted.chosen.fit, fitted.data, fitted.chosen.train, created_at)
     adopt_live(client, axis, model)
 
 

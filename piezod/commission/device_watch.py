@@ -51,14 +51,7 @@ class DeviceWatch:
             )
 
     def check_wait(self, read_back_v: float, drive_v: float, now_ns: int, *, waits: bool) -> None:
-        """Check for how long the output has not followed its writes.
-
-        Args:
-            read_back_v: Its read-back, in V.
-            drive_v: The last write, in V.
-            now_ns: Instant of the cycle, in ns.
-            waits: Whether it has to be waited for in this cycle.
-        """
+        """Check for how long the output has not followed its writes."""
         if not waits:
             self._waits_ns = 0
             return

@@ -12,11 +12,11 @@ from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.waves import (
     Keep,
     PlayedExperiment,
-    PlayMeter,
-    Progress,
     keep_nothing,
     learn_waves,
+    play_meter,
 )
+from piezod.experiment.progress import Progress
 
 
 def run_plays_live(
@@ -46,7 +46,7 @@ def run_plays_live(
     """
     setup = read_setup(client)
     check_live(config, setup)
-    meter = PlayMeter(progress, play, len(config.axes))
+    meter = play_meter(progress, play, len(config.axes))
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         meter.begin("resting")
         stage.arm_at_rest(config.settle_s)

@@ -7,9 +7,9 @@ from typing import Self, TypeAlias
 
 import numpy as np
 
-from piezod.experiment.fit.creep_regressors import decays, lags_of
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.surface_parameters import (
+from piezod.experiment.fit.surface.creep_regressors import decays, lags_of
+from piezod.experiment.fit.surface.parameters import (
     CREEP,
     DELAY,
     OFFSET,
