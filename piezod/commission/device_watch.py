@@ -21,12 +21,7 @@ ENDING: Final = MOVED | {
 
 
 class DeviceWatch:
-    """Ends a step if the devices do not follow.
-
-    Args:
-        tolerance_v: Allowed difference between read-back and written voltage, in V.
-        lag_cycles: Allowed delay of the read-back, in cycles.
-    """
+    """Ends a step if the devices do not follow within a tolerance, or later than a lag allows."""
 
     def __init__(self, tolerance_v: float, lag_cycles: int) -> None:
         self._tolerance_v, self._written_v = tolerance_v, RecentRange(lag_cycles)

@@ -23,12 +23,6 @@ def response_live(
 
     The stage is disarmed at the end in any case.
 
-    Args:
-        client: A connection to the daemon of the stage.
-        axis: Name of the axis; None for the only one.
-        wanted: Voltages, amplitude and frequencies.
-        progress: Called as the drive advances.
-
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
         DataError: If there is no such axis, if the drive is not allowed, or if the record cannot be

@@ -29,13 +29,8 @@ def run_plays_live(
 ) -> PlayedExperiment:
     """Learn every waveform on every axis of a running stage, and disarm it at the end.
 
-    Args:
-        config: The experiment; its devices, models and responses are not used.
-        play: Its waveforms.
-        client: A connection to the daemon of the stage.
-        progress: Called as the experiment advances.
-        tables: Folder of tables to begin with, if their conditions agree; None for none.
-        keep: Called with each learned waveform.
+    The file's devices, models and responses are not used. `tables` and `keep` are as in
+    `learn_waves`.
 
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.

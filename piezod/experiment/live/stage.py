@@ -54,11 +54,6 @@ class LiveStage:
 
     Every method raises ClientError, or a subclass, if the daemon refuses or has ended, and
     NotReachedError if the stage leaves the expected states.
-
-    Args:
-        client: A connection to the daemon.
-        setup: Setup of the stage.
-        advance: Called as time passes.
     """
 
     def __init__(self, client: StageClient, setup: LiveSetup, advance: Advance) -> None:
@@ -163,12 +158,7 @@ class LiveStage:
         self.arm()
 
     def drive(self, drive_v: Waveforms, duration_s: float) -> None:
-        """Drive voltages from rest and back to rest; the stage is armed.
-
-        Args:
-            drive_v: Voltage over time for each axis, in V.
-            duration_s: Duration, in s.
-        """
+        """Drive voltages from rest and back to rest; the stage is armed."""
         self._client.identify(drive_v, duration_s)
         self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 

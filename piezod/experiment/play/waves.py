@@ -59,6 +59,9 @@ def learn_waves(
 ) -> PlayedResult:
     """Measure the response of an axis, then learn every waveform.
 
+    If there is a folder `tables`, each begins with a table whose conditions agree. `keep` is called
+    with each one that is learned.
+
     Raises:
         PiezodError: If the response could not be measured, or nothing of a waveform was learned.
     """

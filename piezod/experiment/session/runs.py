@@ -53,13 +53,7 @@ def with_errors(recording: Recording, metrics: tuple[str, ...], period_s: float)
 def judged_errors_pct(
     recording: Recording, metrics: tuple[str, ...], *, with_late: bool
 ) -> dict[str, float]:
-    """Return the errors of a recording, in % of the range.
-
-    Args:
-        recording: The recording.
-        metrics: Names of the errors.
-        with_late: Whether the samples just after a stall count.
-    """
+    """Return the errors of a recording, in % of the range, with or without late samples."""
     judged = np.zeros(recording.t_s.size, bool)
     judged[recording.first_metric_index :] = True
     if not with_late and recording.late_t_s.size <= LARGEST_SHARE * recording.t_s.size:

@@ -59,12 +59,7 @@ def run_plays(
 ) -> PlayedExperiment:
     """Learn every waveform on every axis, one axis after the other, in virtual time.
 
-    Args:
-        config: The experiment.
-        play: Its waveforms.
-        progress: Called as the experiment advances.
-        tables: Folder of tables to begin with, if their conditions agree; None for none.
-        keep: Called with each learned waveform.
+    `tables` and `keep` are as in `learn_waves`.
 
     Raises:
         ConfigError: If a model file or a table file cannot be used.
