@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from piezod.commission.output import Output
 from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig
-from piezod.control.law.compensated import limits_of
+from piezod.control.guard import Limits
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.output_notes import OutputNotes
 from piezod.devices.channels import Channels
@@ -110,8 +110,8 @@ def one_axis(
     # Devices of other axes stay closed; a dict, because one device may serve both roles.
     names = dict.fromkeys((one.sensor.device, one.amplifier.device))
     devices = construct({name: config.devices[name] for name in names}, pairs, config.seed)
-    channels, limits = Channels(devices, pairs), limits_of(one)
-    range_v = limits.drive_min_v, limits.drive_max_v
+    channels, range_v = Channels(devices, pairs), (one.limits.drive_min_v, one.limits.drive_max_v)
+    limits = Limits(*range_v, one.limits.slew_v_per_s)
     with owned(channels, clock.now_ns, lambda all_: all_.beyond_reach([range_v]), notes.leave):
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
