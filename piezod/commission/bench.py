@@ -112,7 +112,7 @@ def one_axis(
     devices = construct({name: config.devices[name] for name in names}, pairs, config.seed)
     channels, range_v = Channels(devices, pairs), (one.limits.drive_min_v, one.limits.drive_max_v)
     limits = Limits(*range_v, one.limits.slew_v_per_s)
-    with owned(channels, clock.now_ns, lambda all_: all_.beyond_reach([range_v]), notes.leave):
+    with owned(channels, clock.now_ns, lambda opened: opened.beyond_reach([range_v]), notes.leave):
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
         notes.meet(channels)
