@@ -252,7 +252,7 @@ class LiveStage:
         return self._wait(passed, states).t_s
 
     def _wait(self, done: Callable[[Interval], bool], through: Collection[State]) -> Interval:
-        """Return the first interval for which `done` is true."""
+        """Return the first interval that is `done`; the states before it must be in `through`."""
         before_s = inf
         with closing(self._client.telemetry(RATE_HZ)) as intervals:
             for interval in intervals:

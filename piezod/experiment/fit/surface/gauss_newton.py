@@ -5,7 +5,7 @@ The displacement follows from the drive, which is known without noise:
     x(t) = M[y + Σ w_k L_k[y]] + offset,   y = H[z] + p (v - z) + w h[z],   v = v(t - delay).
 
 z is the drive that lags behind v with the rate, see `rate_lag`; p is the prompt slope; h relaxes
-along the path of the drive, see `path_relaxation`; M is the first mode, see `mode_search`. These
+along the path of the drive, see `path_relaxation`; M is the first mode, see `first_mode`. These
 three are there only if the record shows them. The lags of the creep start from the displacement
 before the record, without its creep, as in `prediction`. The displacement is linear in the
 coefficients of H, in p and in w, and in the weights of the lags for fixed coefficients. The fit is
