@@ -22,7 +22,7 @@ from benchmarks.peers.simulated import BEYOND, FULL_V
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.control.law.first_mode import FirstMode
 from piezod.devices import registry
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record

@@ -36,8 +36,8 @@ def rows_of_piezod(case: Case) -> list[Row]:
         other = best.get(kind)
         if other is None or candidate.validation.rms_pct < other.validation.rms_pct:
             best[kind] = candidate
-    taken = _row(CHOSEN, choice.taken, case, search_s)
-    of_taken = _kind(choice.taken, choice.candidates)
+    taken = _row(CHOSEN, choice.chosen, case, search_s)
+    of_taken = _kind(choice.chosen, choice.candidates)
     return [
         replace(taken, setting=f"{of_taken}, {taken.setting}"),
         *(_row(f"{PIEZOD} {kind}", each, case, search_s) for kind, each in best.items()),

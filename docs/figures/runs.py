@@ -128,7 +128,7 @@ def on_another_specimen() -> tuple[Recording, ...]:
     return tuple(recordings)
 
 
-def _ignore(_cycles: int) -> None:
+def _ignore(_further_s: float) -> None:
     pass
 
 

@@ -1,7 +1,7 @@
 """One axis of a stage, opened for manual driving, and returned to its initial voltage."""
 
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from math import nan
@@ -10,14 +10,15 @@ from typing import Final, NamedTuple
 
 from piezod.commission.output import Output
 from piezod.commission.session import Session
-from piezod.config.daemon import DaemonConfig, StageAxisConfig
-from piezod.control.guard import Limits, read_back_tolerance_v
+from piezod.config.daemon import DaemonConfig
+from piezod.control.guard import Limits
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.daemon.output_notes import OutputNotes
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
+from piezod.experiment.session.devices import owned
 
 
 class OneAxis(NamedTuple):
@@ -75,20 +76,6 @@ def _ramp_back(session: Session, before: str) -> None:
         ) from error
 
 
-def _output(
-    channels: Channels,
-    axis: StageAxisConfig,
-    clock: Clock,
-    output_v: float,
-    last_v: float,
-    note: Callable[[float], object],
-) -> Output:
-    able, limits = channels.capabilities(), axis.limits
-    tolerance_v = read_back_tolerance_v(limits.drive_min_v, limits.drive_max_v)
-    last_v, rest_v = last_v if able.read_back else output_v, limits.rest_v if able.watchdog else nan
-    return Output(channels, tolerance_v, clock, last_v, rest_v, note)
-
-
 @contextmanager
 def one_axis(
     config: DaemonConfig,
@@ -123,26 +110,23 @@ def one_axis(
     # Devices of other axes stay closed; a dict, because one device may serve both roles.
     names = dict.fromkeys((one.sensor.device, one.amplifier.device))
     devices = construct({name: config.devices[name] for name in names}, pairs, config.seed)
-    channels = Channels(devices, pairs)
-    try:
-        channels.open()
-        channels.activate(clock.now_ns())
-        low_v, high_v = one.limits.drive_min_v, one.limits.drive_max_v
-        if beyond := channels.beyond_reach([(low_v, high_v)]):
-            raise DeviceError(beyond)
-        limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
+    channels, range_v = Channels(devices, pairs), (one.limits.drive_min_v, one.limits.drive_max_v)
+    limits = Limits(*range_v, one.limits.slew_v_per_s)
+    with owned(channels, clock.now_ns, lambda opened: opened.beyond_reach([range_v]), notes.leave):
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
         notes.meet(channels)
         last_v = nan if confirmed else notes.last_v(axis)
-        output = _output(channels, one, clock, output_v, last_v, partial(notes.note, axis))
+        able = channels.capabilities()
+        output = Output(
+            channels,
+            limits.read_back_tolerance_v,
+            clock,
+            last_v if able.read_back else output_v,
+            one.limits.rest_v if able.watchdog else nan,
+            partial(notes.note, axis),
+        )
         session = Session(channels, output, limits, config.rate_hz, ramp_v_per_s, clock)
         notes.note(axis, session.found_v)
         with _returning(session):
             yield OneAxis(session, channels.identities)
-    finally:
-        try:
-            channels.deactivate(clock.now_ns())
-        finally:  # also if Ctrl-C interrupts the deactivation
-            channels.close()
-            notes.leave()

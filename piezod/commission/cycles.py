@@ -15,12 +15,7 @@ NO_REPLY: Final = frozenset({DeviceFlag.LATE_REPLY, DeviceFlag.BUS_OVERLOADED})
 
 
 class SessionCycles:
-    """Waits for each cycle and counts the late ones.
-
-    Args:
-        clock: The clock.
-        rate_hz: Cycles per second.
-    """
+    """Waits for each cycle and counts the late ones."""
 
     def __init__(self, clock: Clock, rate_hz: float) -> None:
         self.period_ns = round(NS_PER_S / rate_hz)

@@ -21,12 +21,7 @@ ENDING: Final = MOVED | {
 
 
 class DeviceWatch:
-    """Ends a step if the devices do not follow.
-
-    Args:
-        tolerance_v: Allowed difference between read-back and written voltage, in V.
-        lag_cycles: Allowed delay of the read-back, in cycles.
-    """
+    """Ends a step if the devices do not follow within a tolerance, or later than a lag allows."""
 
     def __init__(self, tolerance_v: float, lag_cycles: int) -> None:
         self._tolerance_v, self._written_v = tolerance_v, RecentRange(lag_cycles)
@@ -51,14 +46,7 @@ class DeviceWatch:
             )
 
     def check_wait(self, read_back_v: float, drive_v: float, now_ns: int, *, waits: bool) -> None:
-        """Check for how long the output has not followed its writes.
-
-        Args:
-            read_back_v: Its read-back, in V.
-            drive_v: The last write, in V.
-            now_ns: Instant of the cycle, in ns.
-            waits: Whether it has to be waited for in this cycle.
-        """
+        """Check for how long the output has not followed its writes."""
         if not waits:
             self._waits_ns = 0
             return

@@ -39,11 +39,6 @@ def step_v(session: Session) -> float:
 def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polarity, SessionTrace]:
     """Step up and down a few times, and compare the mean positions at rest.
 
-    Args:
-        session: The axis.
-        size_v: Size of the steps, in V.
-        rms_um: Noise of the sensor, in µm.
-
     Raises:
         DeviceError: If the displacement is not significant, or the sensor gives no valid samples.
     """

@@ -72,12 +72,6 @@ def probe(
 ) -> dict[str, Probed]:
     """Inspect each device of a stage; an absent device does not prevent the others.
 
-    Args:
-        config: The configuration.
-        axes: Channels of each axis.
-        clock: Measures the exchanges.
-        exchanges: Exchanges per device and kind.
-
     Raises:
         RegistryError: If a driver cannot be loaded.
     """

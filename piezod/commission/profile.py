@@ -20,15 +20,7 @@ WORKING_PART: Final = 0.1
 def profile(
     config: DaemonConfig, axis: str, findings: Findings, identities: dict[str, Identity], date: str
 ) -> str:
-    """Return a configuration with one axis, from the results.
-
-    Args:
-        config: The configuration of the commissioning.
-        axis: Name of the axis.
-        findings: The results; at least the travel.
-        identities: Identities of the devices.
-        date: The day, for people.
-    """
+    """Return a configuration with one axis, from the results; at least the travel is known."""
     one = config.axes[axis]
     # Only the keys that were set: defaults stay defaults, also in later versions.
     document = config.model_dump(mode="json", exclude_unset=True)

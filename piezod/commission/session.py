@@ -34,14 +34,6 @@ LEAST_ROWS: Final = 2
 class Session:
     """Drives one axis; its devices are open and active.
 
-    Args:
-        channels: The devices, of this one axis.
-        output: Its output.
-        limits: Limits of the drive voltage, for every step.
-        rate_hz: Cycles per second.
-        ramp_v_per_s: Rate of `go`, in V/s.
-        clock: Clock of the cycles.
-
     Raises:
         DeviceError: If the voltage in force is unknown, or outside the limits.
     """

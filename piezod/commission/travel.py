@@ -38,10 +38,6 @@ class TravelAmplifier(NamedTuple):
 def excursion(session: Session, target_v: float) -> SessionTrace:
     """Ramp from the initial voltage to another one and back.
 
-    Args:
-        session: The axis.
-        target_v: The other voltage, in V.
-
     Raises:
         DeviceError: If the sensor leaves its range.
     """
@@ -64,10 +60,6 @@ def farther_end_v(session: Session) -> float:
 
 def travel_of(trace: SessionTrace, rms_um: float) -> Travel:
     """Return the result of the largest excursion.
-
-    Args:
-        trace: Record of the excursion.
-        rms_um: Noise of the sensor, in µm.
 
     Raises:
         DeviceError: If the sensor has no valid samples at one of the two ends.

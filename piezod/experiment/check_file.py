@@ -175,7 +175,7 @@ def _of_unknown_rate(axes: Mapping[str, AxisConfig]) -> Iterator[str]:
 
 
 def _unknown_modes(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:
-    """Return a warning for each axis that may learn, and whose first mode nothing tells."""
+    """Return a warning for each axis that may learn, and whose first mode is unknown."""
     warnings = []
     for name, axis in axes.items():
         model = read_model(axis.model)[0] if axis.model else None

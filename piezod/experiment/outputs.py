@@ -13,11 +13,6 @@ DATA_NAME = "experiment.h5"
 def write_outputs(folder: Path, result: ExperimentResult, reference: Reference | None) -> Path:
     """Write the data file and the report with its figures; return the path of the report.
 
-    Args:
-        folder: Output folder; created if absent.
-        result: The experiment.
-        reference: Reference errors.
-
     Raises:
         OSError: If a file cannot be written.
     """

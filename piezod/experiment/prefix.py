@@ -1,4 +1,4 @@
-"""Errors of one run among several say which one."""
+"""Errors of one run or file among several say which one."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,11 +7,11 @@ from piezod.errors import ClientError, DataError
 
 
 @contextmanager
-def prefix_errors(run: str) -> Iterator[None]:
-    """Put the name of a run, such as case and mode, before the text of an error."""
+def prefix_errors(name: str) -> Iterator[None]:
+    """Put the name of a run or file, such as case and mode, before the text of an error."""
     try:
         yield
     except ClientError as error:
-        raise type(error)(f"{run}: {error.what}", error.remedy, error.code) from error
+        raise type(error)(f"{name}: {error.what}", error.remedy, error.code) from error
     except DataError as error:
-        raise DataError(f"{run}: {error}") from error
+        raise DataError(f"{name}: {error}") from error

@@ -10,12 +10,7 @@ from piezod.records.experiment_result import Recording
 
 
 def rate_warnings(config: ExperimentConfig, rate_hz: float) -> Iterator[str]:
-    """Yield the warnings about commands that are fast for the loop.
-
-    Args:
-        config: The experiment.
-        rate_hz: Cycles of the loop per second.
-    """
+    """Yield the warnings about commands that are fast for the loop."""
     for case in config.cases:
         for warning in coarse(case.commands(config.axes), rate_hz):
             yield f"{case.name}, {warning}"

@@ -76,9 +76,9 @@ def test_piezod_has_a_row_for_each_kind_of_model() -> None:
     assert len(rows) == 1 + len(kinds)
     assert all(row.method.startswith("piezod ") for row in rows)
     assert rows[0].method == "piezod auto"
-    assert rows[0].held_out_rms_pct == choice.taken.validation.rms_pct
+    assert rows[0].held_out_rms_pct == choice.chosen.validation.rms_pct
     assert min(row.held_out_rms_pct for row in rows) == choice.best.validation.rms_pct
-    test_pct = choice.taken.fit.errors_pct(case.test)
+    test_pct = choice.chosen.fit.errors_pct(case.test)
     assert rows[0].test_rms_pct == pytest.approx(test_pct["voltage_error_rms_pct"])
     assert np.isfinite([row.fit_s for row in rows]).all()
 

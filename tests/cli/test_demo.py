@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from piezod.config.experiment import ExperimentConfig
-from piezod.experiment.virtual.run import Progress, run_experiment
+from piezod.experiment.progress import Progress
+from piezod.experiment.virtual.run import run_experiment
 from piezod.records.experiment_result import ExperimentResult
 from tests.cli.conftest import Command
 

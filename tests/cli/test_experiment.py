@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from piezod.config.experiment import ExperimentConfig
-from piezod.experiment.virtual.run import Progress, run_experiment
+from piezod.experiment.progress import Progress
+from piezod.experiment.virtual.run import run_experiment
 from piezod.records.csv_file import write_csv
 from piezod.records.experiment_file import read_hdf5
 from piezod.records.experiment_result import ExperimentResult

@@ -41,7 +41,7 @@ def test_text_has_the_mode_and_the_reason(fitted: FileFit) -> None:
 def test_fit_that_is_unsmoothed_is_its_own_counterpart(fitted: FileFit) -> None:
     """A model with a mode is fitted to the displacement as recorded, and not a second time."""
     assert fitted.raw is not None
-    assert fitted.raw.fit is fitted.taken.fit
+    assert fitted.raw.fit is fitted.chosen.fit
 
 
 def test_document_has_the_mode(fitted: FileFit) -> None:

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from piezod.experiment.fit.automatic import Candidate, Choice
-from piezod.experiment.fit.cross_validation import CrossValidation
 from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.errors import CrossValidation, Judgement
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.fit import Fit
-from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.uncertainty import Uncertainty
 from piezod.hysteresis.memory import FloatArray
@@ -27,8 +26,8 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
         model: Path of the model file; None if none was written.
         plot: Path of the figure; None if none was drawn.
     """
-    fit, record = fitted.taken.fit, fitted.record
-    by_creep = {each.fit.settings.creep: each for each in (fitted.taken, fitted.other) if each}
+    fit, record = fitted.chosen.fit, fitted.record
+    by_creep = {each.fit.settings.creep: each for each in (fitted.chosen, fitted.other) if each}
     return {
         "data": str(fitted.data),
         "test_data": str(fitted.test_data) if fitted.test_data else None,
@@ -42,7 +41,7 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
         "delay_estimate": _delay(fit.delay) if fit.delay else None,
         "first_mode": _first_mode(fitted),
         "smallest_slope": fit.smallest_slope,
-        **_errors(fitted.taken),
+        **_errors(fitted.chosen),
         "with_creep": _errors(by_creep[True]) if True in by_creep else None,
         "without_creep": _errors(by_creep[False]) if False in by_creep else None,
         "raw_displacement": _errors(fitted.raw) if fitted.raw else None,
@@ -50,7 +49,7 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
         "uncertainty": _uncertainty(fitted.uncertainty),
         "choice": _choice(fitted.choice) if fitted.choice else None,
         "excitation": {
-            "missing": fitted.untold,
+            "missing": fitted.missing_excitation,
             "recommended": recommended_drive(*fit.model.drive_v),
         },
         "warnings": fitted.warnings,
@@ -74,7 +73,7 @@ def _settings(fit: Fit) -> Document:
 
 
 def _first_mode(fitted: FileFit) -> Document | None:
-    fit, half, configured = fitted.taken.fit, fitted.uncertainty.mode, fitted.configured_mode
+    fit, half, configured = fitted.chosen.fit, fitted.uncertainty.mode, fitted.configured_mode
     if fit.model.mode is None or fit.shows_mode is None or half is None:
         return None
     return {
@@ -148,7 +147,7 @@ def _candidate(candidate: Candidate, choice: Choice) -> Document:
         "parameters": candidate.n_parameters,
         **candidate.validation.errors,
         "best": candidate is choice.best,
-        "taken": candidate is choice.taken,
+        "taken": candidate is choice.chosen,
     }
 
 

@@ -57,7 +57,7 @@ def _curve(values: FloatArray) -> str:
 
 def mode_line(fitted: FileFit) -> str:
     """Return which first mode is part of the model, and why; empty without one."""
-    fit, half = fitted.taken.fit, fitted.uncertainty.mode
+    fit, half = fitted.chosen.fit, fitted.uncertainty.mode
     mode, shown = fit.model.mode, fit.shows_mode
     if mode is None or half is None or shown is None:
         return ""

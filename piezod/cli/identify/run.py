@@ -98,7 +98,7 @@ def fit_live(
     if not json:
         print_fit(new_console(), fitted, out, figure)  # before the adoption, which may be refused
     if adopt:
-        model = to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, now)
+        model = to_model_file(fitted.chosen.fit, fitted.data, fitted.chosen.train, now)
         adopt_live(client, driven, model)
     if json:
         print_json({**as_document(fitted, out, figure), "axis": driven, "adopted": adopt})
@@ -117,7 +117,7 @@ def _record_and_fit(
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
     fitted = job.fit(recorded.file, recorded.run_in_s, recorded.takes_surface)
     fitted = replace(fitted, warnings=(*fitted.warnings, *recorded.warnings))
-    return fitted.beside(recorded.first_mode), recorded.axis
+    return fitted.with_configured_mode(recorded.first_mode), recorded.axis
 
 
 def _write(fitted: FileFit, out: Path | None, now: datetime) -> Path | None:

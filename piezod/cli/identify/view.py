@@ -11,16 +11,15 @@ from piezod.cli.identify.document import spread
 from piezod.cli.identify.dynamics_view import in_ms, mode_line, print_delay
 from piezod.cli.output import print_warnings
 from piezod.experiment.fit.automatic import LARGEST_LOSS, Candidate, Choice
-from piezod.experiment.fit.breakdown import Breakdown
+from piezod.experiment.fit.errors import Breakdown, Judgement
 from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.fit import Fit
-from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method
-from piezod.experiment.fit.mode_search import CLEAR_GAIN
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import longest_window
+from piezod.experiment.fit.surface.first_mode import CLEAR_GAIN
 
 
 def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path | None) -> None:
@@ -32,7 +31,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
         model: Path of the model file; None if none was written.
         plot: Path of the figure; None if none was drawn.
     """
-    fit = fitted.taken.fit
+    fit = fitted.chosen.fit
     console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
     if fitted.test_data:
         console.print(f"Test: {fitted.test_data}", soft_wrap=True)
@@ -116,7 +115,7 @@ def _print_choice(console: Console, choice: Choice) -> None:
     for each in choice.candidates:
         settings = each.fit.settings
         operators = settings.method is not Method.SURFACE
-        mark = "taken" if each is choice.taken else "best" if each is choice.best else ""
+        mark = "taken" if each is choice.chosen else "best" if each is choice.best else ""
         table.add_row(
             settings.method,
             settings.spacing if operators else "–",
@@ -137,7 +136,7 @@ def _print_choice(console: Console, choice: Choice) -> None:
 
 def _reason(choice: Choice) -> str:
     """Return which model was taken, and why, in a sentence."""
-    taken, best = choice.taken, choice.best
+    taken, best = choice.chosen, choice.best
     loss_pct = 100.0 * (LARGEST_LOSS - 1.0)
     text = f"Taken: {_candidate(taken)}, "
     if taken is not best:
@@ -203,7 +202,7 @@ def _table() -> Table:
 def _judged(fitted: FileFit) -> dict[str, Judgement]:
     """Return the model, its counterpart with or without creep, and the fit to raw data, by name."""
     judged = {}
-    for each in (fitted.taken, fitted.other):
+    for each in (fitted.chosen, fitted.other):
         if each:
             judged["with creep" if each.fit.settings.creep else "without creep"] = each
     if fitted.raw:
@@ -231,7 +230,7 @@ def _uncertainty(fitted: FileFit) -> str:
     if uncertain.delay_s is not None:
         parts.append(f"delay ± {in_ms(uncertain.delay_s)}")
     if uncertain.creep_per_decade is not None:
-        creep = fitted.taken.fit.model.creep.per_decade
+        creep = fitted.chosen.fit.model.creep.per_decade
         parts.append(f"creep {100 * creep:.2f} ± {100 * uncertain.creep_per_decade:.2f} % a decade")
     band = spread(uncertain.band_pct)
     if band:
@@ -244,14 +243,14 @@ def _uncertainty(fitted: FileFit) -> str:
 
 
 def _print_excitation(console: Console, fitted: FileFit) -> None:
-    if not fitted.untold:
+    if not fitted.missing_excitation:
         console.print("The record has swings of all sizes and speeds that the model needs.")
         return
     console.print("The record lacks:")
-    for each in fitted.untold:
+    for each in fitted.missing_excitation:
         console.print(f"- {each}")
     console.print("A drive that has all of it, for an experiment:\n")
-    drive_v = fitted.taken.fit.model.drive_v
+    drive_v = fitted.chosen.fit.model.drive_v
     console.print(recommended_drive(*drive_v), markup=False, highlight=False, soft_wrap=True)
 
 

@@ -1,4 +1,4 @@
-"""A connection to the service: the user and the process at the other end, and limits of time and number.
+"""A connection to the service: user and process at the other end, limits of time and number.
 
 The rights of a request depend on the user who sends it, which the kernel tells of a unix socket;
 and no client that is slow, silent or broken may keep another one from an emergency stop. uvicorn

@@ -15,26 +15,26 @@ operators, 0.576 %, where 30 had 0.499 %. The paired one alone would excuse a mo
 one difficult block, and 2 % alone one that is worse everywhere by a little less.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TypeAlias
 
 import numpy as np
 
 from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.creep import TIME_CONSTANTS_S
 from piezod.errors import DataError
-from piezod.experiment.fit.blocks import BLOCKS, standard_error
-from piezod.experiment.fit.cross_validation import CrossValidation, cross_validate
 from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.errors import CrossValidation, cross_validate
 from piezod.experiment.fit.excitation import has_all_loops
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.residuals import BLOCKS, standard_error
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
+from piezod.experiment.progress import Progress
 
 ORDERS = (5, 8, 12, 19, 30)
 """Numbers of operators on each side that are tried; the paper has 19."""
@@ -49,9 +49,6 @@ _OFFSET, _RATE, _PATH, _MODE = 1, 2, 3, 3
 # damping and lag of a mode.
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
-
-Progress: TypeAlias = Callable[[str, float], None]
-"""Called with the present step and the share that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,7 @@ class Choice:
     candidates: tuple[Candidate, ...]  #: All candidates, in the order of their fit.
     #: The candidate with the smallest product of the rms errors of position and voltage.
     best: Candidate
-    taken: Candidate  #: The simplest candidate that is as good.
+    chosen: Candidate  #: The simplest candidate that is as good.
     limit_pct: (
         float  #: Largest rms error of the position that is as good as that of the best, in %.
     )
@@ -135,8 +132,8 @@ def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
     best = min(candidates, key=_product)
     limit_pct = LARGEST_LOSS * best.validation.position_rms_pct
     as_good = [each for each in candidates if each is best or _as_good(each, best)]
-    taken = min(as_good, key=lambda each: (each.n_parameters, _product(each)))
-    return Choice(candidates, best, taken, limit_pct)
+    chosen = min(as_good, key=lambda each: (each.n_parameters, _product(each)))
+    return Choice(candidates, best, chosen, limit_pct)
 
 
 def _product(candidate: Candidate) -> float:

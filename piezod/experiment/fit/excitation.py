@@ -115,10 +115,6 @@ def recommended_drive(low_v: float, high_v: float) -> str:
     """Return a drive with all excitation, as the `identification:` of an experiment, in YAML.
 
     It starts and ends at the lowest voltage, and does not jump.
-
-    Args:
-        low_v: Lowest voltage, in V.
-        high_v: Highest voltage, in V.
     """
     # Rounded inwards to whole millivolts, so that the text has short numbers within the limits.
     part = _PartWriter(ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6)))

@@ -9,15 +9,14 @@ import numpy as np
 
 from piezod.config.first_mode import FirstModeConfig
 from piezod.errors import DataError
-from piezod.experiment.fit.automatic import Choice, Progress, Wanted, choose
-from piezod.experiment.fit.breakdown import Breakdown, breakdown_of
+from piezod.experiment.fit.automatic import Choice, Wanted, choose
+from piezod.experiment.fit.errors import Breakdown, Judgement, breakdown_of, judge
 from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, fit_model
-from piezod.experiment.fit.judgement import Judgement, judge
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
-from piezod.experiment.fit.source import Source, prefix_errors, read_source
+from piezod.experiment.fit.source import Source, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
 from piezod.experiment.fit.warnings import (
@@ -27,6 +26,8 @@ from piezod.experiment.fit.warnings import (
     residual_warnings,
     saturation_warnings,
 )
+from piezod.experiment.prefix import prefix_errors
+from piezod.experiment.progress import Progress
 from piezod.hysteresis import AffineRange
 
 START_S = 2.0
@@ -46,29 +47,28 @@ class FileFit:
     test_data: Path | None  #: Another file on which the model was judged, None without one.
     recorded: Record  #: The record in the file.
     record: Record  #: The record of the fit: a long record is averaged.
-    taken: Judgement  #: The model, its fit, and its errors.
-    #: The same fit with creep if `taken` has none, and without if it has; None for LMS, which has
+    chosen: Judgement  #: The model, its fit, and its errors.
+    #: The same fit with creep if `chosen` has none, and without if it has; None for LMS, which has
     #: no creep, and if no creep could be fitted.
     other: Judgement | None
-    #: The same fit as `taken` to the unsmoothed displacement, and judged on it; None for LMS, which
-    #: never smooths.
+    #: The same fit as `chosen` to the unsmoothed displacement, and judged on it; None for LMS,
+    #: which never smooths.
     raw: Judgement | None
     uncertainty: Uncertainty  #: Uncertainty of the model.
     parts: Breakdown  #: Parts of the residual of the position in the record.
     choice: Choice | None  #: Candidates among which the model was chosen, None if it was given.
-    untold: tuple[str, ...]  #: Excitation that the record lacks, a sentence each.
+    missing_excitation: tuple[str, ...]  #: Excitation that the record lacks, a sentence each.
     warnings: tuple[str, ...]  #: Warnings for the user of the model, a sentence each.
-    #: First mode in the configuration of the axis; None if there is none, or if the file does not
-    #: tell.
+    #: First mode in the configuration of the axis; None if there is none, or if it is unknown.
     configured_mode: FirstModeConfig | None = None
 
-    def beside(self, configured_mode: FirstModeConfig | None) -> "FileFit":
+    def with_configured_mode(self, configured_mode: FirstModeConfig | None) -> "FileFit":
         """Return the fit beside the configuration of its axis, with a warning if they differ.
 
         Args:
             configured_mode: First mode in the configuration; None if it has none.
         """
-        mode, half = self.taken.fit.model.mode, self.uncertainty.mode
+        mode, half = self.chosen.fit.model.mode, self.uncertainty.mode
         warnings = mode_warnings(mode, half, configured_mode) if mode and half else ()
         return replace(self, configured_mode=configured_mode, warnings=(*self.warnings, *warnings))
 
@@ -102,35 +102,35 @@ def identify_file(
     record, test_record = given.record, given.test_record
     if delay_s is None:
         delay_s = given.source.delay_s
-    with prefix_errors(data):
+    with prefix_errors(str(data)):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s, progress)
-            fit, validation = choice.taken.fit, choice.taken.validation
+            fit, validation = choice.chosen.fit, choice.chosen.validation
         else:
             choice, validation = None, None
             fit = fit_model(record, replace(settings, delay_s=delay_s))
     other, raw = _counterparts(fit, record)
-    taken = judge(fit, record, test_record, validation)
-    with prefix_errors(data):
-        doubts = tuple(quality_warnings(taken, record, test_record))
+    chosen = judge(fit, record, test_record, validation)
+    with prefix_errors(str(data)):
+        doubts = tuple(quality_warnings(chosen, record, test_record))
     parts = breakdown_of(fit, given.source.record)
     return FileFit(
         data=data,
         test_data=test,
         recorded=given.source.record,
         record=record,
-        taken=taken,
+        chosen=chosen,
         other=judge(other, record, test_record) if other else None,
         raw=judge(raw, record, test_record) if raw else None,
-        uncertainty=uncertainty_of(fit, taken.validation),
+        uncertainty=uncertainty_of(fit, chosen.validation),
         parts=parts,
         choice=choice,
-        untold=missing_excitation(smoothed_record(record)),
+        missing_excitation=missing_excitation(smoothed_record(record)),
         warnings=(
             *given.notes,
             *_warnings(fit, record, test_record),
             *doubts,
-            *residual_warnings(taken, parts),
+            *residual_warnings(chosen, parts),
         ),
     )
 

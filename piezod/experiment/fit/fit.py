@@ -10,14 +10,14 @@ from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, has_one_frequency
 from piezod.experiment.fit.least_squares import search_creep
 from piezod.experiment.fit.method import Method, Spacing
-from piezod.experiment.fit.mode_search import ShownMode
 from piezod.experiment.fit.prediction import predicted_um, predicted_v
 from piezod.experiment.fit.problem import LinearProblem, Problem
 from piezod.experiment.fit.record import Record, Rows
 from piezod.experiment.fit.residuals import Residuals
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.stop_problem import StopProblem
-from piezod.experiment.fit.surface_search import search_surface
+from piezod.experiment.fit.surface.first_mode import ShownMode
+from piezod.experiment.fit.surface.search import search_surface
 from piezod.hysteresis import AffineRange, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.path_relaxation import PathRelaxation
@@ -118,10 +118,6 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
 
     The ranges of the record become [0, 1], paper eq. (27) and eq. (28). Later drives must stay
     within them.
-
-    Args:
-        record: Drive and displacement.
-        settings: Settings of the fit.
 
     Raises:
         DataError: If the record is too short or constant, or does not grow with the drive.

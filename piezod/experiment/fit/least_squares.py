@@ -19,6 +19,7 @@ import numpy as np
 from piezod.control.law.creep import LAGS_PER_DECADE, NO_CREEP, TIME_CONSTANTS_S, logarithmic
 from piezod.errors import DataError, ModelError
 from piezod.experiment.fit.prediction import without_creep
+from piezod.experiment.fit.problem import STEP_PARTS, LinearProblem, first_better
 from piezod.experiment.fit.record import Rows
 from piezod.hysteresis import AffineRange, stop_regressors
 from piezod.hysteresis.least_squares import parameter_covariance, ridge_penalty, solve_constrained
@@ -30,7 +31,6 @@ _ROUNDS = 12
 _STEP = 1e-4  # step of the differences
 _SETTLED = 1e-5
 _MAX_CREEP = 0.1  # limit for each lag: all eight would make most of a displacement
-_PARTS = (1.0, 0.5, 0.25, 0.125)  # fractions of a step that are tried
 
 
 @dataclass(frozen=True)
@@ -82,30 +82,22 @@ SeriesAt: TypeAlias = Callable[[float], Series]
 
 
 @dataclass(frozen=True)
-class Linearised:
-    """The problem around its solution: linear in all parameters."""
+class LinearisedStops(LinearProblem):
+    """The problem of stops around its solution; the predicted value is the drive.
+
+    The parameters are the weights, then the creep and the delay, as far as they are searched.
+    """
 
     bank: FloatArray  #: (2, 2 M) thresholds and gains of the stops.
-    #: (n, 2 M + E) regressors of the weights, of the creep and of the delay, as far as they are
-    #: searched.
-    regressors: FloatArray
-    target: FloatArray  #: (n,) values that they must add up to.
-    counted: Rows  #: (n,) mask of the rows that count.
-    parameters: FloatArray  #: (2 M + E,) solution.
-
-    @property
-    def misses(self) -> FloatArray:
-        """Predicted minus actual drive in units of its range, shape (n,)."""
-        return self.regressors @ self.parameters - self.target
 
     @property
     def drive_changes(self) -> FloatArray:
-        """Ones, shape (n,): the predicted value is the drive."""
+        """Ones, shape (n,)."""
         return np.ones(self.target.size)
 
     @property
     def creep_gradient(self) -> FloatArray | None:
-        """Change of the creep per decade with each parameter, shape (p,); None without creep."""
+        """Change of the creep per decade with each parameter."""
         n_weights = self.bank.shape[1]
         if self.parameters.size == n_weights:
             return None
@@ -113,16 +105,12 @@ class Linearised:
         return LAGS_PER_DECADE * np.eye(self.parameters.size)[n_weights]
 
     def covariance(self, residual_variance: float) -> FloatArray:
-        """Return the covariance of the parameters without active constraints, shape (p, p).
-
-        Args:
-            residual_variance: Mean squared residual per independent sample.
-        """
+        """Return the covariance of the parameters without active constraints."""
         gram = _penalised_gram(self.bank, self.regressors[self.counted])
         return parameter_covariance(gram, residual_variance)
 
     def solved(self, rows: Rows) -> FloatArray:
-        """Return the parameters that fit these rows best, shape (2 M + E,)."""
+        """Return the parameters that fit these rows best."""
         return _solve(self.bank, self.regressors[rows], self.target[rows])
 
 
@@ -131,7 +119,7 @@ class LeastSquaresFit(NamedTuple):
 
     weights: FloatArray  #: (2 M,) weights [a^l, a^r].
     creep: float  #: Weight of each lag; zero if it was not requested.
-    linearised: Linearised  #: The problem around this solution.
+    linearised: LinearisedStops  #: The problem around this solution.
 
 
 def fit_least_squares(bank: FloatArray, series: Series, *, creep: bool) -> LeastSquaresFit:
@@ -145,10 +133,10 @@ def fit_least_squares(bank: FloatArray, series: Series, *, creep: bool) -> Least
     Raises:
         DataError: If the search for the creep does not converge to a plausible result.
     """
-    point = _Point.at(bank, series, 0.0)
     if not creep:
-        return LeastSquaresFit(point.linear.parameters, 0.0, point.linear)
-    point, _ = _search(bank, lambda _: series, point, 0.0, with_delay=False)
+        linear = _Point.at(bank, lambda _: series, 0.0, 0.0).linear
+        return LeastSquaresFit(linear.parameters, 0.0, linear)
+    point = _search(bank, lambda _: series, 0.0, with_delay=False)
     if not point.creep <= _MAX_CREEP:
         raise DataError(
             f"no creep could be fitted: the search went to {point.creep:.2g} for each lag, allowed "
@@ -169,52 +157,51 @@ def search_creep(bank: FloatArray, series_at: SeriesAt) -> float:
         bank: (2, 2 M) thresholds and gains of the stops.
         series_at: Returns the record aligned by a delay in s.
     """
-    series, found = series_at(0.0), []
-    for start in (0.0, _MUCH_CREEP):
-        point = _Point.at(bank, series, start)
-        found.append(_search(bank, series_at, point, 0.0, with_delay=True)[0])
+    found = [_search(bank, series_at, start, with_delay=True) for start in (0.0, _MUCH_CREEP)]
     return min(found, key=lambda point: point.rms).creep
 
 
 class _Point(NamedTuple):
-    """The best weights for a given creep, and their rms error."""
+    """The best weights for a given delay and creep."""
 
     series: Series
+    delay_s: float
     creep: float
-    linear: Linearised
-    rms: float
+    linear: LinearisedStops
 
     @classmethod
-    def at(cls, bank: FloatArray, series: Series, creep: float) -> "_Point":
+    def at(cls, bank: FloatArray, series_at: SeriesAt, delay_s: float, creep: float) -> "_Point":
+        series = series_at(delay_s)
         y = series.quick(creep)
         linear = _solved(bank, stop_regressors(bank, y), series.drives - y, series.counted)
-        misses = linear.misses[series.counted]
-        return cls(series, creep, linear, float(np.sqrt(np.mean(misses**2))))
+        return cls(series, delay_s, creep, linear)
+
+    @property
+    def rms(self) -> float:
+        return self.linear.rms
 
 
-def _search(
-    bank: FloatArray, series_at: SeriesAt, point: _Point, delay_s: float, *, with_delay: bool
-) -> tuple[_Point, float]:
-    """Search downhill from a point (Gauss-Newton), with half the step if the error rises."""
-    n_weights = bank.shape[1]
+def _search(bank: FloatArray, series_at: SeriesAt, creep: float, *, with_delay: bool) -> _Point:
+    """Search downhill from a creep without delay (Gauss-Newton), in parts of a step if needed."""
+    point = _Point.at(bank, series_at, 0.0, creep)
     for _ in range(_ROUNDS):
-        parameters = _around(bank, point, with_delay=with_delay).parameters[n_weights:]
+        parameters = _around(bank, point, with_delay=with_delay).parameters[bank.shape[1] :]
         delay_step_s = float(parameters[-1]) * point.series.period_s if with_delay else 0.0
         step = float(parameters[0]) - point.creep
-        for part in _PARTS:
-            there_s = max(0.0, delay_s + part * delay_step_s)
-            there = _Point.at(bank, series_at(there_s), point.creep + part * step)
-            if there.rms < point.rms:
-                break
-        else:
+        tried = (
+            (max(0.0, point.delay_s + part * delay_step_s), point.creep + part * step)
+            for part in STEP_PARTS
+        )
+        better = first_better(point, (_Point.at(bank, series_at, *each) for each in tried))
+        if better is None:
             break
-        point, delay_s = there, there_s
+        point = better
         if abs(step) < _SETTLED:
             break
-    return point, delay_s
+    return point
 
 
-def _around(bank: FloatArray, point: _Point, *, with_delay: bool) -> Linearised:
+def _around(bank: FloatArray, point: _Point, *, with_delay: bool) -> LinearisedStops:
     """Return the problem around a point, linear in the creep and in the delay."""
     series, creep = point.series, point.creep
     drives = series.drives + point.linear.misses
@@ -232,9 +219,9 @@ def _around(bank: FloatArray, point: _Point, *, with_delay: bool) -> Linearised:
 
 def _solved(
     bank: FloatArray, regressors: FloatArray, target: FloatArray, counted: Rows
-) -> Linearised:
+) -> LinearisedStops:
     parameters = _solve(bank, regressors[counted], target[counted])
-    return Linearised(bank, regressors, target, counted, parameters)
+    return LinearisedStops(regressors, target, counted, parameters, bank)
 
 
 def _solve(bank: FloatArray, regressors: FloatArray, target: FloatArray) -> FloatArray:

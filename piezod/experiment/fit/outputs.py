@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from piezod.config.model_file import dump_model
-from piezod.experiment.fit.account import account_of
 from piezod.experiment.fit.file import FileFit
+from piezod.experiment.fit.fit_numbers import numbers_of_fit
 from piezod.experiment.fit.model_io import to_model_file
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.atomic import replacing
@@ -26,21 +26,21 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
         ModelError: If a number exceeds the range of a model file.
         OSError: If a file cannot be written.
     """
-    text = dump_model(to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, created_at))
+    chosen = fitted.chosen
+    text = dump_model(to_model_file(chosen.fit, fitted.data, chosen.train, created_at))
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    taken = fitted.taken
-    account = account_of(
-        taken.fit, fitted.record, taken.validation, axis="x", title=fitted.data.name
+    numbers = numbers_of_fit(
+        chosen.fit, fitted.record, chosen.validation, axis="x", title=fitted.data.name
     )
     plot = path.with_suffix(".png")
-    save_png(plot, identification_figure(account, _band_v(fitted)))
+    save_png(plot, identification_figure(numbers, _band_v(fitted)))
     return plot
 
 
 def _band_v(fitted: FileFit) -> FloatArray | None:
     """Return the uncertainty of each prediction, in V, shape (n,); NaN in the run-in."""
-    band_pct, fit = fitted.uncertainty.band_pct, fitted.taken.fit
+    band_pct, fit = fitted.uncertainty.band_pct, fitted.chosen.fit
     if band_pct is None or fit.linearised is None:
         return None
     band_v = np.full(fitted.record.t_s.size, np.nan)

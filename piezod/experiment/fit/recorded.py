@@ -133,12 +133,6 @@ def on_cycles(
 def check_missing(what: str, missing: int, skipped: int, samples: int) -> None:
     """Refuse a record of which too much is filled in.
 
-    Args:
-        what: What the record is of, for the message.
-        missing: Number of filled-in samples.
-        skipped: Those of them that the loop skipped.
-        samples: Number of samples.
-
     Raises:
         LatenessError: If more than `MAX_MISSING_SHARE` was skipped.
         DataError: If more than `MAX_MISSING_SHARE` is missing.

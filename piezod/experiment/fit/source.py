@@ -1,7 +1,6 @@
 """Reads the record for a fit from a CSV file or from the recording of a running stage."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -9,7 +8,6 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.fit.delay import has_one_frequency
-from piezod.experiment.fit.past import mark_unknown_past
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.recorded import (
     MAX_FILLED,
@@ -19,6 +17,8 @@ from piezod.experiment.fit.recorded import (
     delay_of_recording,
     told_missing,
 )
+from piezod.experiment.fit.run_in import mark_unknown_past
+from piezod.experiment.prefix import prefix_errors
 from piezod.records.csv_checks import MAX_STEP_PERIODS
 from piezod.records.csv_file import read_csv
 from piezod.records.opened import is_hdf5
@@ -55,7 +55,7 @@ def read_source(path: Path, skip_s: float, axis: str | None = None) -> Source:
     """
     recorded = is_hdf5(path)
     columns, notes = columns_of_recording(path, axis) if recorded else columns_of_csv(path)
-    with prefix_errors(path):
+    with prefix_errors(str(path)):
         record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
         record = mark_unknown_past(record).after(skip_s)
     delay_s = delay_of_recording(path, axis) if recorded else None
@@ -66,15 +66,6 @@ def read_source(path: Path, skip_s: float, axis: str | None = None) -> Source:
         )
         return Source(record, (*notes, used), delay_s)
     return Source(record, (*notes, *_doubts_about_units(record)), None)
-
-
-@contextmanager
-def prefix_errors(path: Path) -> Iterator[None]:
-    """Put the name of the file before the text of an error."""
-    try:
-        yield
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from error
 
 
 def columns_of_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:

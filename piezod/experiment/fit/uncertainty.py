@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from piezod.control.law.first_mode import FirstMode
-from piezod.experiment.fit.cross_validation import CrossValidation
+from piezod.experiment.fit.errors import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.problem import LinearProblem
-from piezod.experiment.fit.surface_parameters import MODE
+from piezod.experiment.fit.surface.parameters import MODE
 from piezod.hysteresis.memory import FloatArray
 
 SIGMAS_95 = 1.96
@@ -45,12 +45,7 @@ class Uncertainty:
 
 
 def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
-    """Return the uncertainty of a fit.
-
-    Args:
-        fit: The fit.
-        validation: Its cross-validation.
-    """
+    """Return the uncertainty of a fit."""
     models = [block.model for block in validation.blocks]
     predicted_pct = np.stack([fit.residuals_pct(fit.record, model) for model in models])
     samples, creep, band_pct, mode = None, None, None, None

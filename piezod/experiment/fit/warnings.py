@@ -9,11 +9,10 @@ from piezod.config.first_mode import FirstModeConfig
 from piezod.config.trim import TrimConfig
 from piezod.control.law.first_mode import FirstMode
 from piezod.errors import DataError
-from piezod.experiment.fit.breakdown import Breakdown
 from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.errors import Breakdown, Judgement
 from piezod.experiment.fit.excitation import has_all_loops
 from piezod.experiment.fit.fit import Fit
-from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
@@ -41,12 +40,7 @@ RATE_SHARE = 0.25
 
 
 def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
-    """Yield the warnings about a model.
-
-    Args:
-        fit: The fit.
-        period_s: Sample period of the record, in s.
-    """
+    """Yield the warnings about a model."""
     if fit.delay is not None:
         yield from _delay_warnings(fit.delay, period_s)
     record = fit.record
@@ -91,12 +85,7 @@ def mode_warnings(
 
 
 def trim_warnings(judged: Judgement, trim: TrimConfig) -> Iterator[str]:
-    """Yield the warning about a trim that cannot remove the errors of a model.
-
-    Args:
-        judged: The model and its errors.
-        trim: The trim that is added to it.
-    """
+    """Yield the warning about a trim that cannot remove the errors of a model."""
     worst_pct = judged.validation.errors["position_error_max_pct"]
     if trim.base == "feedforward" and worst_pct > trim.authority_pct:
         yield (
@@ -117,11 +106,6 @@ def mode_text(mode: FirstMode, half: FirstMode) -> str:
 
 def quality_warnings(judged: Judgement, record: Record, test: Record | None) -> Iterator[str]:
     """Yield the warnings about a model that describes its record badly.
-
-    Args:
-        judged: The model and its errors.
-        record: The record of the fit.
-        test: The record of the test, if there is one.
 
     Raises:
         DataError: If a straight line predicts the voltage as well, and both are of no use.
@@ -159,12 +143,7 @@ def quality_warnings(judged: Judgement, record: Record, test: Record | None) -> 
 
 
 def residual_warnings(judged: Judgement, parts: Breakdown) -> Iterator[str]:
-    """Yield the warnings about a residual with a cause, and what record would tell more.
-
-    Args:
-        judged: The model and its errors.
-        parts: Parts of its residual.
-    """
+    """Yield the warnings about a residual with a cause, and what record would tell more."""
     worst_pct, drift_pct = judged.train["position_error_max_pct"], parts.return_point_drift_pct
     if drift_pct is not None and drift_pct >= max(DRIFT_PCT, DRIFT_SHARE * worst_pct):
         creep = "" if judged.fit.settings.creep else ", and fit creep"

@@ -58,12 +58,7 @@ def _validated(document: Document, folder: Path) -> IdentificationConfig:
 
 
 def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> LiveDrive:
-    """Return a drive with a ramp to its first voltage before it, at the rate of the safe ramp.
-
-    Args:
-        settings: The drive.
-        axis: The axis.
-    """
+    """Return a drive with a ramp to its first voltage before it, at the rate of the safe ramp."""
     rest_v, rate_v_per_s = axis.config.limits.rest_v, axis.config.safety.ramp_v_per_s
     drive_v, duration_s = settings.drive_v, settings.duration_s
     first_v = drive_v.built(duration_s).value(0.0)

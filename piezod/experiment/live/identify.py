@@ -2,7 +2,6 @@
 
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from piezod.experiment.fit.recorded import Placing, check_missing, on_deadlines,
 from piezod.experiment.live.drive import LiveDrive, designed_drive, from_rest
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import ZERO_S, LiveStage
-from piezod.experiment.virtual.run import Progress
+from piezod.experiment.progress import Meter, Progress
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
 from piezod.records.recording.reader import RecordedTelemetry
@@ -65,25 +64,14 @@ def record_live(
     name = setup.measured_axis(axis, "an identification")
     live = setup.axes[name]
     drive = from_rest(settings or designed_drive(live), live)
-    total_s, passed_s = drive.settle_s + ZERO_S + drive.duration_s, 0.0
-
-    def advance(further_s: float) -> None:
-        nonlocal passed_s
-        passed_s += further_s
-        progress(f"driving axis {name}", min(1.0, passed_s / total_s))
-
-    with (
-        TemporaryDirectory(prefix="piezod-") as folder,
-        LiveStage(client, setup, advance) as stage,
-    ):
-        measure = partial(_driven, stage, name, drive, Path(folder) / "recording.h5")
+    total_s = drive.settle_s + ZERO_S + drive.duration_s
+    meter = Meter(progress, total_s, f"driving axis {name}")
+    with LiveStage(client, setup, meter.advance) as stage:
+        measure = partial(_driven, stage, name, drive)
         columns, warnings = stage.until_punctual(measure, stage.disarm)
         stage.disarm()
     write_csv(file, columns)
-    warnings = (*stage.notes, *warnings)
-    if stage.faults:
-        faults = ", ".join(sorted(stage.faults))
-        warnings = (*warnings, f"Faults were present: {faults}. See `piezod faults`.")
+    warnings = (*stage.notes, *warnings, *stage.fault_notes())
     takes_surface = live.config.compensator.identifier == "rls"
     return LiveRecord(name, file, drive.run_in_s, warnings, takes_surface, live.config.first_mode)
 
@@ -107,11 +95,6 @@ def columns_of(
 
     Skipped cycles and invalid samples are filled in if they are few.
 
-    Args:
-        telemetry: The recording.
-        axis: Name of the axis.
-        placed: Function that makes the record even in time.
-
     Raises:
         DataError: If too many samples are missing.
     """
@@ -125,10 +108,10 @@ def columns_of(
 
 
 def _driven(
-    stage: LiveStage, axis: str, drive: LiveDrive, file: Path
+    stage: LiveStage, axis: str, drive: LiveDrive
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     stage.arm_at_rest(drive.settle_s)
     stage.faults.clear()
     stage.recorder.start(f"identify-{axis}")
     stage.drive({axis: drive.drive_v}, drive.duration_s)
-    return columns_of(stage.recorder.end(file), axis)
+    return columns_of(stage.recorder.end(), axis)

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.control.law.identifier import LIMITED_CYCLES
-from piezod.experiment.error_rows import errors_pct
+from piezod.experiment.session.runs import LARGEST_SHARE, judged_errors_pct
 from piezod.records.experiment_result import Recording
 
 SETTLING_CYCLES: Final = LIMITED_CYCLES + 1
 """A stall marks this many samples; the identifier does not learn from the same ones."""
-LARGEST_SHARE: Final = 0.1
-"""If a larger share of the samples is late, none is left out: the errors are those of the stall."""
 
 
 def late_indices(skipped: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -28,24 +26,6 @@ def late_indices(skipped: NDArray[np.int64]) -> NDArray[np.int64]:
     firsts = 1 + np.flatnonzero(np.diff(skipped) > 0)
     marked = np.unique(np.add.outer(firsts, np.arange(SETTLING_CYCLES)))
     return marked[marked < skipped.size]
-
-
-def judged_errors_pct(
-    recording: Recording, metrics: tuple[str, ...], *, with_late: bool
-) -> dict[str, float]:
-    """Return the errors of a recording, in % of the range.
-
-    Args:
-        recording: The recording.
-        metrics: Names of the errors.
-        with_late: Whether the samples just after a stall count.
-    """
-    judged = np.zeros(recording.t_s.size, bool)
-    judged[recording.first_metric_index :] = True
-    if not with_late and recording.late_t_s.size <= LARGEST_SHARE * recording.t_s.size:
-        judged &= ~np.isin(recording.t_s, recording.late_t_s)
-    columns = recording.command_um, recording.position_um, recording.true_um
-    return errors_pct(metrics, *(values[judged] for values in columns))
 
 
 def late_note(recording: Recording, metrics: tuple[str, ...]) -> str:

@@ -17,7 +17,7 @@ from piezod.errors import DataError, RefusedError
 from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.experiment.live.setup import LiveAxis, LiveSetup, no_model
 from piezod.experiment.play.command import command_of
-from piezod.experiment.virtual.case import RANGE_MARGIN
+from piezod.experiment.session.runs import RANGE_MARGIN
 from piezod.messages.requests import TABLE
 
 LARGEST_REQUEST_BYTES: Final = TABLE["wave"].access.most_bytes
@@ -123,15 +123,7 @@ def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
 def out_of_range(
     case: str, name: str, axis: LiveAxis, low_um: float, high_um: float
 ) -> Iterator[str]:
-    """Yield the problem of a command that leaves what an axis may be commanded, or its model.
-
-    Args:
-        case: Name of the case or waveform, for people.
-        name: Name of the axis.
-        axis: The axis.
-        low_um: Lowest command, in µm.
-        high_um: Highest command, in µm.
-    """
+    """Yield the problem of a command that leaves what an axis may be commanded, or its model."""
     allowed = [("may be commanded", axis.range_um, 1e-9)]
     if axis.model is not None:
         low_high_um = axis.model.position_um.low, axis.model.position_um.high

@@ -1,6 +1,5 @@
 """Cuts a waveform out of a recording of a running stage, and finds its errors."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +9,9 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms.waveform import Waveform
 from piezod.control.reference.motion import Motion
 from piezod.errors import DataError
-from piezod.experiment.live.late import judged_errors_pct, late_indices
+from piezod.experiment.live.late import late_indices
 from piezod.experiment.live.setup import LiveAxis
-from piezod.experiment.steps import step_metrics
+from piezod.experiment.session.runs import with_errors
 from piezod.hysteresis.forms import right_first
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.experiment_result import Recording
@@ -37,13 +36,6 @@ def cut_waveform(
     telemetry: RecordedTelemetry, name: str, axis: LiveAxis, waveform: Waveform, run: LiveRun
 ) -> Recording:
     """Return the recording of the waveform that was the last movement of an axis.
-
-    Args:
-        telemetry: The whole recording; it starts before the movement.
-        name: Name of the axis.
-        axis: The axis.
-        waveform: The waveform, in µm.
-        run: The run.
 
     Raises:
         DataError: If the recording does not contain the waveform as it was commanded, from its
@@ -85,10 +77,7 @@ def cut_waveform(
         first_metric_index=int(np.searchsorted(cut_s, case.period_s)),
         late_t_s=cut_s[late_indices(telemetry.cycles["skipped"][part])],
     )
-    errors = judged_errors_pct(recording, run.metrics, with_late=False)
-    judged = slice(recording.first_metric_index, None)
-    steps = step_metrics(command_um[judged], position_um[judged], 1.0 / telemetry.header.rate_hz)
-    return replace(recording, metrics=errors | steps)
+    return with_errors(recording, run.metrics, 1.0 / telemetry.header.rate_hz)
 
 
 def missing_cycles(telemetry: RecordedTelemetry) -> int:

@@ -3,6 +3,7 @@
 import re
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from piezod.client import StageClient
@@ -16,11 +17,7 @@ _LABEL_LETTERS: Final = 32
 
 
 class StageRecorder:
-    """One recording after the other.
-
-    Args:
-        client: A connection to the daemon.
-    """
+    """One recording after the other."""
 
     def __init__(self, client: StageClient) -> None:
         self._client, self._running = client, False
@@ -39,11 +36,8 @@ class StageRecorder:
         )
         self._running = True
 
-    def end(self, file: Path) -> RecordedTelemetry:
+    def end(self) -> RecordedTelemetry:
         """End the recording, and return it.
-
-        Args:
-            file: Path of its copy; if the recording has several files, that of the first one.
 
         Raises:
             ClientError: If the daemon refuses.
@@ -53,11 +47,12 @@ class StageRecorder:
         self._running = False
         if recording.why:
             raise DataError(f"the recording has ended by itself: {recording.why}")
-        parts = range(1, recording.files + 1)
-        files = [file.with_stem(part_name(file.stem, part)) for part in parts]
-        for part, each in zip(parts, files, strict=True):
-            self._client.fetch_recording(part_name(recording.name, part), each)
-        return joined([read_telemetry(each) for each in files])
+        with TemporaryDirectory(prefix="piezod-") as folder:
+            names = [part_name(recording.name, part) for part in range(1, recording.files + 1)]
+            files = [Path(folder) / f"{part}.h5" for part in range(len(names))]
+            for name, file in zip(names, files, strict=True):
+                self._client.fetch_recording(name, file)
+            return joined([read_telemetry(file) for file in files])
 
     def drop(self) -> None:
         """End a running recording; nobody needs it any more."""

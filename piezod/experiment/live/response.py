@@ -2,19 +2,17 @@
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from piezod.client import StageClient
-from piezod.errors import DataError
 from piezod.experiment.fit.recorded import on_cycles
 from piezod.experiment.live.identify import columns_of
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.prefix import prefix_errors
+from piezod.experiment.progress import Meter, Progress
 from piezod.experiment.response.judgement import judged
 from piezod.experiment.response.measurement import measured
 from piezod.experiment.response.plan import ResponsePlan, Wanted, plan_response
-from piezod.experiment.virtual.run import Progress
 from piezod.records.response_record import AboutVoltage, ResponseRecord
 
 
@@ -25,12 +23,6 @@ def response_live(
 
     The stage is disarmed at the end in any case.
 
-    Args:
-        client: A connection to the daemon of the stage.
-        axis: Name of the axis; None for the only one.
-        wanted: Voltages, amplitude and frequencies.
-        progress: Called as the drive advances.
-
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
         DataError: If there is no such axis, if the drive is not allowed, or if the record cannot be
@@ -40,23 +32,13 @@ def response_live(
     setup = read_setup(client)
     name = setup.measured_axis(axis, "a response")
     config = setup.axes[name].config
-    try:
+    with prefix_errors(f"axis {name}"):
         plans = plan_response(wanted, config.limits, config.safety.ramp_v_per_s, setup.rate_hz)
-    except DataError as error:
-        raise DataError(f"axis {name}: {error}") from error
-    total_s, passed_s = sum(plan.duration_s for plan in plans), 0.0
-
-    def advance(further_s: float) -> None:
-        nonlocal passed_s
-        passed_s += further_s
-        progress(f"driving axis {name}", min(1.0, passed_s / total_s))
-
-    with LiveStage(client, setup, advance) as stage:
+    meter = Meter(progress, sum(plan.duration_s for plan in plans), f"driving axis {name}")
+    with LiveStage(client, setup, meter.advance) as stage:
         about, notes = _driven(stage, name, plans)
         stage.disarm()
-    if stage.faults:
-        faults = ", ".join(sorted(stage.faults))
-        notes = (*notes, f"Faults were present: {faults}. See `piezod faults`.")
+    notes = (*notes, *stage.fault_notes())
     title = f"stage {setup.stage} at {setup.rate_hz:g} Hz"
     return judged(name, title, "multisine", setup.rate_hz, about, _remedy(plans), notes)
 
@@ -79,11 +61,9 @@ def _driven(
 
 
 def _about(stage: LiveStage, axis: str, plan: ResponsePlan) -> tuple[AboutVoltage, tuple[str, ...]]:
-    with TemporaryDirectory(prefix="piezod-") as folder:
-        stage.recorder.start(f"response-{axis}")
-        stage.drive({axis: plan.drive_v}, plan.duration_s)
-        telemetry = stage.recorder.end(Path(folder) / "recording.h5")
-    columns, warnings = columns_of(telemetry, axis, on_cycles)
+    stage.recorder.start(f"response-{axis}")
+    stage.drive({axis: plan.drive_v}, plan.duration_s)
+    columns, warnings = columns_of(stage.recorder.end(), axis, on_cycles)
     return measured(plan, columns), warnings
 
 

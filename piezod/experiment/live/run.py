@@ -3,16 +3,13 @@
 import json
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
-import numpy as np
+from itertools import chain
 
 from piezod.client import StageClient
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
-from piezod.experiment.fit.account import parameters_of
+from piezod.experiment.fit.fit_numbers import numbers_of_file
 from piezod.experiment.live.late import late_note
 from piezod.experiment.live.plan import check_live, not_used
 from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
@@ -20,7 +17,8 @@ from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.slower import slow_enough
 from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.prefix import prefix_errors
-from piezod.experiment.virtual.run import Progress, versions
+from piezod.experiment.progress import Meter, Progress
+from piezod.experiment.session.runs import Run, all_runs, versions
 from piezod.experiment.warnings import rate_warnings, run_warnings
 from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 from piezod.records.recording.reader import RecordedTelemetry
@@ -57,46 +55,41 @@ def run_live(
     if largest_step_pct is not None:
         config, slowed = slow_enough(config, setup.rate_hz, largest_step_pct)
     check_live(config, setup)
-    meter = _ProgressMeter(config, progress)
-    recordings: list[Recording] = []
-    warnings = [*not_used(config, setup), *slowed, *rate_warnings(config, setup.rate_hz)]
-    with (
-        TemporaryDirectory(prefix="piezod-") as folder,
-        LiveStage(client, setup, meter.advance) as stage,
-    ):
-        runs = _Runs(stage, setup, config, Path(folder) / "recording.h5")
-        for case in config.cases:
-            for mode in config.modes:
-                meter.label = f"{case.name}, {mode.value}"
-                with prefix_errors(meter.label):
-                    run = partial(runs.run, case, mode)
-                    for recording, run_notes in stage.until_punctual(run, stage.disarm):
-                        recordings.append(recording)
-                        warnings += run_notes
+    meter = Meter(progress, _duration_s(config))
+    with LiveStage(client, setup, meter.advance) as stage:
+        runs = all_runs(config, meter, _Cases(stage, setup, config).run)
         stage.disarm()
-    warnings += stage.notes
     return ExperimentResult(
         title=f"{title} (live on stage {setup.stage})",
-        recordings=tuple(recordings),
+        recordings=tuple(run.recording for run in runs),
         identifications=tuple(_models(config, setup)),
         configuration=_with_setup(configuration, setup),
         versions=versions(),
         seed=setup.seed,
         rate_hz=setup.rate_hz,
-        warnings=tuple(warnings),
+        warnings=(
+            *not_used(config, setup),
+            *slowed,
+            *rate_warnings(config, setup.rate_hz),
+            *chain.from_iterable(run.warnings for run in runs),
+            *stage.notes,
+        ),
     )
 
 
-class _Runs:
+class _Cases:
     """Runs cases one after the other."""
 
-    def __init__(
-        self, stage: LiveStage, setup: LiveSetup, config: ExperimentConfig, file: Path
-    ) -> None:
-        self._stage, self._setup, self._config, self._file = stage, setup, config, file
+    def __init__(self, stage: LiveStage, setup: LiveSetup, config: ExperimentConfig) -> None:
+        self._stage, self._setup, self._config = stage, setup, config
 
-    def run(self, case: CaseConfig, mode: Mode) -> list[tuple[Recording, list[str]]]:
-        """Rest, run a case, and return the recording and the warnings of each axis."""
+    def run(self, case: CaseConfig, mode: Mode) -> list[Run]:
+        """Run a case until it is punctual; return one run per axis."""
+        with prefix_errors(f"{case.name}, {mode.value}"):
+            return self._stage.until_punctual(partial(self._run, case, mode), self._stage.disarm)
+
+    def _run(self, case: CaseConfig, mode: Mode) -> list[Run]:
+        """Rest, run a case, and return one run per axis."""
         stage, commands = self._stage, case.commands(self._config.axes)
         waveforms = {name: command.built(case.duration_s) for name, command in commands.items()}
         stage.disarm()
@@ -108,13 +101,13 @@ class _Runs:
         stage.recorder.start(f"{case.name}-{mode.value}")
         stage.select(mode, commands)
         stage.follow(commands, case.duration_s, mode)
-        telemetry = stage.recorder.end(self._file)
+        telemetry = stage.recorder.end()
         run = LiveRun(case, mode, self._config.metrics)
         recordings = [
             cut_waveform(telemetry, name, self._setup.axes[name], waveform, run)
             for name, waveform in waveforms.items()
         ]
-        return [(recording, list(self._warnings(recording, telemetry))) for recording in recordings]
+        return [Run(each, tuple(self._warnings(each, telemetry))) for each in recordings]
 
     def _warnings(self, recording: Recording, telemetry: RecordedTelemetry) -> Iterator[str]:
         yield from run_warnings(recording, merged_pairs=0)
@@ -127,42 +120,21 @@ class _Runs:
                 f"{run} {missing} of {telemetry.cycles['t_s'].size + missing} cycles are missing "
                 "from the record: the loop skipped them, or the disk was too slow."
             )
-        if self._stage.faults:
-            faults = ", ".join(sorted(self._stage.faults))
-            yield f"{run} faults were present: {faults}. See `piezod faults`."
+        yield from self._stage.fault_notes(f"{run} faults")
 
 
-class _ProgressMeter:
-    """Turns the elapsed time into a share of the experiment."""
-
-    def __init__(self, config: ExperimentConfig, progress: Progress) -> None:
-        each_s = config.settle_s + ZERO_S
-        case_s = sum(each_s + case.duration_s for case in config.cases)
-        self._total_s, self._progress = len(config.modes) * case_s, progress
-        self._passed_s, self.label = 0.0, ""
-
-    def advance(self, passed_s: float) -> None:
-        self._passed_s += passed_s
-        self._progress(self.label, min(1.0, self._passed_s / self._total_s))
+def _duration_s(config: ExperimentConfig) -> float:
+    each_s = config.settle_s + ZERO_S
+    return len(config.modes) * sum(each_s + case.duration_s for case in config.cases)
 
 
 def _models(config: ExperimentConfig, setup: LiveSetup) -> Iterator[Identification]:
     """Yield the origin of the models that the stage had at the start."""
-    no_samples = np.empty(0)
+    title = f"model in use on stage {setup.stage}"
     for name in config.axes:
         axis = setup.axes[name]
         if axis.file is not None and axis.model is not None:
-            yield Identification(
-                axis=name,
-                title=f"model in use on stage {setup.stage}",
-                method=axis.file.method,
-                t_s=no_samples,
-                drive_v=no_samples,
-                position_um=no_samples,
-                predicted_v=no_samples,
-                fit_errors=axis.file.fit.model_dump(exclude_none=True),
-                parameters=parameters_of(axis.model),
-            )
+            yield numbers_of_file(axis.file, axis.model, axis=name, title=title)
 
 
 def _with_setup(configuration: str, setup: LiveSetup) -> str:

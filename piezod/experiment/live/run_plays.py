@@ -12,11 +12,11 @@ from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.waves import (
     Keep,
     PlayedExperiment,
-    PlayMeter,
-    Progress,
     keep_nothing,
     learn_waves,
+    play_meter,
 )
+from piezod.experiment.progress import Progress
 
 
 def run_plays_live(
@@ -29,13 +29,8 @@ def run_plays_live(
 ) -> PlayedExperiment:
     """Learn every waveform on every axis of a running stage, and disarm it at the end.
 
-    Args:
-        config: The experiment; its devices, models and responses are not used.
-        play: Its waveforms.
-        client: A connection to the daemon of the stage.
-        progress: Called as the experiment advances.
-        tables: Folder of tables to begin with, if their conditions agree; None for none.
-        keep: Called with each learned waveform.
+    The file's devices, models and responses are not used. `tables` and `keep` are as in
+    `learn_waves`.
 
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.
@@ -46,7 +41,7 @@ def run_plays_live(
     """
     setup = read_setup(client)
     check_live(config, setup)
-    meter = PlayMeter(progress, play, len(config.axes))
+    meter = play_meter(progress, play, len(config.axes))
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         meter.begin("resting")
         stage.arm_at_rest(config.settle_s)

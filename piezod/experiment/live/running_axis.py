@@ -17,12 +17,6 @@ _DECIMALS = 5
 class RunningAxis:
     """Implements `IdentifiedStage` for one axis of a running stage, which is armed and at rest.
 
-    Args:
-        stage: The stage.
-        name: Name of the axis.
-        rest_v: Its rest voltage, in V.
-        rest_s: Rest before each play, in s.
-
     Attributes:
         identity: Identity of the device, known after the first play.
     """
@@ -58,13 +52,6 @@ def playing_axis(
     stage: LiveStage, setup: LiveSetup, name: str, interval_ns: int, rest_s: float
 ) -> PlayingAxis:
     """Return an axis of a running stage, which is armed and at rest, as one that plays.
-
-    Args:
-        stage: The stage.
-        setup: Its setup.
-        name: Name of the axis, which has a model.
-        interval_ns: Time between two points of a table, in ns.
-        rest_s: Rest before each play, in s.
 
     Raises:
         ClientError: If a request is refused, or the stage leaves the expected states.

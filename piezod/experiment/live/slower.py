@@ -16,11 +16,6 @@ def slow_enough(
 ) -> tuple[ExperimentConfig, list[str]]:
     """Slow the commands of each case down until a cycle moves little enough.
 
-    Args:
-        config: The experiment.
-        rate_hz: Cycles of the loop per second.
-        largest_step_pct: Largest motion per cycle, in % of the command's range.
-
     Returns:
         The experiment, and a sentence per case with its highest frequency.
 

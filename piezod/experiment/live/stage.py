@@ -54,11 +54,6 @@ class LiveStage:
 
     Every method raises ClientError, or a subclass, if the daemon refuses or has ended, and
     NotReachedError if the stage leaves the expected states.
-
-    Args:
-        client: A connection to the daemon.
-        setup: Setup of the stage.
-        advance: Called as time passes.
     """
 
     def __init__(self, client: StageClient, setup: LiveSetup, advance: Advance) -> None:
@@ -101,6 +96,12 @@ class LiveStage:
                 what = f"{error}; {what}"
             raise ClientError(what, "`piezod stop`, or the emergency stop") from error
 
+    def fault_notes(self, begin: str = "Faults") -> tuple[str, ...]:
+        """Return a sentence about `faults`, if there are any; it begins with this text."""
+        if not self.faults:
+            return ()
+        return (f"{begin} were present: {', '.join(sorted(self.faults))}. See `piezod faults`.",)
+
     # ------------------------------------------------------------------ steps
 
     def until_punctual(self, measure: Callable[[], T], prepare: Callable[[], None]) -> T:
@@ -132,9 +133,6 @@ class LiveStage:
         """Let a disarmed stage rest, and zero its sensors.
 
         If the safe voltage is not the rest voltage, the stage is armed and driven there.
-
-        Args:
-            settle_s: Duration of the rest, in s.
         """
         if self._setup.safe_at_rest:
             self._wait_in(settle_s, State.SAFE)
@@ -154,22 +152,13 @@ class LiveStage:
         self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 
     def arm_at_rest(self, settle_s: float) -> None:
-        """Disarm, rest as `rest` does, and arm.
-
-        Args:
-            settle_s: Duration of the rest, in s.
-        """
+        """Disarm, rest as `rest` does, and arm."""
         self.disarm()
         self.rest(settle_s)
         self.arm()
 
     def drive(self, drive_v: Waveforms, duration_s: float) -> None:
-        """Drive voltages from rest and back to rest; the stage is armed.
-
-        Args:
-            drive_v: Voltage over time for each axis, in V.
-            duration_s: Duration, in s.
-        """
+        """Drive voltages from rest and back to rest; the stage is armed."""
         self._client.identify(drive_v, duration_s)
         self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 
@@ -263,12 +252,7 @@ class LiveStage:
         return self._wait(passed, states).t_s
 
     def _wait(self, done: Callable[[Interval], bool], through: Collection[State]) -> Interval:
-        """Return the first interval for which `done` is true.
-
-        Args:
-            done: Whether an interval is the one.
-            through: States in which the stage may be before.
-        """
+        """Return the first interval that is `done`; the states before it must be in `through`."""
         before_s = inf
         with closing(self._client.telemetry(RATE_HZ)) as intervals:
             for interval in intervals:

@@ -37,13 +37,6 @@ class PlayingAxis:
     ) -> Self:
         """Return an axis, zeroed by a play at rest: it drifts between the waveforms.
 
-        Args:
-            stage: The axis, at rest.
-            name: Its name.
-            config: Its configuration.
-            model: Its model.
-            interval_ns: Time between two points of a table, in ns.
-
         Raises:
             PiezodError: If the play failed.
         """
@@ -62,9 +55,6 @@ class PlayingAxis:
 
     def known(self, multisine: MultisineSettings) -> KnownAxis:
         """Return what is known of the axis; a response that no file has is measured.
-
-        Args:
-            multisine: Settings of that measurement.
 
         Raises:
             PiezodError: If the response could not be measured.

@@ -21,14 +21,6 @@ def write_play(
 ) -> Path:
     """Write the figure and the table file of a waveform; return the path of the figure.
 
-    Args:
-        folder: Output folder.
-        number: Number of the waveform, for the names of the files.
-        play: The waveform.
-        wave: Its configuration, with published errors.
-        conditions: Conditions of the table.
-        created_at: Present time, with a time zone.
-
     Raises:
         OSError: If a file cannot be written.
     """

@@ -36,12 +36,7 @@ class Flaw(StrEnum):
 
 
 class BadRecordError(DataError):
-    """Raised for a record from which nothing may be learned.
-
-    Args:
-        flaw: Its flaw.
-        what: Value, limit, and what to do.
-    """
+    """Raised for a record from which nothing may be learned."""
 
     def __init__(self, flaw: Flaw, what: str) -> None:
         super().__init__(f"the record is refused, {flaw.value}: {what}")
@@ -57,11 +52,6 @@ class CountedPeriods(NamedTuple):
 
 def counted_periods(record: AxisRecord, table: AxisTable, counted: int) -> CountedPeriods:
     """Return the last periods of a play.
-
-    Args:
-        record: Record of the play.
-        table: Table of the play.
-        counted: Number of periods that count, the last ones.
 
     Raises:
         BadRecordError: If a sample of them is missing or invalid, or the clocks differ.

@@ -82,12 +82,6 @@ def measure_response(
 
     The inverse model removes most of the loops, so that the record shows the dynamics.
 
-    Args:
-        stage: The axis.
-        maker: Makes tables for the axis.
-        range_um: Range of the model, in µm.
-        settings: Settings of the measurement.
-
     Raises:
         DataError: If the record cannot be used, or does not show the response.
         DeviceError: If the play failed.

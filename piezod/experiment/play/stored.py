@@ -34,12 +34,7 @@ class Conditions(NamedTuple):
     rest_v: float  #: Voltage at rest, in V.
 
     def changed(self, table: TableFile, command: PeriodicCommand) -> Iterator[str]:
-        """Yield the conditions of a table that have changed, in words.
-
-        Args:
-            table: The table.
-            command: The command that it is to be used for, as given.
-        """
+        """Yield the conditions of a table that have changed, in words."""
         if table.axis != self.axis:
             yield f"axis {table.axis}, now {self.axis}"
         device = table.device
@@ -133,11 +128,6 @@ class FoundTable(NamedTuple):
 
 def find_table(folder: Path, conditions: Conditions, command: PeriodicCommand) -> FoundTable:
     """Return the newest table in a folder whose conditions agree.
-
-    Args:
-        folder: Folder of table files.
-        conditions: Present conditions.
-        command: The command as given.
 
     Raises:
         ConfigError: If a table file is not valid.

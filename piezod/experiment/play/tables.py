@@ -33,14 +33,7 @@ _MOST_PERIODS = 8
 
 
 class TableMaker:
-    """Makes tables for one axis.
-
-    Args:
-        model: Model of the axis.
-        interval_ns: Time between two points, in ns.
-        limits_v: Lowest and highest voltage, in V.
-        slew_v_per_s: Limit of the slew rate, in V/s.
-    """
+    """Makes tables for one axis."""
 
     def __init__(
         self,
@@ -80,11 +73,7 @@ class TableMaker:
         return AxisTable(self._interval_ns, np.concatenate((up, down, fade_in)), period_v, cycles)
 
     def conditioning(self, rest_v: float) -> AxisTable | None:
-        """Return swings from rest through the whole range and back; None if none is needed.
-
-        Args:
-            rest_v: Voltage at rest, in V.
-        """
+        """Return swings from rest through the whole range and back; None if none is needed."""
         cycles = self._form.cycles_to_rest
         if not cycles:
             return None

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from piezod.config.play import PlayConfig
@@ -12,9 +13,8 @@ from piezod.experiment.play.response import KnownResponse, MultisineSettings
 from piezod.experiment.play.stored import Conditions, find_table
 from piezod.experiment.play.task import PlaySettings
 from piezod.experiment.prefix import prefix_errors
+from piezod.experiment.progress import Meter, Progress
 
-Progress = Callable[[str, float], None]
-"""Called with the present step and the share of the experiment that is done."""
 Keep = Callable[[int, LearnedPlay, Conditions], None]
 """Called with each learned waveform as soon as it is learned: its number from 1, and its table's
 conditions. A later waveform may fail."""
@@ -45,48 +45,22 @@ class PlayedExperiment:
     warnings: tuple[str, ...] = ()  #: Warnings, a sentence each.
 
 
-class PlayMeter:
-    """Turns the number of plays into a share of the experiment.
-
-    Args:
-        progress: Called as the experiment advances.
-        play: Its waveforms.
-        n_axes: Number of its axes.
-    """
-
-    def __init__(self, progress: Progress, play: PlayConfig, n_axes: int) -> None:
-        self._progress, self._done = progress, 0
-        self._plays = n_axes * (1 + len(play.waves) * (play.passes + 2))
-
-    def begin(self, label: str) -> None:
-        """Tell what is done now."""
-        self._progress(label, min(1.0, self._done / self._plays))
-
-    def done(self, label: str) -> None:
-        """Tell that a play has ended."""
-        self._done += 1
-        self.begin(label)
-
-    def reporting(self, label: str) -> Callable[[PassReport], None]:
-        """Return a function that tells the end of a play of a waveform."""
-        return lambda report: self.done(f"{label}: {report.label}")
+def play_meter(progress: Progress, play: PlayConfig, n_axes: int) -> Meter:
+    """Return a meter that counts the plays of an experiment on this number of axes."""
+    return Meter(progress, n_axes * (1 + len(play.waves) * (play.passes + 2)))
 
 
 def learn_waves(
     axis: PlayingAxis,
     play: PlayConfig,
-    meter: PlayMeter,
+    meter: Meter,
     tables: Path | None,
     keep: Keep = keep_nothing,
 ) -> PlayedResult:
     """Measure the response of an axis, then learn every waveform.
 
-    Args:
-        axis: The axis.
-        play: The waveforms.
-        meter: Told about each play.
-        tables: Folder of tables to begin with, if their conditions agree; None for none.
-        keep: Called with each learned waveform.
+    If there is a folder `tables`, each begins with a table whose conditions agree. `keep` is called
+    with each one that is learned.
 
     Raises:
         PiezodError: If the response could not be measured, or nothing of a waveform was learned.
@@ -97,7 +71,7 @@ def learn_waves(
     multisine = MultisineSettings(axis.interval_ns, play.lowest_hz, play.highest_hz, amplitude)
     with prefix_errors("response"):
         known = axis.known(multisine)
-    meter.done(f"axis {name}")
+    meter.advance(1.0)
     settings = PlaySettings(play.passes, play.settle_s, play.record_s)
     plays, notes = [], []
     for number, wave in enumerate(play.waves, start=1):
@@ -105,10 +79,18 @@ def learn_waves(
         if tables is not None:
             first_um, note = find_table(tables, axis.conditions, command)
             notes.append(f"Axis {name}, {wave.name}: {note}.")
-        report = meter.reporting(f"axis {name}, {wave.name}")
+        label = f"axis {name}, {wave.name}"
         task = known.task(command, settings, first_um)
         with prefix_errors(wave.name):
             # Without a learned table, the inverse model alone shows what the response adds.
-            plays.append(learn(axis.stage, task, report, compare=first_um is None))
+            plays.append(
+                learn(axis.stage, task, partial(_count, meter, label), compare=first_um is None)
+            )
         keep(number, plays[-1], axis.conditions)
     return PlayedResult(name, known.response, axis.conditions, tuple(plays), tuple(notes))
+
+
+def _count(meter: Meter, label: str, report: PassReport) -> None:
+    """Count a play of a waveform that has ended."""
+    meter.label = f"{label}: {report.label}"
+    meter.advance(1.0)

@@ -26,15 +26,6 @@ def judged(
 ) -> ResponseRecord:
     """Fit a model to measurements, and find what to know about it.
 
-    Args:
-        axis: Name of the axis.
-        title: Where the data are from, for people.
-        method: How they were measured.
-        rate_hz: Samples per second.
-        about: The measurement about each voltage.
-        remedy: What the user can do if the lines are not clear of the noise.
-        notes: Warnings about the data.
-
     Raises:
         DataError: If too few lines are clear of the noise.
     """

@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from piezod.experiment.fit.recorded import columns_of_recording, on_cycles
-from piezod.experiment.fit.source import columns_of_csv, prefix_errors
+from piezod.experiment.fit.source import columns_of_csv
+from piezod.experiment.prefix import prefix_errors
 from piezod.experiment.response.judgement import judged
 from piezod.experiment.response.measurement import measured_in_recording
 from piezod.records.opened import is_hdf5
@@ -38,6 +39,6 @@ def response_of_file(path: Path, axis: str | None) -> ResponseRecord:
         name = axis or "x"
         columns, notes = columns_of_csv(path)
     rate_hz = (columns["t_s"].size - 1) / float(np.ptp(columns["t_s"]))
-    with prefix_errors(path):
+    with prefix_errors(str(path)):
         about = measured_in_recording(columns, rate_hz)
         return judged(name, path.name, "recording", rate_hz, [about], REMEDY, notes)

@@ -1,7 +1,6 @@
 """One case of an experiment in one mode: from rest through the whole command."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
-from piezod.experiment.error_rows import errors_pct
-from piezod.experiment.steps import step_metrics
+from piezod.experiment.session.runs import RANGE_MARGIN, Run, with_errors
 from piezod.experiment.virtual.identify import IdentifiedAxis
 from piezod.experiment.virtual.stage import (
     COMMAND_UM,
@@ -32,16 +30,6 @@ from piezod.units import NS_PER_S, s_to_ns
 
 SNAPSHOT_S = 0.05
 """Interval at which the weights are recorded, in s."""
-RANGE_MARGIN = 0.01
-"""A command may exceed the identified range by this share of it, because of noise and drift at both
-ends."""
-
-
-class VirtualRun(NamedTuple):
-    """One axis in one case and one mode."""
-
-    recording: Recording  #: The recording.
-    warnings: tuple[str, ...]  #: Warnings for its reader.
 
 
 def run_case(
@@ -50,7 +38,7 @@ def run_case(
     identified: Mapping[str, IdentifiedAxis],
     case: CaseConfig,
     mode: Mode,
-) -> list[VirtualRun]:
+) -> list[Run]:
     """Rest, run a case, and return one run per axis.
 
     Raises:
@@ -73,9 +61,13 @@ def run_case(
     for name, trace in zip(config.axes, traces, strict=True):
         identified[name].creeping.watch(trace[:, POSITION_UM])
         identified[name].creeping.follow(trace[:, IN_FORCE_V])
-    recordings = _recordings(config, case, mode, stage.period_ns, traces, snapshots)
+    period_s = stage.period_ns / NS_PER_S
+    recordings = [
+        with_errors(recording, config.metrics, period_s)
+        for recording in _recordings(config, case, mode, period_s, traces, snapshots)
+    ]
     return [
-        VirtualRun(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
+        Run(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
         for recording, axis in zip(recordings, axes, strict=True)
     ]
 
@@ -84,12 +76,12 @@ def _recordings(
     config: ExperimentConfig,
     case: CaseConfig,
     mode: Mode,
-    period_ns: int,
+    period_s: float,
     traces: FloatArray,
     snapshots: "_Snapshots",
 ) -> list[Recording]:
-    """Return the recordings of all axes, from (axes, n, columns) traces."""
-    t_s = np.arange(traces.shape[1], dtype=np.float64) * (period_ns / NS_PER_S)
+    """Return the recordings of all axes, without errors, from (axes, n, columns) traces."""
+    t_s = np.arange(traces.shape[1], dtype=np.float64) * period_s
     # Errors count after the first period, which starts from a relaxed stage.
     first = int(np.searchsorted(t_s, case.period_s))
     return [
@@ -107,7 +99,6 @@ def _recordings(
             weights=np.array(weights),
             weights_t_s=t_s[:: snapshots.every],
             surface=not form.two_sided,
-            metrics=_metrics(config, trace[first:], period_ns / NS_PER_S),
             first_metric_index=first,
         )
         for name, trace, weights, form in zip(
@@ -135,15 +126,6 @@ def _axes(
         )
         for name, in_force_v in zip(config.axes, stage.in_force_v, strict=True)
     ]
-
-
-def _metrics(config: ExperimentConfig, trace: FloatArray, period_s: float) -> dict[str, float]:
-    """Return the errors of the part of a trace that counts."""
-    command_um, position_um, true_um = (
-        trace[:, column] for column in (COMMAND_UM, POSITION_UM, TRUE_UM)
-    )
-    errors = errors_pct(config.metrics, command_um, position_um, true_um)
-    return errors | step_metrics(command_um, position_um, period_s)
 
 
 def _merged_pairs(axis: CompensatedAxis) -> int:

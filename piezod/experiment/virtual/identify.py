@@ -16,9 +16,9 @@ from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import read_model
 from piezod.control.law.output import TimeFunction
 from piezod.errors import DataError
-from piezod.experiment.fit.account import account_of, parameters_of
+from piezod.experiment.fit.errors import judge
 from piezod.experiment.fit.fit import fit_model
-from piezod.experiment.fit.judgement import judge
+from piezod.experiment.fit.fit_numbers import numbers_of_file, numbers_of_fit
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
@@ -44,7 +44,7 @@ class IdentifiedAxis:
     config: AxisConfig
     model: StageModel  #: The model, with its zero at rest.
     creeping: Creeping  #: The creep of the axis so far.
-    account: Identification  #: Origin of the model.
+    numbers: Identification  #: Origin of the model.
     warnings: tuple[str, ...]  #: Warnings for the user of the model.
 
 
@@ -138,7 +138,7 @@ def _from_record(
         if trimmed:
             doubts += trim_warnings(judged, axis.trim)
     title = "recorded run of the identification"
-    account = account_of(fit, record, judged.validation, axis=name, title=title)
+    numbers = numbers_of_fit(fit, record, judged.validation, axis=name, title=title)
     creeping = Creeping(model, record.period_s)
     creeping.watch(record.position_um)
     creeping.follow(record.drive_v)
@@ -146,7 +146,7 @@ def _from_record(
         with_found_mode(axis, model),
         model,
         creeping,
-        account,
+        numbers,
         _for_axis(name, (*fit_warnings(fit, record.period_s), *doubts)),
     )
 
@@ -164,20 +164,9 @@ def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> Ident
     in_file, file = read_model(path)
     with prefix_errors(name):
         model = in_file.zeroed_at(axis.limits.rest_v).at(period_ns / NS_PER_S)
-    no_samples = np.empty(0)
-    account = Identification(
-        axis=name,
-        title=f"model file {path.name}",
-        method=file.method,
-        t_s=no_samples,
-        drive_v=no_samples,
-        position_um=no_samples,
-        predicted_v=no_samples,
-        fit_errors=file.fit.model_dump(exclude_none=True),
-        parameters=parameters_of(model),
-    )
+    numbers = numbers_of_file(file, model, axis=name, title=f"model file {path.name}")
     creeping = Creeping(model, period_ns / NS_PER_S)
-    return IdentifiedAxis(with_found_mode(axis, model), model, creeping, account, ())
+    return IdentifiedAxis(with_found_mode(axis, model), model, creeping, numbers, ())
 
 
 def _for_axis(axis: str, warnings: Iterable[str]) -> tuple[str, ...]:

@@ -12,15 +12,7 @@ from piezod.units import NS_PER_S
 
 
 class OpenLoopAxis:
-    """Drives a voltage waveform; positions are recorded, not used. All methods are real-time safe.
-
-    Args:
-        waveform_v: Voltage over time since the start, in V.
-        limits: Limits of the drive.
-        in_force_v: Voltage in force at the start, in V.
-        start_ns: Instant at which the waveform starts, in ns.
-        period_ns: Period of the loop, in ns.
-    """
+    """Drives a voltage waveform; positions are recorded, not used. Real-time safe."""
 
     def __init__(
         self,

@@ -13,26 +13,18 @@ from piezod.experiment.play.stage import AtRest, AxisRecord, AxisTable, Identity
 from piezod.experiment.play.waves import (
     Keep,
     PlayedExperiment,
-    PlayMeter,
-    Progress,
     keep_nothing,
     learn_waves,
+    play_meter,
 )
+from piezod.experiment.progress import Progress
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import VirtualStage, opened
 from piezod.units import NS_PER_S
 
 
 class VirtualAxis:
-    """Implements `IdentifiedStage` for one axis of a virtual stage.
-
-    Args:
-        stage: The stage.
-        name: Name of the axis.
-        guard: Guard of its tables.
-        rest_v: Voltage at rest, in V.
-        rest_s: Rest before each play, in s.
-    """
+    """Implements `IdentifiedStage` for one axis of a virtual stage."""
 
     def __init__(
         self, stage: VirtualStage, name: str, guard: TableGuard, rest_v: float, rest_s: float
@@ -67,12 +59,7 @@ def run_plays(
 ) -> PlayedExperiment:
     """Learn every waveform on every axis, one axis after the other, in virtual time.
 
-    Args:
-        config: The experiment.
-        play: Its waveforms.
-        progress: Called as the experiment advances.
-        tables: Folder of tables to begin with, if their conditions agree; None for none.
-        keep: Called with each learned waveform.
+    `tables` and `keep` are as in `learn_waves`.
 
     Raises:
         ConfigError: If a model file or a table file cannot be used.
@@ -80,7 +67,7 @@ def run_plays(
         DeviceError: If a device cannot be opened, does not play, or refuses a table.
         ModelError: If a gain is not safe.
     """
-    meter = PlayMeter(progress, play, len(config.axes))
+    meter = play_meter(progress, play, len(config.axes))
     with opened(config, lambda _: None) as stage:
         meter.begin("identification")
         identified = identify_axes(stage, config)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from piezod.devices.player import PlayState
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
 from piezod.experiment.error_rows import NEED_TRUTH
+from piezod.experiment.session.devices import owned
 from piezod.experiment.virtual.open_loop import OpenLoopAxis
 from piezod.hysteresis.memory import FloatArray
 from piezod.telemetry.record import CycleRecord
@@ -32,31 +34,28 @@ COLUMNS = 5
 IN_FORCE_V, POSITION_UM, COMMAND_UM, UNCOMPENSATED_V, TRUE_UM = range(COLUMNS)
 """Columns of a trace; unknown values are NaN."""
 
-Progress = Callable[[int], None]
-"""Called with the number of further cycles that have run."""
+Advance = Callable[[float], None]
+"""Called with the number of further seconds that have run."""
+TOLD_CYCLES = 500
+"""`Advance` is called after this many cycles each."""
 
 
 @contextmanager
-def opened(config: ExperimentConfig, progress: Progress) -> Iterator["VirtualStage"]:
+def opened(config: ExperimentConfig, advance: Advance) -> Iterator["VirtualStage"]:
     """Open and activate the devices of an experiment; leave them safe in any case.
 
     Raises:
         DeviceError: If a device cannot be opened or cannot have its role, or if metrics need a
             truth that only simulated devices know.
     """
+    stage: VirtualStage | None = None
     axes = pairs_of(config.axes)
     devices = construct(config.devices, axes, config.seed)
     _check_truth(config, devices)
     channels = Channels(devices, axes)
-    channels.open()
-    try:
-        _check_rate(config.rate_hz, channels.capabilities().max_rate_hz)
-        channels.activate(0)
-        stage = VirtualStage(channels, config, progress)
+    with owned(channels, lambda: stage.now_ns if stage else 0, partial(_too_fast, config.rate_hz)):
+        stage = VirtualStage(channels, config, advance)
         yield stage
-        channels.deactivate(stage.now_ns)
-    finally:
-        channels.close()
 
 
 def _check_truth(config: ExperimentConfig, devices: Mapping[str, Device]) -> None:
@@ -71,23 +70,19 @@ def _check_truth(config: ExperimentConfig, devices: Mapping[str, Device]) -> Non
             raise DeviceError(message)
 
 
-def _check_rate(rate_hz: float, max_rate_hz: float) -> None:
-    if rate_hz > max_rate_hz:
-        message = f"rate_hz is {rate_hz:g} Hz; these devices allow at most {max_rate_hz:g} Hz"
-        raise DeviceError(message)
+def _too_fast(rate_hz: float, channels: Channels) -> str:
+    """Return why the devices do not allow a rate, "" if they do."""
+    max_rate_hz = channels.capabilities().max_rate_hz
+    if rate_hz <= max_rate_hz:
+        return ""
+    return f"rate_hz is {rate_hz:g} Hz; these devices allow at most {max_rate_hz:g} Hz"
 
 
 class VirtualStage:
-    """All axes of an experiment; time advances from phase to phase.
+    """All axes of an experiment; time advances from phase to phase."""
 
-    Args:
-        channels: The devices, open and active.
-        config: The experiment.
-        progress: Called as cycles run.
-    """
-
-    def __init__(self, channels: Channels, config: ExperimentConfig, progress: Progress) -> None:
-        self._channels, self._progress = channels, progress
+    def __init__(self, channels: Channels, config: ExperimentConfig, advance: Advance) -> None:
+        self._channels, self._advance = channels, advance
         unread = [False] * len(config.axes)
         self._devices = DeviceBoundary(channels, len(unread), reads_back=unread, holds=False)
         # There is no state machine in virtual time: writes always reach the amplifiers.
@@ -132,7 +127,8 @@ class VirtualStage:
             # The truth at the instant of the cycle, before the new voltage acts.
             trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
             self.now_ns += self.period_ns
-            self._progress(1)
+            if self.now_ns // self.period_ns % TOLD_CYCLES == 0:
+                self._advance(TOLD_CYCLES * period_s)
         return trace
 
     def open_loop(self, waveforms_v: Sequence[TimeFunction], duration_s: float) -> FloatArray:

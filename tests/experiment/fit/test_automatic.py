@@ -10,7 +10,7 @@ import pytest
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Candidate, Wanted, choose, simplest_as_good
-from piezod.experiment.fit.cross_validation import Block, CrossValidation
+from piezod.experiment.fit.errors import Block, CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.residuals import Residuals
@@ -86,7 +86,7 @@ def test_smaller_model_is_taken_only_if_it_costs_little(
     best = candidate(30, BLOCKS_PCT)
     choice = simplest_as_good((candidate(5, position_pct, voltage_pct), best))
 
-    assert choice.taken.fit.settings.order == order
+    assert choice.chosen.fit.settings.order == order
     assert choice.limit_pct == pytest.approx(1.02 * choice.best.validation.position_rms_pct)
 
 
@@ -100,8 +100,8 @@ def test_both_errors_decide(position: float, voltage: float, order: int) -> None
     )
     choice = simplest_as_good((other, candidate(30, BLOCKS_PCT)))
 
-    assert choice.taken is choice.best
-    assert choice.taken.fit.settings.order == order
+    assert choice.chosen is choice.best
+    assert choice.chosen.fit.settings.order == order
 
 
 def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
@@ -111,8 +111,8 @@ def test_a_surface_is_tried_only_if_the_record_has_all_loops() -> None:
 
     methods = [{each.fit.settings.method for each in choice.candidates} for choice in (poor, rich)]
     assert methods == [{Method.LMS, Method.LEAST_SQUARES}, set(Method)]
-    assert rich.taken.fit.settings.method is Method.SURFACE
-    assert rich.taken.fit.model.delay_s == pytest.approx(-0.004, abs=2e-4)
+    assert rich.chosen.fit.settings.method is Method.SURFACE
+    assert rich.chosen.fit.model.delay_s == pytest.approx(-0.004, abs=2e-4)
     assert poor.no_surface.startswith("the record does not have loops of all sizes")
     assert rich.no_surface == ""
 
@@ -123,7 +123,7 @@ def test_a_surface_is_tried_with_creep_and_without() -> None:
 
     surfaces = [each for each in choice.candidates if each.fit.settings.method is Method.SURFACE]
     assert [each.fit.settings.creep for each in surfaces] == [False, True]
-    assert choice.taken is surfaces[0]
+    assert choice.chosen is surfaces[0]
 
 
 @pytest.mark.parametrize(

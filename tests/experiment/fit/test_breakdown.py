@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.breakdown import Breakdown, breakdown_of
+from piezod.experiment.fit.errors import Breakdown, breakdown_of, judge
 from piezod.experiment.fit.fit import Fit, fit_model
-from piezod.experiment.fit.judgement import judge
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings

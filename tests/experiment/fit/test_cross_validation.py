@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record

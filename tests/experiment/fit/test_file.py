@@ -46,7 +46,7 @@ def test_first_seconds_do_not_count(data: Path) -> None:
     assert fitted.record.t_s[0] == 0.0
     assert fitted.record.run_in_s == 1.0
     assert not np.any(fitted.record.counted()[:100])
-    assert fitted.taken.train == fitted.taken.fit.errors_pct(fitted.record)
+    assert fitted.chosen.train == fitted.chosen.fit.errors_pct(fitted.record)
 
 
 def test_other_file_is_judged_by_the_same_model(data: Path, tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_other_file_is_judged_by_the_same_model(data: Path, tmp_path: Path) -> N
 
     fitted = identify(data, test=other)
 
-    assert fitted.taken.test == fitted.taken.fit.errors_pct(other_record)
+    assert fitted.chosen.test == fitted.chosen.fit.errors_pct(other_record)
     assert not any("rest" in warning for warning in fitted.warnings)
 
 
@@ -68,12 +68,12 @@ def test_fit_has_a_counterpart_with_or_without_creep(data: Path) -> None:
 
     for fitted, creep in ((without, False), (creeping, True)):
         assert fitted.other
-        assert (fitted.taken.fit.settings.creep, fitted.other.fit.settings.creep) == (
+        assert (fitted.chosen.fit.settings.creep, fitted.other.fit.settings.creep) == (
             creep,
             not creep,
         )
         assert fitted.other.fit.settings.order == ORDER
-        assert fitted.other.fit.model.delay_s == fitted.taken.fit.model.delay_s
+        assert fitted.other.fit.model.delay_s == fitted.chosen.fit.model.delay_s
 
 
 def test_fit_has_a_counterpart_without_smoothing(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_fit_has_a_counterpart_without_smoothing(tmp_path: Path) -> None:
 
     assert fitted.raw
     assert not fitted.raw.fit.settings.smoothing
-    assert fitted.raw.validation.rms_pct > fitted.taken.validation.rms_pct
+    assert fitted.raw.validation.rms_pct > fitted.chosen.validation.rms_pct
 
 
 def test_lms_has_no_counterparts(data: Path) -> None:
@@ -93,7 +93,7 @@ def test_lms_has_no_counterparts(data: Path) -> None:
     fitted = identify(data, settings=FitSettings(method=Method.LMS, order=ORDER))
 
     assert (fitted.other, fitted.raw) == (None, None)
-    assert fitted.taken.validation.rms_pct > 0.0
+    assert fitted.chosen.validation.rms_pct > 0.0
 
 
 def test_fixed_settings_are_the_same_in_all_candidates(data: Path) -> None:
@@ -104,7 +104,7 @@ def test_fixed_settings_are_the_same_in_all_candidates(data: Path) -> None:
     tried = [each.fit.settings for each in fitted.choice.candidates]
     assert {(each.order, each.spacing) for each in tried} == {(5, Spacing.GRADED)}
     assert {each.creep for each in tried} == {False, True}
-    assert fitted.taken.fit is fitted.choice.taken.fit
+    assert fitted.chosen.fit is fitted.choice.chosen.fit
 
 
 def test_test_outside_the_range_of_the_model_has_a_warning(data: Path, tmp_path: Path) -> None:
@@ -148,7 +148,7 @@ def test_more_operators_than_noisy_data_determine_still_give_an_inverse(tmp_path
 
     fitted = identify(path, delay_s=0.0, settings=FitSettings(order=60))
 
-    assert fitted.taken.fit.smallest_slope >= LEAST_SLOPE - 1e-9
+    assert fitted.chosen.fit.smallest_slope >= LEAST_SLOPE - 1e-9
 
 
 def test_refusals_begin_with_the_file(data: Path) -> None:
@@ -168,6 +168,6 @@ def test_model_is_written_with_a_figure_beside_it(data: Path, tmp_path: Path) ->
 
     plot = write_model(path, fitted, datetime(2024, 5, 1, tzinfo=UTC))
 
-    assert load_model(path).fit.model_dump() == fitted.taken.train
+    assert load_model(path).fit.model_dump() == fitted.chosen.train
     assert plot == tmp_path / "models" / "stage.png"
     assert plot.read_bytes().startswith(b"\x89PNG")

@@ -11,9 +11,9 @@ from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import dump_model
 from piezod.control.law.first_mode import FirstMode
 from piezod.control.law.model_files import read_model
-from piezod.experiment.fit.account import parameters_of
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate
 from piezod.experiment.fit.fit import Fit, fit_model
+from piezod.experiment.fit.fit_numbers import parameters_of
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.model_io import to_model_file
 from piezod.experiment.fit.prediction import predicted_um

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate, judge
 from piezod.experiment.fit.fit import fit_model
-from piezod.experiment.fit.judgement import judge
 from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import ORDER, record_of, swells
 

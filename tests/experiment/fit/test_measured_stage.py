@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from piezod.experiment.fit.automatic import Wanted
+from piezod.experiment.fit.errors import Judgement
 from piezod.experiment.fit.file import FileFit, identify_file
-from piezod.experiment.fit.judgement import Judgement
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.settings import FitSettings
 from tests.conftest import Figure
@@ -49,7 +49,7 @@ def test_graded_models_hold_on_blocks_and_on_another_record(
     """With and without creep, on held-out blocks and on test.csv, with its offset and without."""
     settings = FitSettings(spacing=Spacing.GRADED, creep=creep)
     name = f"{'with' if creep else 'without'} creep, first {skip_s:g} s left out"
-    judged = identified(shared_data, settings, skip_s).taken
+    judged = identified(shared_data, settings, skip_s).chosen
 
     check_errors_on_other_data(judged, name, figure)
     assert judged.test is not None
@@ -64,7 +64,7 @@ def test_surface_describes_a_record_that_starts_after_a_rest(
     settings = FitSettings(method=Method.SURFACE, creep=True)
     fitted = identified(shared_data, settings, 1.0)
 
-    errors, creep = fitted.taken.validation.errors, fitted.taken.fit.model.creep.per_decade
+    errors, creep = fitted.chosen.validation.errors, fitted.chosen.fit.model.creep.per_decade
     figure(
         f"measured stage, surface: held-out voltage {errors['voltage_error_rms_pct']:.3f} % rms, "
         f"position {errors['position_error_rms_pct']:.3f} % rms, creep {100 * creep:.1f} % a decade"
@@ -80,7 +80,7 @@ def test_stops_with_creep_predict_the_position_of_held_out_blocks(
 ) -> None:
     """A range that is fitted to the voltage alone gives 0.6 % rms."""
     settings = FitSettings(order=30, spacing=Spacing.GRADED, creep=True)
-    errors = identified(shared_data, settings, 1.0).taken.validation.errors
+    errors = identified(shared_data, settings, 1.0).chosen.validation.errors
 
     figure(
         f"measured stage, stops: held-out position {errors['position_error_max_pct']:.2f} % worst, "
@@ -95,7 +95,7 @@ def test_automatic_choice_holds_on_blocks_and_on_another_record(
     shared_data: Path, figure: Figure
 ) -> None:
     """The chosen model predicts held-out blocks and the other record, voltage and position."""
-    judged = identified(shared_data, Wanted(), 1.0).taken
+    judged = identified(shared_data, Wanted(), 1.0).chosen
     held_out, removed = judged.validation.errors, judged.test_offset_removed
     assert removed is not None
 

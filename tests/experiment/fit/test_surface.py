@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from piezod.errors import DataError
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.surface import LinearisedSurface
-from piezod.experiment.fit.surface_parameters import CREEP, OFFSET
+from piezod.experiment.fit.surface.gauss_newton import LinearisedSurface
+from piezod.experiment.fit.surface.parameters import CREEP, OFFSET
 from piezod.experiment.fit.uncertainty import SIGMAS_95, covariance_of, uncertainty_of
 from piezod.hysteresis import LEAST_SLOPE
 from piezod.hysteresis.everett_bounds import least_surface_slope

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.creep_regressors import lags_of, with_creep
-from piezod.experiment.fit.surface_parameters import (
+from piezod.experiment.fit.surface.creep_regressors import lags_of, with_creep
+from piezod.experiment.fit.surface.parameters import (
     ACTIVATION,
     COUNT,
     CREEP,
@@ -14,7 +14,7 @@ from piezod.experiment.fit.surface_parameters import (
     PROMPT,
     SKEW,
 )
-from piezod.experiment.fit.surface_point import Point, SurfaceRecord
+from piezod.experiment.fit.surface.point import Point, SurfaceRecord
 from piezod.hysteresis.everett import SIZE
 from tests.experiment.made_up_surface import all_loops, made_up_surface
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.surface_parameters import MAX_LAG
+from piezod.experiment.fit.surface.parameters import MAX_LAG
 from piezod.experiment.fit.uncertainty import uncertainty_of
 from piezod.experiment.fit.warnings import fit_warnings
 from tests.experiment.made_up import sine

@@ -5,10 +5,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from piezod.experiment.fit import surface_terms
-from piezod.experiment.fit.surface import LinearisedSurface
-from piezod.experiment.fit.surface_parameters import COUNT
-from piezod.experiment.fit.surface_terms import LARGEST_RATIO, Term, with_shown_terms
+from piezod.experiment.fit.surface import terms
+from piezod.experiment.fit.surface.gauss_newton import LinearisedSurface
+from piezod.experiment.fit.surface.parameters import COUNT
+from piezod.experiment.fit.surface.terms import LARGEST_RATIO, Term, with_shown_terms
 from piezod.hysteresis.memory import FloatArray
 
 NONE: frozenset[Term] = frozenset()
@@ -42,7 +42,7 @@ def shown(
     def squares(fit: MadeUpFit) -> FloatArray:
         return fit.squares
 
-    monkeypatch.setattr(surface_terms, "held_out_squares", squares)
+    monkeypatch.setattr(terms, "held_out_squares", squares)
     found = with_shown_terms(lambda terms: cast(LinearisedSurface, fits[terms]), allowed)
     return next(terms for terms, fit in fits.items() if cast(LinearisedSurface, fit) is found)
 

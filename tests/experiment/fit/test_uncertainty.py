@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate
 from piezod.experiment.fit.fit import Fit, fit_model
-from piezod.experiment.fit.least_squares import Linearised
+from piezod.experiment.fit.least_squares import LinearisedStops
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
@@ -45,7 +45,7 @@ def judged(record: Record, **changed: object) -> tuple[Fit, Uncertainty]:
 def test_band_contains_the_true_prediction() -> None:
     """With known noise, 19 of 20 predictions are in the band, and it is not wider than that."""
     linear = fitted(record_of(path=swells)).linearised
-    assert isinstance(linear, Linearised)
+    assert isinstance(linear, LinearisedStops)
     truth = linear.regressors @ linear.parameters
     inside, ratios = [], []
     for seed in range(40):

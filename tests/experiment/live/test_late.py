@@ -7,10 +7,10 @@ import pytest
 
 from piezod.experiment.live.late import (
     SETTLING_CYCLES,
-    judged_errors_pct,
     late_indices,
     late_note,
 )
+from piezod.experiment.session.runs import judged_errors_pct
 from piezod.records.experiment_result import Recording
 
 METRICS = ("tracking_max_pct", "tracking_rms_pct")

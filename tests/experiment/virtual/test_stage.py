@@ -16,7 +16,7 @@ from piezod_drivers.simulated.options import SimulatedOptions
 from tests.experiment.conftest import Load
 
 
-def ignore(_cycles: int) -> None:
+def ignore(_further_s: float) -> None:
     """Ignore the progress."""
 
 

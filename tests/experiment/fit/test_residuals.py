@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.blocks import clearly_better
+from piezod.experiment.fit.residuals import clearly_better
 
 ERRORS = np.array([4.0, 1.0, 1.0, 1.0, 9.0])
 

@@ -1,26 +1,167 @@
-"""The parts of a residual of the position: drift, rate, vibration, noise, and the rest.
+"""Errors of a fit: on its record, on held-out blocks, on another record, and of what they consist.
 
-Each part is removed before the next one is searched. The squares of the parts therefore add up to
-that of the residual, about. The rest is what the model does not describe in the loops themselves.
+In the cross-validation memory and creep run through the whole record; only the fit leaves a block
+out.
+
+The breakdown has the parts of the residual of the position: drift, rate, vibration, noise, and the
+rest. Each part is removed before the next one is searched. The squares of the parts therefore add
+up to that of the residual, about. The rest is what the model does not describe in the loops
+themselves.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from piezod.control.law.model import StageModel
 from piezod.experiment.fit.excitation import turning_points
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
-from piezod.experiment.fit.residuals import rms_of
+from piezod.experiment.fit.residuals import BLOCKS, Residuals, blocks_of, rms_of, standard_error
 from piezod.experiment.fit.spectrum import noise_of, vibration_of
 from piezod.hysteresis.memory import FloatArray
 
+_STEP = 0.01  # shift in units of the range, to find its effect on the voltage
 AT_END, AWAY = 0.02, 0.1
 """A drive within this share of its range from an end visits the end; beyond the second, it left."""
 FEWEST_VISITS = 3
 LEAST_DECADES = 0.1
 """Smallest spread of the rates, as a standard deviation, that shows how loops depend on them."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """One block of a record, and the model that was fitted to the others."""
+
+    start_s: float  #: Time of its first sample, in s.
+    end_s: float  #: Time of its last sample, in s.
+    model: StageModel  #: The model.
+    residuals: Residuals  #: Residuals of the block.
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Worst and rms errors of the block, by name."""
+        return self.residuals.errors
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """Errors over all blocks."""
+
+    blocks: tuple[Block, ...]  #: The blocks, in the order of time.
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Worst and rms errors of the predicted voltage and position, in %, by name."""
+        return Residuals.joined([block.residuals for block in self.blocks]).errors
+
+    @property
+    def rms_pct(self) -> float:
+        """Rms error of the voltage, in %."""
+        return self.errors["voltage_error_rms_pct"]
+
+    @property
+    def position_rms_pct(self) -> float:
+        """Rms error of the position, in %."""
+        return self.errors["position_error_rms_pct"]
+
+    @property
+    def rms_with_standard_error_pct(self) -> float:
+        """Rms error of the voltage plus one standard error of its mean square over the blocks."""
+        squares = self.squares.voltage_pct
+        return float(np.sqrt(np.mean(squares) + standard_error(squares)))
+
+    @property
+    def squares(self) -> Residuals:
+        """Mean squared residuals of each block, in %², shape (blocks,) each."""
+        blocks = [block.residuals for block in self.blocks]
+        return Residuals(
+            np.array([np.mean(block.voltage_pct**2) for block in blocks]),
+            np.array([np.mean(block.position_pct**2) for block in blocks]),
+        )
+
+
+def cross_validate(fit: Fit, blocks: int = BLOCKS) -> CrossValidation:
+    """Return the errors of a fit on blocks of its record, each held out once."""
+    record = fit.record
+    counted = record.counted(fit.model.delay_s)
+    held_out = []
+    for rows in blocks_of(counted, blocks):
+        model, times_s = fit.without(rows), record.t_s[rows]
+        held_out.append(
+            Block(
+                start_s=float(times_s[0]),
+                end_s=float(times_s[-1]),
+                model=model,
+                residuals=fit.residuals(record, model).at(rows[counted]),
+            )
+        )
+    return CrossValidation(tuple(held_out))
+
+
+@dataclass(frozen=True)
+class OffsetRemoved:
+    """Errors after constants were removed from the predicted voltage and position of a record.
+
+    From day to day a stage, or the zero of its sensor, drifts; the loops stay.
+    """
+
+    offset_pct: float  #: The constant of the voltage, in % of its range.
+    offset_um: float  #: Shift of the displacement that would cause it, in µm.
+    position_offset_um: float  #: The constant of the predicted position, in µm.
+    errors: Mapping[str, float]  #: Remaining errors, by name.
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A fit and its errors, by name, in % of the ranges of voltage and position in its record."""
+
+    fit: Fit  #: The fit.
+    train: Mapping[str, float]  #: Errors on its own record.
+    validation: CrossValidation  #: Errors on held-out blocks of that record.
+    test: Mapping[str, float] | None  #: Errors on another record, None without one.
+    test_offset_removed: OffsetRemoved | None  #: The same without a constant offset.
+
+
+def judge(
+    fit: Fit, record: Record, test: Record | None, validation: CrossValidation | None = None
+) -> Judgement:
+    """Return the errors of a fit.
+
+    Args:
+        fit: The fit.
+        record: Its record, before smoothing.
+        test: Another record of the same stage.
+        validation: Its cross-validation, if it is known already.
+    """
+    return Judgement(
+        fit=fit,
+        train=fit.errors_pct(record),
+        validation=validation or cross_validate(fit),
+        test=fit.errors_pct(test) if test else None,
+        test_offset_removed=_without_offset(fit, test) if test else None,
+    )
+
+
+def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
+    as_fitted = fit.as_fitted(test)
+    residuals = fit.residuals(as_fitted)
+    offset_pct, position_offset_pct = residuals.offsets_pct
+    # The slope of the inverse model, from a small shift, converts the offset from V to µm.
+    step_um = _STEP * fit.model.position_um.width
+    shifted = replace(
+        as_fitted, position_um=as_fitted.position_um - math.copysign(step_um, offset_pct)
+    )
+    changed_pct = abs(offset_pct - float(np.mean(fit.residuals_pct(shifted))))
+    return OffsetRemoved(
+        offset_pct=offset_pct,
+        offset_um=step_um * offset_pct / changed_pct if changed_pct else 0.0,
+        position_offset_um=0.01 * position_offset_pct * fit.model.position_um.width,
+        errors=residuals.without_offsets().errors,
+    )
 
 
 @dataclass(frozen=True)

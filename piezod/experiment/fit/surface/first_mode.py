@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from piezod.control.law.first_mode import FirstMode
-from piezod.experiment.fit.blocks import clearly_better, held_out_squares
 from piezod.experiment.fit.problem import LinearProblem
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.surface_parameters import FREQUENCIES, HIGHEST_DAMPING
+from piezod.experiment.fit.residuals import clearly_better, held_out_squares
+from piezod.experiment.fit.surface.parameters import FREQUENCIES, HIGHEST_DAMPING
 from piezod.hysteresis.memory import FloatArray
 
 STEP: Final = 1.05

@@ -1,11 +1,12 @@
-"""The account of a fit, which records and figures show."""
+"""Numbers of a fit, for files and figures."""
 
 from dataclasses import asdict
 
 import numpy as np
 
+from piezod.config.model_file import ModelFile
 from piezod.control.law.model import StageModel
-from piezod.experiment.fit.cross_validation import CrossValidation
+from piezod.experiment.fit.errors import CrossValidation
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis import ModelForm, StopForm, SurfaceForm
@@ -13,20 +14,13 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.records.experiment_result import Identification
 
 
-def account_of(
+def numbers_of_fit(
     fit: Fit, record: Record, validation: CrossValidation, *, axis: str, title: str
 ) -> Identification:
     """Return a record and the prediction of the model from it.
 
     A displacement belongs to the voltage one delay before it, so the prediction is shifted by that.
     Nothing is predicted in the run-in, nor where no displacement was recorded one delay later.
-
-    Args:
-        fit: The fit.
-        record: The record of the fit.
-        validation: Its errors on held-out blocks.
-        axis: Name of the axis.
-        title: Description of the record, for people.
     """
     predicted_v = fit.predicted_v(fit.as_fitted(record))
     later_s = record.t_s + fit.model.delay_s
@@ -42,6 +36,22 @@ def account_of(
         predicted_v=at_drive_v,
         fit_errors=_errors(fit, record, validation),
         parameters=parameters_of(fit.model),
+    )
+
+
+def numbers_of_file(file: ModelFile, model: StageModel, *, axis: str, title: str) -> Identification:
+    """Return the errors and parameters of a model that was identified before, without a record."""
+    no_samples = np.empty(0)
+    return Identification(
+        axis=axis,
+        title=title,
+        method=file.method,
+        t_s=no_samples,
+        drive_v=no_samples,
+        position_um=no_samples,
+        predicted_v=no_samples,
+        fit_errors=file.fit.model_dump(exclude_none=True),
+        parameters=parameters_of(model),
     )
 
 
@@ -85,4 +95,4 @@ def _hysteresis_parameters(form: ModelForm, weights: FloatArray) -> dict[str, Fl
                 "surface_prompt_slope": np.array(form.prompt_slope),
                 **{f"surface_path_{name}": np.array(value) for name, value in relaxation.items()},
             }
-    raise TypeError(f"no account of a {type(form).__name__}")
+    raise TypeError(f"no numbers of a {type(form).__name__}")

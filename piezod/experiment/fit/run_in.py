@@ -18,11 +18,7 @@ MAX_DROPPED_SHARE = 0.2
 
 
 def mark_unknown_past(record: Record) -> Record:
-    """Return a record whose start counts only if its past is known, and note how it starts.
-
-    Args:
-        record: A record as it was read.
-    """
+    """Return a record whose start counts only if its past is known, and note how it starts."""
     drive = _share(record.drive_v)
     starts_at_an_end = not END_SHARE <= float(_share(record.position_um)[0]) <= 1.0 - END_SHARE
     marked = replace(record, from_rest=starts_at_an_end)

@@ -3,11 +3,11 @@
 from dataclasses import replace
 from typing import NamedTuple
 
-from piezod.experiment.fit.mode_search import ShownMode, shown_mode
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.surface import LinearisedSurface
-from piezod.experiment.fit.surface_problem import SurfaceProblem
+from piezod.experiment.fit.surface.first_mode import ShownMode, shown_mode
+from piezod.experiment.fit.surface.gauss_newton import LinearisedSurface
+from piezod.experiment.fit.surface.problem import SurfaceProblem
 
 
 class FoundSurface(NamedTuple):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.past import mark_unknown_past
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.run_in import mark_unknown_past
 from piezod.hysteresis.memory import FloatArray
 
 T_S = np.arange(2000) / 100.0

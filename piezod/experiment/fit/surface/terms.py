@@ -8,9 +8,9 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from piezod.experiment.fit.blocks import clearly_better, held_out_squares
-from piezod.experiment.fit.surface import LinearisedSurface
-from piezod.experiment.fit.surface_parameters import form_of
+from piezod.experiment.fit.residuals import clearly_better, held_out_squares
+from piezod.experiment.fit.surface.gauss_newton import LinearisedSurface
+from piezod.experiment.fit.surface.parameters import form_of
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray
 
@@ -50,12 +50,7 @@ class _Trial:
 
 
 def with_shown_terms(fitted: Fitted, allowed: frozenset[Term]) -> LinearisedSurface:
-    """Return the fit with the terms that a record shows, found one after the other.
-
-    Args:
-        fitted: Fits a surface with given terms to the record.
-        allowed: The terms that are tried.
-    """
+    """Return the fit with the terms that a record shows, found one after the other."""
     terms: frozenset[Term] = frozenset()
     found = _Trial(fitted(terms))
     while terms < allowed:

@@ -7,9 +7,9 @@ from typing import Self, TypeAlias
 
 import numpy as np
 
-from piezod.experiment.fit.creep_regressors import decays, lags_of
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.surface_parameters import (
+from piezod.experiment.fit.surface.creep_regressors import decays, lags_of
+from piezod.experiment.fit.surface.parameters import (
     CREEP,
     DELAY,
     OFFSET,
@@ -86,12 +86,7 @@ class Point:
         return shown(values, self.parameters, self.record.period_s)
 
     def quick_gradient(self, place: int, step: float) -> FloatArray:
-        """Return the change of the displacement without creep with a parameter of the form, (n,).
-
-        Args:
-            place: The parameter.
-            step: Step of the difference.
-        """
+        """Return the change of the quick displacement with a parameter of the form, shape (n,)."""
         parameters = self._moved(place, step)
         form = form_of(parameters, self.record.period_s)
         there = form.positions_at(parameters[:SIZE], self.drives)

@@ -1,11 +1,11 @@
-"""Tests of the account of a fit beside its record."""
+"""Numbers of a fit beside its record."""
 
 import numpy as np
 import pytest
 
-from piezod.experiment.fit.account import account_of
-from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.errors import cross_validate
 from piezod.experiment.fit.fit import fit_model
+from piezod.experiment.fit.fit_numbers import numbers_of_fit
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
 from tests.experiment.made_up import ORDER, RATE_HZ, record_of
@@ -13,7 +13,7 @@ from tests.experiment.made_up_surface import surface_record
 
 
 @pytest.mark.parametrize("delay_periods", [0.0, 2.0, 2.5])
-def test_account_has_the_record_and_the_prediction_beside_it(
+def test_numbers_have_the_record_and_the_prediction_beside_it(
     delay_periods: float,
 ) -> None:
     """The residual is that of the fit for any delay; the end of the record is not predicted."""
@@ -22,16 +22,16 @@ def test_account_has_the_record_and_the_prediction_beside_it(
     fit = fit_model(record, FitSettings(order=ORDER, delay_s=delay_s))
 
     validation = cross_validate(fit)
-    account = account_of(fit, record, validation, axis="x", title="made up")
+    numbers = numbers_of_fit(fit, record, validation, axis="x", title="made up")
 
-    assert np.array_equal(account.t_s, record.t_s)
-    assert np.array_equal(account.drive_v, record.drive_v)
-    assert np.array_equal(account.position_um, record.position_um)
-    known = np.isfinite(account.residual_v)
+    assert np.array_equal(numbers.t_s, record.t_s)
+    assert np.array_equal(numbers.drive_v, record.drive_v)
+    assert np.array_equal(numbers.position_um, record.position_um)
+    known = np.isfinite(numbers.residual_v)
     assert np.count_nonzero(~known) == np.count_nonzero(~known[-3:]) == int(np.ceil(delay_periods))
-    rms_pct = 100.0 * float(np.sqrt(np.mean(account.residual_v[known] ** 2)))
-    rms_pct /= account.drive_range_v
-    assert rms_pct == pytest.approx(account.fit_errors["voltage_error_rms_pct"], rel=0.3, abs=1e-3)
+    rms_pct = 100.0 * float(np.sqrt(np.mean(numbers.residual_v[known] ** 2)))
+    rms_pct /= numbers.drive_range_v
+    assert rms_pct == pytest.approx(numbers.fit_errors["voltage_error_rms_pct"], rel=0.3, abs=1e-3)
 
 
 def test_nothing_is_predicted_in_the_run_in() -> None:
@@ -39,25 +39,25 @@ def test_nothing_is_predicted_in_the_run_in() -> None:
     record = record_of().after(2.0)
 
     fit = fit_model(record, FitSettings(order=ORDER, delay_s=0.0))
-    account = account_of(fit, record, cross_validate(fit), axis="x", title="")
+    numbers = numbers_of_fit(fit, record, cross_validate(fit), axis="x", title="")
 
-    assert np.array_equal(np.isfinite(account.predicted_v), record.counted())
+    assert np.array_equal(np.isfinite(numbers.predicted_v), record.counted())
 
 
-def test_account_has_the_judgement_of_the_fit() -> None:
+def test_numbers_have_the_judgement_of_the_fit() -> None:
     """Beside the errors on the record are those on held-out blocks, and the delay's uncertainty."""
     record = record_of(delay_periods=2.0, noise=0.05)
     estimated, given = (
         fit_model(record, FitSettings(order=ORDER, delay_s=delay_s)) for delay_s in (None, 0.02)
     )
     validation = cross_validate(estimated)
-    errors = account_of(estimated, record, validation, axis="x", title="").fit_errors
+    errors = numbers_of_fit(estimated, record, validation, axis="x", title="").fit_errors
 
     assert errors["held_out_voltage_error_rms_pct"] == validation.rms_pct
     assert errors["held_out_voltage_error_rms_pct"] > errors["voltage_error_rms_pct"]
     assert estimated.delay is not None
     assert errors["delay_uncertainty_ms"] == 1e3 * estimated.delay.uncertainty_s
-    without = account_of(given, record, cross_validate(given), axis="x", title="").fit_errors
+    without = numbers_of_fit(given, record, cross_validate(given), axis="x", title="").fit_errors
     assert "delay_uncertainty_ms" not in without
 
 
@@ -66,8 +66,8 @@ def test_nothing_is_predicted_before_the_first_displacement() -> None:
     record = surface_record(delay_s=-0.025)
     fit = fit_model(record, FitSettings(method=Method.SURFACE, smoothing=False))
 
-    account = account_of(fit, record, cross_validate(fit), axis="x", title="")
+    numbers = numbers_of_fit(fit, record, cross_validate(fit), axis="x", title="")
 
-    assert np.isnan(account.predicted_v[:2]).all()
-    assert np.isfinite(account.predicted_v[3:]).all()
-    assert "held_out_position_error_rms_pct" in account.fit_errors
+    assert np.isnan(numbers.predicted_v[:2]).all()
+    assert np.isfinite(numbers.predicted_v[3:]).all()
+    assert "held_out_position_error_rms_pct" in numbers.fit_errors

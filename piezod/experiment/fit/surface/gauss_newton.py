@@ -5,7 +5,7 @@ The displacement follows from the drive, which is known without noise:
     x(t) = M[y + Σ w_k L_k[y]] + offset,   y = H[z] + p (v - z) + w h[z],   v = v(t - delay).
 
 z is the drive that lags behind v with the rate, see `rate_lag`; p is the prompt slope; h relaxes
-along the path of the drive, see `path_relaxation`; M is the first mode, see `mode_search`. These
+along the path of the drive, see `path_relaxation`; M is the first mode, see `first_mode`. These
 three are there only if the record shows them. The lags of the creep start from the displacement
 before the record, without its creep, as in `prediction`. The displacement is linear in the
 coefficients of H, in p and in w, and in the weights of the lags for fixed coefficients. The fit is
@@ -20,10 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from piezod.control.law.creep import LAGS_PER_DECADE, TIME_CONSTANTS_S
-from piezod.experiment.fit.creep_regressors import with_creep
-from piezod.experiment.fit.mode_search import ModeGuess
+from piezod.experiment.fit.problem import STEP_PARTS, LinearProblem, first_better
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.surface_parameters import (
+from piezod.experiment.fit.surface.creep_regressors import with_creep
+from piezod.experiment.fit.surface.first_mode import ModeGuess
+from piezod.experiment.fit.surface.parameters import (
     ACTIVATION,
     COUNT,
     CREEP,
@@ -42,7 +43,7 @@ from piezod.experiment.fit.surface_parameters import (
     penalised_gram,
     solved,
 )
-from piezod.experiment.fit.surface_point import Point, SurfaceRecord
+from piezod.experiment.fit.surface.point import Point, SurfaceRecord
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.least_squares import parameter_covariance
 from piezod.hysteresis.memory import FloatArray
@@ -56,43 +57,31 @@ _ROUNDS = 13
 _SETTLED = 1e-8
 """The search ends where a step makes the rms error smaller by less than this share of it: with
 20 000 samples, one standard error of a parameter makes it larger by 2.5e-5."""
-_PARTS = (1.0, 0.5, 0.25, 0.125)  # fractions of a step that are tried
 _FORM_STEPS = {ACTIVATION: 2e-4, DECAY: 1e-3, SKEW: 1e-3}
 _MODE_STEPS = {DELAY: 1e-3, FREQUENCY: 1e-6, DAMPING: 1e-5, MODE_LAG: 1e-3}
 """Steps of differences."""
 
 
 @dataclass(frozen=True)
-class LinearisedSurface:
-    """The problem around its solution: linear in all parameters."""
+class LinearisedSurface(LinearProblem):
+    """The problem of a surface around its solution; the predicted value is the displacement.
 
-    regressors: FloatArray  #: (n, 42) regressors of all parameters.
-    target: FloatArray  #: (n,) values that they must add up to.
-    counted: Rows  #: (n,) mask of the rows that count.
+    It has 42 parameters; the delay is in sample periods.
+    """
+
     fixed: Rows  #: (42,) mask of the parameters that are not searched.
-    parameters: FloatArray  #: (42,) solution; the delay is in sample periods.
     drives: FloatArray  #: (n,) drives of the record, delayed.
     period_s: float  #: Sample period, in s.
 
     @property
-    def misses(self) -> FloatArray:
-        """Predicted minus measured displacement in units of its range, shape (n,)."""
-        return self.regressors @ self.parameters - self.target
-
-    @property
-    def rms(self) -> float:
-        """Rms of the misses that count."""
-        return float(np.sqrt(np.mean(self.misses[self.counted] ** 2)))
-
-    @property
     def drive_changes(self) -> FloatArray:
-        """Change of the drive per change of the displacement, both normalised, shape (n,)."""
+        """Change of the drive per change of the displacement."""
         form = form_of(self.parameters, self.period_s)
         return 1.0 / branch_slopes(self.parameters[:SIZE], self.drives, form)
 
     @property
     def creep_gradient(self) -> FloatArray | None:
-        """Change of the creep per decade with each parameter, shape (42,); None without creep."""
+        """Change of the creep per decade with each parameter."""
         if self.fixed[CREEP]:
             return None
         gradient = np.zeros(self.fixed.size)
@@ -106,11 +95,7 @@ class LinearisedSurface:
         return searched
 
     def covariance(self, residual_variance: float) -> FloatArray:
-        """Return the covariance of the parameters without active constraints, shape (42, 42).
-
-        Args:
-            residual_variance: Mean squared residual per independent sample.
-        """
+        """Return the covariance of the parameters without active constraints."""
         free = ~self.fixed
         covariance = np.zeros((free.size, free.size))
         gram = penalised_gram(self.regressors[self.counted], free)
@@ -118,7 +103,7 @@ class LinearisedSurface:
         return covariance
 
     def solved(self, rows: Rows) -> FloatArray:
-        """Return the parameters that fit these rows best, shape (42,)."""
+        """Return the parameters that fit these rows best."""
         return solved(self.regressors[rows], self.target[rows], self.parameters, self.fixed)
 
 
@@ -182,20 +167,12 @@ def _searched(record: SurfaceRecord, parameters: FloatArray, fixed: Rows) -> Lin
     point = Point.at(record, parameters)
     around = _around(point, fixed)
     for _ in range(_ROUNDS):
-        better = _downhill(point, around.parameters)
+        ways = ((1.0 - part) * point.parameters + part * around.parameters for part in STEP_PARTS)
+        better = first_better(point, (Point.at(record, each) for each in ways))
         if better is None or better.rms > (1.0 - _SETTLED) * point.rms:
             break
         point, around = better, _around(better, fixed)
     return replace(around, parameters=point.parameters)
-
-
-def _downhill(point: Point, solution: FloatArray) -> Point | None:
-    """Return the farthest better point on the way to a solution; None if there is none."""
-    for part in _PARTS:
-        there = Point.at(point.record, (1.0 - part) * point.parameters + part * solution)
-        if there.rms < point.rms:
-            return there
-    return None
 
 
 def _around(point: Point, fixed: Rows) -> LinearisedSurface:
@@ -221,4 +198,4 @@ def _around(point: Point, fixed: Rows) -> LinearisedSurface:
     counted = record.counted
     found = solved(regressors[counted], target[counted], parameters, fixed)
     drives = record.drives_at(float(parameters[DELAY]) * record.period_s)
-    return LinearisedSurface(regressors, target, counted, fixed, found, drives, record.period_s)
+    return LinearisedSurface(regressors, target, counted, found, fixed, drives, record.period_s)

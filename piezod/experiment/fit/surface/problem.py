@@ -7,19 +7,19 @@ import numpy as np
 from piezod.control.law.creep import NO_CREEP, TIME_CONSTANTS_S, CreepLaw
 from piezod.control.law.model import StageModel
 from piezod.experiment.fit.delay import DelayEstimate
-from piezod.experiment.fit.mode_search import ModeGuess, guess_mode
 from piezod.experiment.fit.problem import LinearProblem, Problem
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.surface import LinearisedSurface, fit_surface
-from piezod.experiment.fit.surface_parameters import (
+from piezod.experiment.fit.surface.first_mode import ModeGuess, guess_mode
+from piezod.experiment.fit.surface.gauss_newton import LinearisedSurface, fit_surface
+from piezod.experiment.fit.surface.parameters import (
     CREEP,
     DELAY,
     OFFSET,
     form_of,
     mode_of,
 )
-from piezod.experiment.fit.surface_point import Point, SurfaceRecord
-from piezod.experiment.fit.surface_terms import Term, with_shown_terms
+from piezod.experiment.fit.surface.point import Point, SurfaceRecord
+from piezod.experiment.fit.surface.terms import Term, with_shown_terms
 from piezod.hysteresis import AffineRange
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray

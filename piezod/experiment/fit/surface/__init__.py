@@ -1,0 +1,1 @@
+"""The fit of a surface, with its creep, its delay, and the first mode."""
