@@ -14,7 +14,7 @@ from piezod.config.modes import Mode
 from piezod.experiment.error_rows import errors_pct
 from piezod.experiment.progress import Meter
 from piezod.experiment.steps import step_metrics
-from piezod.records.recording import Recording
+from piezod.records.experiment_result import Recording
 
 RANGE_MARGIN: Final = 0.01
 """A command may exceed the identified range by this share of it, because of noise and drift at both
