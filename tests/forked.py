@@ -175,7 +175,7 @@ def _run_module(command: Sequence[str], environ: Mapping[str, str]) -> None:
     os.environ.update(environ)
     module, *_ = sys.argv = list(command)
     if module == PIEZOD:
-        main.run()  # its parser is made already
+        main.run()
     elif module == SCRIPT:
         exec(sys.argv.pop(1), {"__name__": "__main__"})  # noqa: S102 - it is written in a test
     else:

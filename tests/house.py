@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
 from piezod.messages.requests import REQUESTS
-from tests.command_table import VERB_LIST
 
 ROOT: Final = Path(__file__).parents[1]
 PRODUCT: Final = ("piezod", "drivers")
@@ -49,7 +48,7 @@ class Measure(NamedTuple):
 
 
 def files_of_a_verb(name: str = EXAMPLE) -> Measure:
-    """Count the product files that name a verb, without the list that is generated.
+    """Count the product files that name a verb.
 
     A file names a verb if it has its request class, its name as a text, or, in the rooms on the way
     of a request, a function of its name.
@@ -58,9 +57,7 @@ def files_of_a_verb(name: str = EXAMPLE) -> Measure:
         name: Name of the verb in the table of commands.
     """
     files = (file for folder in PRODUCT for file in sorted((ROOT / folder).rglob("*.py")))
-    found = (
-        str(each.relative_to(ROOT)) for each in files if each != VERB_LIST and _names(each, name)
-    )
+    found = (str(each.relative_to(ROOT)) for each in files if _names(each, name))
     return Measure(f"product files name the verb {name!r}", tuple(found), limit=3)
 
 

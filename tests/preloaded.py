@@ -2,13 +2,13 @@
 
 import gc
 from errno import EPERM
-from functools import cache
 
 import rich.console  # noqa: F401 - to have them imported is all that these are for
-import typer.main
 
 import piezod.cli.daemon.run
 import piezod.cli.devices.emulate
+import piezod.cli.devices.emulate_run
+import piezod.cli.main
 import piezod.cli.output
 import piezod.daemon.loop.process
 import piezod.daemon.safe.rescuer
@@ -17,7 +17,6 @@ import piezod.daemon.supervisor.supervisor
 import piezod.devices.emulators
 import piezod.web.server  # noqa: F401 - likewise
 from piezod.cli.devices.emulate_parts import bench, default_rig
-from piezod.cli.main import app
 from piezod.control.warm_up import warm_up
 from piezod.daemon.loop import realtime
 from piezod.telemetry import requests_codec
@@ -33,6 +32,4 @@ with bench(default_rig(1), None):
     requests_codec.warm_up()
     warm_up(shipped_config())
 vars(realtime)["lock_memory"] = _refuse
-vars(typer.main)["get_command"] = cache(typer.main.get_command)
-typer.main.get_command(app)  # makes the parser of all verbs, which takes longer than most verbs
 gc.freeze()  # else the first collection in each fork copies all memory

@@ -53,7 +53,8 @@ class LazyCommand(TyperCommand):
             rich_help_panel=self.rich_help_panel,
             context_settings={"ignore_unknown_options": verb.words in _WITH_POSITIONS},
         )(_function(verb, name))
-        command: TyperCommand = typer.main.get_command(alone)
+        command = typer.main.get_command(alone)
+        assert isinstance(command, TyperCommand)  # noqa: S101 - a program of one command is it
         return command
 
     # Typer has its own copy of click's types since 0.20, hence Any.

@@ -11,9 +11,6 @@ import typer
 def existing_file(path: Path | None) -> Path | None:
     """Return the path unchanged, if it is that of a file.
 
-    Args:
-        path: The path; None if the user gave none.
-
     Raises:
         typer.BadParameter: If there is no such file, or it is a folder.
         OSError: If the permission to look at it is missing.
@@ -49,9 +46,6 @@ def check_writable(folder: Path) -> None:
 
 def check_yaml_out(out: Path | None) -> None:
     """Refuse a YAML file that cannot be written, before the work that makes its contents.
-
-    Args:
-        out: Path of the file; None for none.
 
     Raises:
         typer.BadParameter: If its suffix is not that of a YAML file.

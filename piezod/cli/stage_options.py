@@ -20,11 +20,7 @@ def _stages(incomplete: str) -> list[str]:
 def completion(
     names: Callable[[StageClient], Iterable[str]],
 ) -> Callable[[typer.Context, str], list[str]]:
-    """Return a function that completes a word with names of a stage.
-
-    Args:
-        names: Gets the names from the stage.
-    """
+    """Return a function that completes a word with names of a stage."""
 
     def complete(context: typer.Context, incomplete: str) -> list[str]:
         try:

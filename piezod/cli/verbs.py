@@ -1,14 +1,18 @@
 """The list of commands: where each is, and its first sentence for help.
 
 The texts of verbs that stand in the table of commands come from there; those of all others are the
-docstrings of their functions, whose first sentences are repeated here.
+docstrings of their functions, whose first sentences are repeated here. `piezod --help` has no time
+to import the request classes, so it reads their docstrings and rows in the text of their module.
 """
 
+import ast
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from pathlib import Path
+from typing import Final, NamedTuple
 
 from piezod.cli.lazy import PLAIN, Verb
-from piezod.messages.endpoints import ENDPOINTS, REQUEST_ROWS, Group
+from piezod.messages import endpoints
+from piezod.messages.endpoints import Group
 
 SEVERAL: Final = "Several stages"
 """Heading of the commands for all stages of this machine."""
@@ -156,12 +160,46 @@ _PLACES: Final[Mapping[str, str]] = {
 """Verbs of the table of commands with functions of their own; all others only send a request."""
 
 
+class _Row(NamedTuple):
+    """A row of the table of commands, as far as help needs it."""
+
+    verb: str
+    group: Group | None
+    help: str
+
+
+def _rows_of_requests() -> Iterator[_Row]:
+    """Yield the rows that have a request class, from the text of the module of these classes."""
+    source = Path(endpoints.__file__).with_name("requests.py").read_text(encoding="utf-8")
+    module = ast.parse(source)
+    classes = {each.name: each for each in module.body if isinstance(each, ast.ClassDef)}
+    for call in ast.walk(module):
+        match call:
+            case ast.Call(
+                func=ast.Name(id="_row"),
+                args=[ast.Name(id=name), _, ast.Attribute(value=ast.Name(id="Group"), attr=group)],
+            ):
+                yield _Row(
+                    _kind(classes[name]), Group[group], ast.get_docstring(classes[name]) or ""
+                )
+
+
+def _kind(request: ast.ClassDef) -> str:
+    """Return the default of the field `kind` of a request class."""
+    for field in request.body:
+        match field:
+            case ast.AnnAssign(target=ast.Name(id="kind"), value=ast.Constant(value=str(kind))):
+                return kind
+    raise ValueError(f"{request.name} has no field `kind` with a text")
+
+
 def _verbs() -> Iterator[Verb]:
     """Yield all commands by their headings; verbs of one word come before families."""
     for heading, verbs in OWN.items():
         for words, place, help in verbs:
             yield Verb(words, heading, help, place)
-    rows = [row for row in (*REQUEST_ROWS, *ENDPOINTS.values()) if row.verb]
+    others = (_Row(row.verb, row.group, row.help) for row in endpoints.ENDPOINTS.values())
+    rows = [*_rows_of_requests(), *others]
     for group in Group:
         for row in sorted(rows, key=lambda row: " " in row.verb):
             if row.group is group:

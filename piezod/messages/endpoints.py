@@ -1,8 +1,8 @@
-"""The table of commands: its columns and its rows, those of requests without their classes.
+"""The table of commands: its columns, and the rows of endpoints that need no request class.
 
-`piezod.messages.requests` joins the classes of the requests to their rows, and all rows to `TABLE`.
-Routes, roles, clients, the command line and docs/client.md derive from it. This module imports
-nothing heavy, because clients and `piezod --help` import it.
+The rows of requests stand beside the request classes in `piezod.messages.requests`, which joins all
+rows to `TABLE`. Routes, roles, clients, the command line and docs/client.md derive from it. This
+module imports nothing heavy, because clients and `piezod --help` import it.
 """
 
 import builtins
@@ -117,136 +117,6 @@ def _post(
     return Endpoint(name, "POST", path, access, help, group, verb, answer=answer, **more)
 
 
-def _request(
-    kind: str, access: Access, help: str, group: Group | None = None, path: str = "", done: str = ""
-) -> Endpoint:
-    """Return the row of a request; its path and its verb are its kind if nothing else is given."""
-    verb = kind if group else ""
-    return Endpoint(kind, "POST", path or kind, access, help, group, verb, done, answer="Answer")
-
-
-REQUEST_ROWS: Final = (
-    _request(
-        "arm",
-        MOVE,
-        "Take over the read-back voltage and hold it.\n\n"
-        "SAFE becomes READY. In shadow mode piezod computes everything and writes nothing.",
-        Group.OPERATE,
-    ),
-    _request(
-        "disarm",
-        TOWARDS_SAFETY,
-        "Ramp to the safe voltage, then write nothing more.\n\nIt needs no lease.",
-        Group.OPERATE,
-        done="ramping to the safe voltage, then disarmed",
-    ),
-    _request(
-        "mode",
-        MOVE,
-        "Select the mode: how piezod computes the drive voltage.\n\n"
-        "The modes are `uncompensated`, `feedforward`, `adaptive` and `trimmed`. In READY this "
-        "starts RUN.",
-        Group.OPERATE,
-    ),
-    _request(
-        "condition",
-        CHANGE,
-        "Drive a decaying swing, which makes the hysteresis memory known.\n\n"
-        "The stage ends at the rest voltage.",
-        Group.OPERATE,
-        done="conditioning; `piezod status` shows READY when it is over",
-    ),
-    _request(
-        "zero",
-        MOVE,
-        "Make the displacement at the rest voltage the sensor zero.",
-        Group.OPERATE,
-        done="the displacement at the rest voltage is zero from now on",
-    ),
-    _request(
-        "goto",
-        MOVE,
-        "Move to a position and stay there.\n\nIn READY this starts RUN in the mode selected last.",
-        Group.MOVE,
-    ),
-    _request(
-        "wave",
-        MOVE_BY_POINTS,
-        "Follow a waveform, then hold its last position.\n\n"
-        "The stage first moves from its present position to the start of the waveform.",
-        Group.MOVE,
-    ),
-    _request(
-        "follow",
-        MOVE,
-        "Follow the command input of the axis.\n\n"
-        "The command input is an input of a device, for instance an analogue signal, that the "
-        "configuration names (`command_input`). If it has no usable value within the range of "
-        "commands for 0.1 s, or 5 cycles if that is longer, the stage goes to HOLD; `resume` "
-        "before the next movement.",
-        Group.MOVE,
-        done="following the command input",
-    ),
-    _request(
-        "hold",
-        TOWARDS_SAFETY,
-        "Hold the present voltage.\n\nIt needs no lease.",
-        Group.MOVE,
-        done="holding the voltage; `piezod resume` continues",
-    ),
-    _request(
-        "resume",
-        MOVE,
-        "Continue after HOLD, from the present position.",
-        Group.MOVE,
-        done="continuing from the present position",
-    ),
-    _request(
-        "stop",
-        TOWARDS_SAFETY,
-        "Ramp to the safe voltage, then go to SAFE.\n\nIt needs no lease.",
-        Group.STOP,
-        done="ramping to the safe voltage",
-    ),
-    _request(
-        "estop",
-        EMERGENCY,
-        "Stop in an emergency.\n\n"
-        "The stage ramps to the safe voltage, or the amplifier cuts its output, as configured. It "
-        "needs no lease.",
-        Group.STOP,
-        done="emergency stop; `piezod reset` ends it",
-    ),
-    _request(
-        "reset",
-        MOVE,
-        "Clear faults that are gone, and leave FAULT for SAFE if none is present any more.\n\n"
-        "This is also the way out after an emergency stop.",
-        Group.STOP,
-    ),
-    _request(
-        "identify",
-        CHANGE_BY_POINTS,
-        "Drive voltage waveforms, to record data for a model.\n\n"
-        "The stage begins and ends at the rest voltage.",
-    ),
-    _request(
-        "play",
-        CHANGE_BY_POINTS,
-        "Let the device of an axis play a table of voltages by its own clock, and record the "
-        "sensor.\n\n"
-        "The axis ramps to the first voltage, and to the rest voltage afterwards. Meanwhile it "
-        "follows no command, and the loop measures nothing. `GET /v1/play` returns the record.",
-    ),
-    _request(
-        "adopt",
-        CHANGE_BY_POINTS,
-        "Use another model from now on; only while disarmed.",
-        path="model",
-    ),
-    _request("shutdown", END, "Ramp to the safe voltage and end the daemon."),
-)
-"""The rows of requests to the owner of a stage; `piezod.messages.requests` joins their classes."""
 _ROWS: Final = (
     _get("status", "Status", "Show state, mode, faults and each axis.", Group.LOOK, "status"),
     _get("faults", "Faults", "List the faults, with their remedies.", Group.LOOK, "faults"),

@@ -1,13 +1,14 @@
-"""The requests to the owner of a stage, and the table of commands with their classes.
+"""The requests to the owner of a stage, and their rows in the table of commands.
 
-Clients, the service and the loop use the same classes: each is a small model with a `kind`, which
-is the name of its row in `piezod.messages.endpoints`. `axis` names one axis; if it is None, the
-request is for the only axis, or for all axes if the request allows several.
+Clients, the service and the loop use the same classes: each is a small model with a `kind`. The
+docstring of a class is the help of the command line, of OpenAPI and of docs/client.md. `axis` names
+one axis; if it is None, the request is for the only axis, or for all axes if the request allows
+several.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Annotated, Final, Literal, TypeAlias, get_args
+from inspect import cleandoc
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -15,7 +16,19 @@ from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.quantities import DriveV, DurationS, ModeName, Name, PositionUm, StartS
 from piezod.config.waveforms.combined import WaveformConfig
-from piezod.messages.endpoints import ENDPOINTS, REQUEST_ROWS, Endpoint
+from piezod.messages.endpoints import (
+    CHANGE,
+    CHANGE_BY_POINTS,
+    EMERGENCY,
+    END,
+    ENDPOINTS,
+    MOVE,
+    MOVE_BY_POINTS,
+    TOWARDS_SAFETY,
+    Access,
+    Endpoint,
+    Group,
+)
 
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
 AxisName: TypeAlias = Name | None
@@ -23,7 +36,10 @@ TableV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=16_000)]
 
 
 class Arm(ConfigModel):
-    """Take over the read-back voltage and hold it."""
+    """Take over the read-back voltage and hold it.
+
+    SAFE becomes READY. In shadow mode piezod computes everything and writes nothing.
+    """
 
     kind: Literal["arm"] = "arm"
     shadow: bool = Field(default=False, description="Compute everything, write nothing.")
@@ -35,13 +51,20 @@ class Arm(ConfigModel):
 
 
 class Disarm(ConfigModel):
-    """Ramp to the safe voltage, then write nothing more."""
+    """Ramp to the safe voltage, then write nothing more.
+
+    It needs no lease.
+    """
 
     kind: Literal["disarm"] = "disarm"
 
 
 class SelectMode(ConfigModel):
-    """Select the mode: how piezod computes the drive voltage."""
+    """Select the mode: how piezod computes the drive voltage.
+
+    The modes are `uncompensated`, `feedforward`, `adaptive` and `trimmed`. In READY this starts
+    RUN.
+    """
 
     kind: Literal["mode"] = "mode"
     mode: ModeName
@@ -49,7 +72,10 @@ class SelectMode(ConfigModel):
 
 
 class Goto(ConfigModel):
-    """Move to a position and stay there."""
+    """Move to a position and stay there.
+
+    In READY this starts RUN in the mode selected last.
+    """
 
     kind: Literal["goto"] = "goto"
     axis: AxisName = None
@@ -58,7 +84,10 @@ class Goto(ConfigModel):
 
 
 class Wave(ConfigModel):
-    """Follow a waveform, then hold its last position."""
+    """Follow a waveform, then hold its last position.
+
+    The stage first moves from its present position to the start of the waveform.
+    """
 
     kind: Literal["wave"] = "wave"
     command_um: Waveforms = Field(description="Axis: position over time, µm.")
@@ -74,14 +103,23 @@ class Stream(ConfigModel):
 
 
 class Follow(ConfigModel):
-    """Follow the command input of the axis."""
+    """Follow the command input of the axis.
+
+    The command input is an input of a device, for instance an analogue signal, that the
+    configuration names (`command_input`). If it has no usable value within the range of commands
+    for 0.1 s, or 5 cycles if that is longer, the stage goes to HOLD; `resume` before the next
+    movement.
+    """
 
     kind: Literal["follow"] = "follow"
     axis: AxisName = None
 
 
 class Hold(ConfigModel):
-    """Hold the present voltage."""
+    """Hold the present voltage.
+
+    It needs no lease.
+    """
 
     kind: Literal["hold"] = "hold"
 
@@ -93,19 +131,29 @@ class Resume(ConfigModel):
 
 
 class Stop(ConfigModel):
-    """Ramp to the safe voltage, then go to SAFE."""
+    """Ramp to the safe voltage, then go to SAFE.
+
+    It needs no lease.
+    """
 
     kind: Literal["stop"] = "stop"
 
 
 class Estop(ConfigModel):
-    """Stop in an emergency."""
+    """Stop in an emergency.
+
+    The stage ramps to the safe voltage, or the amplifier cuts its output, as configured. It needs
+    no lease.
+    """
 
     kind: Literal["estop"] = "estop"
 
 
 class Reset(ConfigModel):
-    """Clear faults that are gone, and leave FAULT for SAFE if none is present any more."""
+    """Clear faults that are gone, and leave FAULT for SAFE if none is present any more.
+
+    This is also the way out after an emergency stop.
+    """
 
     kind: Literal["reset"] = "reset"
     engineer: bool = Field(
@@ -114,7 +162,10 @@ class Reset(ConfigModel):
 
 
 class Condition(ConfigModel):
-    """Drive a decaying swing, which makes the hysteresis memory known."""
+    """Drive a decaying swing, which makes the hysteresis memory known.
+
+    The stage ends at the rest voltage.
+    """
 
     kind: Literal["condition"] = "condition"
     axis: AxisName = None
@@ -128,7 +179,10 @@ class Zero(ConfigModel):
 
 
 class Identify(ConfigModel):
-    """Drive voltage waveforms, to record data for a model."""
+    """Drive voltage waveforms, to record data for a model.
+
+    The stage begins and ends at the rest voltage.
+    """
 
     kind: Literal["identify"] = "identify"
     drive_v: Waveforms = Field(description="Axis: drive voltage over time, V; all others rest.")
@@ -136,7 +190,11 @@ class Identify(ConfigModel):
 
 
 class Play(ConfigModel):
-    """Let the device of an axis play a table of voltages by its own clock."""
+    """Let the device of an axis play a table of voltages by its own clock, and record the sensor.
+
+    The axis ramps to the first voltage, and to the rest voltage afterwards. Meanwhile it follows no
+    command, and the loop measures nothing. `GET /v1/play` returns the record.
+    """
 
     kind: Literal["play"] = "play"
     axis: AxisName = None
@@ -185,12 +243,54 @@ Request: TypeAlias = Annotated[
     | Shutdown,
     Field(discriminator="kind"),
 ]
-_CLASSES: Final[Mapping[str, type[ConfigModel]]] = {
-    each.model_fields["kind"].default: each for each in get_args(get_args(Request)[0])
-}
-TABLE: Final[Mapping[str, Endpoint]] = {
-    row.name: replace(row, request=_CLASSES[row.name]) for row in REQUEST_ROWS
-} | dict(ENDPOINTS)
+
+
+def _row(
+    request: type[ConfigModel],
+    access: Access,
+    group: Group | None = None,
+    *,
+    done: str = "",
+    path: str = "",
+) -> Endpoint:
+    """Return the row of a request; name, path and verb are its kind if nothing else is given."""
+    kind: str = request.model_fields["kind"].default
+    help = cleandoc(request.__doc__ or "")
+    verb = kind if group else ""
+    at = path or kind
+    return Endpoint(kind, "POST", at, access, help, group, verb, done, request, answer="Answer")
+
+
+_ROWS: Final = (
+    _row(Arm, MOVE, Group.OPERATE),
+    _row(Disarm, TOWARDS_SAFETY, Group.OPERATE, done="ramping to the safe voltage, then disarmed"),
+    _row(SelectMode, MOVE, Group.OPERATE),
+    _row(
+        Condition,
+        CHANGE,
+        Group.OPERATE,
+        done="conditioning; `piezod status` shows READY when it is over",
+    ),
+    _row(
+        Zero,
+        MOVE,
+        Group.OPERATE,
+        done="the displacement at the rest voltage is zero from now on",
+    ),
+    _row(Goto, MOVE, Group.MOVE),
+    _row(Wave, MOVE_BY_POINTS, Group.MOVE),
+    _row(Follow, MOVE, Group.MOVE, done="following the command input"),
+    _row(Hold, TOWARDS_SAFETY, Group.MOVE, done="holding the voltage; `piezod resume` continues"),
+    _row(Resume, MOVE, Group.MOVE, done="continuing from the present position"),
+    _row(Stop, TOWARDS_SAFETY, Group.STOP, done="ramping to the safe voltage"),
+    _row(Estop, EMERGENCY, Group.STOP, done="emergency stop; `piezod reset` ends it"),
+    _row(Reset, MOVE, Group.STOP),
+    _row(Identify, CHANGE_BY_POINTS),
+    _row(Play, CHANGE_BY_POINTS),
+    _row(AdoptModel, CHANGE_BY_POINTS, path="model"),
+    _row(Shutdown, END),
+)
+TABLE: Final[Mapping[str, Endpoint]] = {row.name: row for row in _ROWS} | dict(ENDPOINTS)
 """The table of commands: every endpoint, by name."""
-REQUESTS: Final = {row.name: _CLASSES[row.name] for row in REQUEST_ROWS}
+REQUESTS: Final = {row.name: row.request for row in _ROWS if row.request is not None}
 """The request classes, by name."""

@@ -41,12 +41,7 @@ class ErrorRow(NamedTuple):
 def error_table(
     result: ExperimentResult, reference: Reference | None = None
 ) -> dict[tuple[str, str], tuple[ErrorRow, ...]]:
-    """Return the errors of an experiment: rows of modes by (axis, case).
-
-    Args:
-        result: The experiment.
-        reference: Errors to compare with, if any.
-    """
+    """Return the errors of an experiment: rows of modes by (axis, case)."""
     return {
         key: tuple(_row(each, recordings, result.metric_names, reference) for each in recordings)
         for key, recordings in result.by_case().items()
@@ -54,20 +49,12 @@ def error_table(
 
 
 def groups(metrics: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """Return neighbouring metrics of the same group, with the name of the group.
-
-    Args:
-        metrics: Names of metrics, in the order of the table.
-    """
+    """Return neighbouring metrics of the same group, with the name of the group."""
     return [(group, tuple(names)) for group, names in groupby(metrics, key=metric_group)]
 
 
 def meaning(metrics: Sequence[str]) -> str:
-    """Return a sentence on each group of metrics.
-
-    Args:
-        metrics: Names of metrics, in the order of the table.
-    """
+    """Return a sentence on each group of metrics."""
     of_groups = [_MEANINGS[group] for group in dict.fromkeys(map(metric_group, metrics))]
     return " ".join(("Errors are in % of the displacement's range.", *of_groups))
 

@@ -31,9 +31,6 @@ _NUMBERS: Final = "biuf"
 def check_structure(file: h5py.File) -> None:
     """Check that a file consists of plain groups and datasets of bounded size, all in itself.
 
-    Args:
-        file: The open file.
-
     Raises:
         DataError: If it does not; the text has the place in the file.
     """

@@ -71,12 +71,7 @@ class Gallery(NamedTuple):
 
 
 def draw_gallery(result: ExperimentResult, reference: Reference | None = None) -> Gallery:
-    """Draw all figures of an experiment.
-
-    Args:
-        result: The experiment.
-        reference: Errors to compare with, if any.
-    """
+    """Draw all figures of an experiment."""
     number = count(1)
     fitted = [each for each in result.identifications if each.t_s.size]
     published = _published(result, reference) if reference else {}

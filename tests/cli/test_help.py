@@ -65,8 +65,10 @@ def test_sentence_in_the_list_is_the_first_of_the_help(words: str) -> None:
 
 
 def test_every_verb_of_the_table_is_listed() -> None:
-    """The command line has the verbs of the table, and no others claim a help in it."""
-    assert {words for words, verb in VERBS.items() if verb.in_table} == {row.verb for row in ROWS}
+    """The command line has the verbs of the table with their helps, and no others claim one."""
+    listed = {words: verb.help for words, verb in VERBS.items() if verb.in_table}
+
+    assert listed == {row.verb: row.help for row in ROWS}
 
 
 def test_verbs_without_a_text_have_functions_of_their_own() -> None:

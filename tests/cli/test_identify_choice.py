@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.cli.identify.identify import _FitJob
+from piezod.cli.identify.run import FitJob
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
 from piezod.experiment.fit.record import Record
 from tests.cli.conftest import Command
@@ -166,7 +166,7 @@ def test_axis_that_refuses_a_surface_gets_none(monkeypatch: pytest.MonkeyPatch) 
         asked.append(settings)
 
     monkeypatch.setattr("piezod.cli.identify.run.identify_file", identify_file)
-    job = _FitJob(None, 0.0, None, Wanted(creep=True))
+    job = FitJob(None, 0.0, None, Wanted(creep=True))
     for takes_surface in (True, False):
         job.fit(Path("data.csv"), 0.0, takes_surface)
 

@@ -4,10 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
-from piezod.cli.identify.live import record_and_fit
 
 from piezod.cli.identify.document import as_document
 from piezod.cli.identify.dynamics_view import mode_line
+from piezod.cli.identify.run import record_and_fit
 from piezod.config.first_mode import FirstModeConfig
 from piezod.experiment.fit.file import FileFit, identify_file
 from piezod.experiment.fit.method import Method
@@ -64,7 +64,7 @@ def test_running_stage_has_its_configured_mode_beside_the_found_one(
     recorded = LiveRecord("x", Path("ringing.csv"), 0.0, ("A warning.",), True, configured)
     monkeypatch.setattr("piezod.cli.identify.run.record_live", lambda *_, **__: recorded)
 
-    beside, _ = record_and_fit(lambda *_: fitted, None, None, None, FakeStage())
+    beside, _ = record_and_fit(FakeStage(), lambda *_: fitted, None, None, None)
 
     first, second = beside.warnings[-2:]
     assert first == "A warning."

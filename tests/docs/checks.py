@@ -12,6 +12,7 @@ from typer.main import get_command
 
 from piezod.cli.main import app
 from tests.docs.blocks import ROOT, Block
+from tests.man_page import loaded
 
 SYSTEM: Final = frozenset(
     {
@@ -103,7 +104,7 @@ def _of_piezod(arguments: list[str]) -> Iterator[str]:
         if name not in command.commands:
             yield f"no command {name}"
             return
-        command = command.commands[name]
+        command = loaded(command.commands[name])
     try:
         command.make_parser(context).parse_args(list(arguments))
     except Exception as error:  # noqa: BLE001 - click's and typer's, which differ by version

@@ -75,10 +75,6 @@ def rig_of(config: Path, device: str | None, n_axes: int | None) -> RigPlan:
 def bench(plan: RigPlan, trace: Path | None) -> Iterator[SharedRig]:
     """Make the rig and run it in real time until the block ends.
 
-    Args:
-        plan: The rig.
-        trace: File for every written voltage; None for none.
-
     Raises:
         OSError: If the trace cannot be written.
     """

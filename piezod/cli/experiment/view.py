@@ -50,14 +50,7 @@ def as_document(result: ExperimentResult, report: Path) -> dict[str, object]:
 def print_result(
     console: Console, result: ExperimentResult, reference: Reference | None, report: Path
 ) -> None:
-    """Print the errors beside the reference, the models, the warnings, and the path of the report.
-
-    Args:
-        console: The console.
-        result: The experiment.
-        reference: Errors to compare with; None for none.
-        report: Path of the report.
-    """
+    """Print the errors beside the reference, the models, the warnings, and the report's path."""
     errors = error_table(result, reference)
     console.print(_table(result, errors, reference))
     console.print(meaning(result.metric_names))

@@ -19,13 +19,7 @@ Document = dict[str, object]
 
 
 def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Document:
-    """Return the document of `piezod identify --json`.
-
-    Args:
-        fitted: The model with its errors.
-        model: Path of the model file; None if none was written.
-        plot: Path of the figure; None if none was drawn.
-    """
+    """Return the document of `piezod identify --json`."""
     fit, record = fitted.chosen.fit, fitted.record
     by_creep = {each.fit.settings.creep: each for each in (fitted.chosen, fitted.other) if each}
     return {

@@ -1,29 +1,17 @@
 """`piezod identify`: fit the inverse model to recorded data."""
 
 from collections.abc import Iterable
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, TypeAlias
 
 import typer
 
+from piezod.cli.identify.method_choice import DEFAULT_ORDER, MethodChoice
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import check_yaml_out, existing_file
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
-from piezod.experiment.fit.method import Method, Spacing
-
-DEFAULT_ORDER: Final = 19
-
-
-class MethodChoice(StrEnum):
-    """Values of `--method`."""
-
-    LMS = Method.LMS.value
-    LEAST_SQUARES = Method.LEAST_SQUARES.value
-    SURFACE = Method.SURFACE.value
-    AUTO = "auto"
-
+from piezod.experiment.fit.method import Spacing
 
 DataArgument: TypeAlias = Annotated[
     Path | None,

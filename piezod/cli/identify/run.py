@@ -1,5 +1,6 @@
 """The work of `piezod identify`."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -92,7 +93,7 @@ def fit_live(
         adopt: Whether the stage uses the model from now on.
         json: Whether one JSON document is printed.
     """
-    fitted, driven = _record_and_fit(client, job, axis, drive, out)
+    fitted, driven = record_and_fit(client, job.fit, axis, drive, out)
     now = datetime.now(UTC)
     figure = _write(fitted, out, now)
     if not json:
@@ -106,16 +107,29 @@ def fit_live(
         new_console().print(_ADOPTED)
 
 
-def _record_and_fit(
-    client: StageClient, job: FitJob, axis: str | None, drive: Path | None, out: Path | None
+def record_and_fit(
+    client: StageClient,
+    fit: Callable[[Path, float, bool], FileFit],
+    axis: str | None,
+    drive: Path | None,
+    out: Path | None,
 ) -> tuple[FileFit, str]:
-    """Drive and record a running stage; return the fit to the record, and the name of the axis."""
+    """Drive and record a running stage; return the fit to the record, and the name of the axis.
+
+    Args:
+        client: Connection to the daemon of the stage.
+        fit: Function of a data file, of its excluded start in s, and of whether the axis takes a
+            surface; returns the fit.
+        axis: Name of the axis; None for the only one.
+        drive: File with the drive; None for the default drive.
+        out: Model file, beside which the record is written; None for the current folder.
+    """
     settings = read_drive(drive) if drive else None
     wanted = out.with_suffix(".csv") if out else Path(f"{client.place.stage}-record.csv")
     check_writable(wanted.parent)
     with new_file(wanted) as file, progress_bar() as progress:
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
-    fitted = job.fit(recorded.file, recorded.run_in_s, recorded.takes_surface)
+    fitted = fit(recorded.file, recorded.run_in_s, recorded.takes_surface)
     fitted = replace(fitted, warnings=(*fitted.warnings, *recorded.warnings))
     return fitted.with_configured_mode(recorded.first_mode), recorded.axis
 

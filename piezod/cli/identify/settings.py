@@ -4,7 +4,7 @@ import math
 
 import typer
 
-from piezod.cli.identify.identify import DEFAULT_ORDER, MethodChoice
+from piezod.cli.identify.method_choice import DEFAULT_ORDER, MethodChoice
 from piezod.config.axes import STOPS_DELAY_S
 from piezod.config.model_file import FILE_DELAY_S
 from piezod.experiment.fit.automatic import Wanted

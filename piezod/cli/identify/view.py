@@ -23,14 +23,7 @@ from piezod.experiment.fit.surface.first_mode import CLEAR_GAIN
 
 
 def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path | None) -> None:
-    """Print the record, the choice, the errors, the warnings, and the written files.
-
-    Args:
-        console: The console.
-        fitted: The model with its errors.
-        model: Path of the model file; None if none was written.
-        plot: Path of the figure; None if none was drawn.
-    """
+    """Print the record, the choice, the errors, the warnings, and the written files."""
     fit = fitted.chosen.fit
     console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
     if fitted.test_data:

@@ -79,12 +79,7 @@ class AxisHistory:
 
 
 class WatchView:
-    """The view of a stage, which follows its telemetry.
-
-    Args:
-        name: Name of the stage.
-        ranges: Ranges of the bars, by axis.
-    """
+    """The view of a stage, which follows its telemetry."""
 
     def __init__(self, name: str, ranges: Mapping[str, AxisRanges]) -> None:
         self._name, self._ranges = name, ranges

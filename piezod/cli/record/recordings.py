@@ -56,11 +56,6 @@ EndOption: TypeAlias = Annotated[
 def local_file(recording: Path, stage: str | None, socket: Path | None) -> Iterator[Path]:
     """Yield the file of a recording: itself, or a copy of that of a running stage.
 
-    Args:
-        recording: A file, or the name of a recording.
-        stage: Name of the stage.
-        socket: Socket of its daemon, in place of a name.
-
     Raises:
         ClientError: If the stage does not run, or has no finished recording of that name.
         OSError: If it cannot be copied.

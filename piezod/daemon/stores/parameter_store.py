@@ -62,10 +62,6 @@ class ParameterStore:
     def save(self, axes: Mapping[str, AxisParameters], who: str) -> int:
         """Save parameters.
 
-        Args:
-            axes: Parameters by name of the axis.
-            who: User who saves them, for people.
-
         Returns:
             The number under which they can be loaded.
 

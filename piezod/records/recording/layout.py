@@ -50,9 +50,6 @@ class Named(dict[str, Value]):
 def stage_entry(file: h5py.File) -> h5py.Group:
     """Return the entry of the recording of a stage, whose parts are as `writer` says.
 
-    Args:
-        file: The open file.
-
     Raises:
         DataError: If the file is another one, or a part is wrong.
         KeyError: If a part is missing.
