@@ -25,7 +25,7 @@ from ophyd_async.core import (
 )
 from ophyd_async.core import StandardReadableFormat as Format
 
-from piezod.bluesky.link import StageLink
+from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.motion import move_to
 from piezod.bluesky.recorded import Column
 from piezod.bluesky.signals import Source, movable, readable
@@ -87,7 +87,7 @@ class PiezoAxis(
         high_limit: Highest position, in µm; likewise.
     """
 
-    def __init__(self, link: StageLink, axis: str) -> None:
+    def __init__(self, link: ConnectedStage, axis: str) -> None:
         self._link, self._axis = link, axis
         self._movement = Movement()
         with self.add_children_as_readables(Format.HINTED_UNCACHED_SIGNAL):

@@ -17,7 +17,7 @@ from bluesky.protocols import (
 from event_model import DataKey
 from ophyd_async.core import AsyncStatus, Device, PathInfo, PathProvider
 
-from piezod.bluesky.link import StageLink
+from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.play import Play
 from piezod.bluesky.recorded import Column, RecordedFile
 from piezod.bluesky.wave import Wave
@@ -40,7 +40,7 @@ class PiezoFlyer(Device, Preparable, Flyable, Collectable, WritesStreamAssets, H
 
     def __init__(
         self,
-        link: StageLink,
+        link: ConnectedStage,
         columns: Callable[[], Sequence[Column]],
         path_provider: PathProvider | None,
     ) -> None:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from math import inf
 from typing import Final
 
-from piezod.bluesky.link import StageLink
+from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.client.arrival import Arriving, arrival
 from piezod.client.calls import Waveforms
 from piezod.errors import RefusedError
@@ -17,7 +17,9 @@ _SETTLE_S: Final = 1.0
 """Time after the end of waveforms for the axes to settle, in s."""
 
 
-async def move_to(link: StageLink, axis: str, position_um: float, *, limited: bool = True) -> None:
+async def move_to(
+    link: ConnectedStage, axis: str, position_um: float, *, limited: bool = True
+) -> None:
     """Move an axis; return when it is on target.
 
     An axis without a sensor has arrived when its command has.
@@ -44,7 +46,7 @@ async def move_to(link: StageLink, axis: str, position_um: float, *, limited: bo
 
 
 async def follow_waves(
-    link: StageLink, command_um: Waveforms, duration_s: float, begun: Event
+    link: ConnectedStage, command_um: Waveforms, duration_s: float, begun: Event
 ) -> None:
     """Follow waveforms; return when they have ended and all axes are on target.
 
@@ -84,7 +86,7 @@ async def _waves_end(
 
 
 @contextmanager
-def moving(link: StageLink, *axes: str) -> Iterator[None]:
+def moving(link: ConnectedStage, *axes: str) -> Iterator[None]:
     """Note that axes move, until they have arrived or somebody else has ended the movement.
 
     After a time-out or an interruption they still move, as far as this process knows.

@@ -9,7 +9,7 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
-from piezod.bluesky.link import StageLink
+from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.motion import moving
 from piezod.bluesky.recorded import Column
 from piezod.client.arrival import because_of
@@ -29,7 +29,7 @@ class Play:
     cycles: int  #: Number of periods.
     lead_in_v: Sequence[float] = ()  #: Voltages before the first period, in V.
 
-    async def prepare(self, link: StageLink) -> None:
+    async def prepare(self, link: ConnectedStage) -> None:
         """Check the voltages; nothing moves.
 
         Raises:
@@ -44,7 +44,7 @@ class Play:
             what = f"axis {self.axis}: {min(table_v):g} to {max(table_v):g} V"
             raise RefusedError(what, f"allowed: {low_v:g} to {high_v:g} V", "value")
 
-    async def fly(self, link: StageLink, file: Path, begun: asyncio.Event) -> None:
+    async def fly(self, link: ConnectedStage, file: Path, begun: asyncio.Event) -> None:
         """Let the device play, and write its record.
 
         Args:
@@ -95,7 +95,7 @@ class Play:
         ]
 
 
-async def _number(link: StageLink) -> int | None:
+async def _number(link: ConnectedStage) -> int | None:
     """Return the number of the last play; None if there was none."""
     try:
         played = await link.daemon.played()

@@ -17,7 +17,7 @@ from ophyd_async.core import (
     make_datakey,
 )
 
-from piezod.bluesky.link import StageLink
+from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.config.states import State
 from piezod.errors import ClientError
 from piezod.messages.answers import Status
@@ -53,7 +53,7 @@ class StageBackend(SignalBackend[ValueT]):
 
     def __init__(
         self,
-        link: StageLink,
+        link: ConnectedStage,
         source: Source[ValueT],
         move: Callable[[ValueT], Awaitable[None]] | None = None,
     ) -> None:
@@ -125,13 +125,13 @@ class StageBackend(SignalBackend[ValueT]):
         )
 
 
-def readable(link: StageLink, source: Source[ValueT]) -> SignalR[ValueT]:
+def readable(link: ConnectedStage, source: Source[ValueT]) -> SignalR[ValueT]:
     """Return a signal that can be read and monitored."""
     return SignalR(StageBackend(link, source))
 
 
 def movable(
-    link: StageLink, source: Source[float], move: Callable[[float], Awaitable[None]]
+    link: ConnectedStage, source: Source[float], move: Callable[[float], Awaitable[None]]
 ) -> SignalRW[float]:
     """Return a signal that moves the stage; to set it is to wait for the arrival."""
     return SignalRW(StageBackend(link, source, move), timeout=None)

@@ -16,8 +16,8 @@ from ophyd_async.core import (
 )
 
 from piezod.bluesky.axis import PiezoAxis
+from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.flyer import PiezoFlyer
-from piezod.bluesky.link import StageLink
 from piezod.bluesky.recorded import Column
 from piezod.bluesky.signals import Source, readable
 from piezod.config.modes import Mode
@@ -33,7 +33,7 @@ class StageConnector(DeviceConnector):
         axes: The axes, by name.
     """
 
-    def __init__(self, link: StageLink, axes: dict[str, PiezoAxis]) -> None:
+    def __init__(self, link: ConnectedStage, axes: dict[str, PiezoAxis]) -> None:
         self._link, self._axes = link, axes
 
     async def connect_real(self, device: Device, timeout: float, force_reconnect: bool) -> None:
@@ -91,7 +91,7 @@ class PiezoStage(StandardReadable):
         hold_at_end: bool = False,
         name: str = "",
     ) -> None:
-        self.link = link = StageLink(stage, socket)
+        self.link = link = ConnectedStage(stage, socket)
         self._arm, self._mode, self._hold_at_end = arm, mode, hold_at_end
         self._staged = False
         self.axes = {axis: PiezoAxis(link, axis) for axis in axes}

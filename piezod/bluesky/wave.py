@@ -9,12 +9,12 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from piezod.bluesky.link import StageLink
+from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.motion import follow_waves, move_to
 from piezod.bluesky.recorded import Column
 from piezod.client.calls import Waveforms
 from piezod.client.facts import AxisFacts
-from piezod.client.waveforms import tupled
+from piezod.client.request_bodies import tupled
 from piezod.errors import ClientError, DataError, RefusedError
 from piezod.messages.requests import Wave as WaveRequest
 
@@ -28,7 +28,7 @@ class Wave:
     command_um: Waveforms  #: Axis: position over time in µm, a waveform as in experiment files.
     duration_s: float  #: Duration, in s.
 
-    async def prepare(self, link: StageLink) -> None:
+    async def prepare(self, link: ConnectedStage) -> None:
         """Check the waveforms, and move the axes to their start.
 
         Raises:
@@ -39,7 +39,7 @@ class Wave:
         start_um = self._start_um(link.facts)
         await asyncio.gather(*(move_to(link, axis, um) for axis, um in start_um.items()))
 
-    async def fly(self, link: StageLink, file: Path, begun: asyncio.Event) -> None:
+    async def fly(self, link: ConnectedStage, file: Path, begun: asyncio.Event) -> None:
         """Record all cycles while the stage follows the waveforms.
 
         Args:

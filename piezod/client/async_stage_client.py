@@ -12,9 +12,8 @@ from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
 from piezod.client.methods import AsyncCaller
 from piezod.client.place import find_place
-from piezod.client.reader import read
+from piezod.client.reader import LineSplitter, TelemetryReader, read
 from piezod.client.reports import StageReports
-from piezod.client.telemetry import LineSplitter, TelemetryReader
 from piezod.client.wire import (
     SESSION,
     STREAM,

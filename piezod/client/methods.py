@@ -1,4 +1,11 @@
-"""Methods that both clients share: written once, a coroutine in the client for asyncio."""
+"""Methods that all clients share: written once, a coroutine in the clients for asyncio.
+
+A client has a method for each row of the table of commands. The method only makes a `Call`; how a
+call is carried out differs: `StageClient` waits for the answer, `AsyncStageClient` and `DaemonLink`
+return a coroutine. `ClientMethod` therefore decorates a function that makes a call, and gives each
+client the method that suits it, with the right types, name, docstring and parameters. Without it
+each of the 40 methods would stand here twice.
+"""
 
 import functools
 import inspect

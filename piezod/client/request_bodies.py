@@ -2,14 +2,40 @@
 
 from collections.abc import Mapping
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
-from piezod.client.waveforms import sendable, tupled
 from piezod.config.messages import describe
+from piezod.config.waveforms.waveform import WaveformModel
 from piezod.errors import RefusedError
 from piezod.messages.documents import Document
 from piezod.messages.endpoints import Endpoint
 from piezod.messages.requests import REQUESTS, TABLE
+
+
+def tupled(value: object) -> object:
+    """Return plain data with tuples in place of lists, which strict validation requires."""
+    if isinstance(value, Mapping):
+        return {key: tupled(each) for key, each in value.items()}
+    return tuple(map(tupled, value)) if isinstance(value, list | tuple) else value
+
+
+def sendable(value: object) -> object:
+    """Return a request or a part of it as plain data; a file becomes its points.
+
+    Args:
+        value: Models, mappings, tuples and plain values, nested at any depth.
+
+    Raises:
+        ValidationError: If a file has more points than may be sent.
+    """
+    if isinstance(value, WaveformModel):
+        value = value.sendable()
+    if isinstance(value, BaseModel):
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        return sendable({name: each for name, each in fields.items() if each is not None})
+    if isinstance(value, Mapping):
+        return {key: sendable(each) for key, each in value.items()}
+    return tuple(map(sendable, value)) if isinstance(value, tuple) else value
 
 
 def checked(name: str, fields: Mapping[str, object]) -> tuple[Endpoint, Document]:

@@ -5,12 +5,13 @@ comments beside the fields are the words of the OpenAPI description. A field wit
 missing in the answer of an older daemon. This module imports little, because every client does.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Annotated, Final
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.messages.documents import Document, Message
-from piezod.messages.notebook import html_table
 from piezod.messages.shown import COLUMN, DETAIL, UNARCHIVED, Shown, shown_fields
 from piezod.messages.telemetry import AxisTelemetry, Telemetry
 
@@ -170,11 +171,21 @@ class Status(Message):
         shadow = ", shadow mode" if self.shadow else ""
         line = f"{self.stage or 'stage'}: {self.state}, mode {self.mode}{shadow}; faults: {faults}"
         headings = ("axis", *(each.heading for each in COLUMNS), "on target")
-        return html_table(line, headings, (axis.row(name) for name, axis in self.axes.items()))
+        return _html_table(line, headings, (axis.row(name) for name, axis in self.axes.items()))
 
 
 STAGE: Final = shown_fields(Telemetry, Status)
 """The fields of a stage that are shown, by name."""
+
+
+def _html_table(line: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a line of text and a table below it, as HTML."""
+    head = "".join(f"<th>{escape(each)}</th>" for each in headings)
+    body = "".join(
+        f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+    )
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<p>{escape(line)}</p>{table}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from piezod.client.wire import HttpRequest, http_request, recording_path
 from piezod.messages.endpoints import ENDPOINTS, Endpoint, Role
 from piezod.messages.requests import TABLE
 from piezod.web.access import role_of
-from piezod.web.connected import while_connected
+from piezod.web.download import while_connected
 from piezod.web.errors import (
     AMBIGUOUS,
     FORBIDDEN,

@@ -14,7 +14,7 @@ from starlette.responses import FileResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from piezod.bounds import bound_other
-from piezod.web.connected import while_connected
+from piezod.web.download import while_connected
 from piezod.web.errors import NOT_FOUND, PageError, refused_file
 from piezod.web.job_commands import RECORDING
 from piezod.web.stages import Stages

@@ -7,12 +7,24 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from piezod.home import user_folder
 from piezod.messages.documents import Document
 from piezod.own_folder import make_folder
-from piezod.web.message import Message, MessagePart
+
+
+class MessagePart(BaseModel):
+    """A part of a message; it has no unknown key."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class Message(MessagePart):
+    """A message: it has a number for the answer."""
+
+    id: Annotated[int, Field(ge=0, lt=2**53)]
+
 
 MODEL: Final = "model.yaml"
 RECORDING: Final = r"[A-Za-z0-9][A-Za-z0-9_-]{0,199}"

@@ -11,8 +11,7 @@ from piezod.messages.documents import Document
 from piezod.messages.endpoints import LARGE_BODY, Endpoint
 from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_FOUND, PageError
-from piezod.web.job_commands import Identify, Learn, LookAtJob, Replay
-from piezod.web.message import Message
+from piezod.web.job_commands import Identify, Learn, LookAtJob, Message, Replay
 from piezod.web.rows import RATE_HZ
 
 LONGEST: Final = LARGE_BODY + 4096

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from piezod.messages.answers import AXIS, STAGE
+from piezod.messages.shown import DETAIL
 from tests.browser.machine import Machine
 from tests.daemon.waiting import eventually
 
@@ -147,3 +149,12 @@ def status_of(machine: Machine) -> dict[str, Any]:
     """Return the status of the stage."""
     document: dict[str, Any] = json.loads(machine.run("status", "--json"))
     return document
+
+
+def test_details_are_what_the_messages_describe(page: Page) -> None:
+    """Each field that is a detail has a row with its words; a number has its unit."""
+    details = page.get_by_role("region", name="Details")
+    for field in (*AXIS.values(), *STAGE.values()):
+        if field.has(DETAIL):
+            expect(details.locator("dt", has_text=field.shown.words).first).to_be_visible()
+    expect(details.locator("dd", has_text=re.compile(r"^[\d.]+ Hz$"))).to_be_visible()

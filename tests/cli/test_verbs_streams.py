@@ -13,7 +13,7 @@ from piezod.cli.interrupt import Interrupted
 from piezod.cli.look.sparkline import BLOCKS, History, Sparkline, blocks_of
 from piezod.cli.look.watch_view import AxisRanges, LoopRate, WatchView, ranges_of
 from piezod.client import StageClient
-from piezod.client.telemetry import TelemetryReader
+from piezod.client.reader import TelemetryReader
 from piezod.messages.answers import Fault
 from piezod.messages.telemetry import Telemetry
 from tests.cli.conftest import Command

@@ -10,7 +10,7 @@ import pytest
 
 from piezod.client import AsyncStageClient, StageClient, calls
 from piezod.client.calls import Call
-from piezod.client.waveforms import tupled
+from piezod.client.request_bodies import tupled
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.waveforms.paths import Points
 from piezod.errors import RefusedError

@@ -5,7 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from piezod.client import StageClient
 from tests.daemon.daemons import SHIPPED, Daemon
+from tests.daemon.waiting import eventually
 from tests.forked import forked
 from tests.peers.peer import run_peer
 
@@ -38,3 +40,15 @@ def test_pylablib_moves_the_simulated_stage(port: int) -> None:
     assert 0.0 < report["voltage"] < 150.0
     assert report["after stop"] == pytest.approx(3.0, abs=0.4)
     assert report["errors"] == {"servo off": 5, "limits": 7, "stop": 10, "none": 0}
+
+
+@pytest.mark.parametrize(("end", "error"), [("stop", {"error": 10}), ("close", {})])
+def test_targets_that_wait_are_dropped(port: int, end: str, error: dict[str, int]) -> None:
+    """A stop overtakes the targets that were sent before it; a closed connection moves nothing."""
+    report = run_peer("gcs_queue_client.py", str(port), end)
+
+    with StageClient() as stage:
+        eventually(lambda: stage.status().lease is None)  # the server is done with the connection
+        moved = stage.status().axes["x"].motion
+    assert report == {"sent": report["sent"], **error}
+    assert moved < report["sent"] / 2

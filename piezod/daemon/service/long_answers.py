@@ -18,8 +18,8 @@ from piezod.config.states import State
 from piezod.daemon.logging import logger
 from piezod.daemon.service.connection import PeerProtocol, closed_with_its_process
 from piezod.daemon.service.request import RequestContext
+from piezod.daemon.stage.connection import FollowingReader
 from piezod.daemon.stage.errors import StageError, UnknownNameError
-from piezod.daemon.stage.following_reader import FollowingReader
 from piezod.messages.documents import dump
 from piezod.messages.requests import Stop
 from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry

@@ -1,27 +1,173 @@
-"""The supervisor's connection to one run of the loop process."""
+"""The supervisor's connection to one run of the loop process: health, requests, and readers."""
 
+import asyncio
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from math import inf, isfinite, nan
-from typing import Any
+from typing import Any, Final
 
 from piezod.config.daemon import DaemonConfig, StageAxisConfig
 from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
+from piezod.config.waveforms.waveform import WaveformCostError
 from piezod.control.faults.table import FAULTS, Reaction
 from piezod.control.guard import read_back_tolerance_v
-from piezod.daemon.stage.errors import BadValueError, NotNowError
-from piezod.daemon.stage.health import LoopHealth
-from piezod.daemon.stage.requests import LoopRequests
+from piezod.control.stage.answer import Answer
+from piezod.daemon.stage.errors import BadValueError, NoAnswerError, NotNowError, UnavailableError
 from piezod.daemon.stage.status import STATES, masks
+from piezod.messages.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
+from piezod.telemetry.arrays import Records, RingReader
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.learned import LearnedReader
+from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
+from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.ring import Record, RecordReader
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
 from piezod.telemetry.succession import Succession, succession_of
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
+from piezod.units import NS_PER_S
+
+HUNG_S: Final = 2.0
+"""A loop without a cycle for longer than this, in s, is killed. systemd's watchdog waits
+longer: it is for a supervisor that hangs itself."""
+HUNG_PERIODS: Final = 5
+"""The same in periods; the longer time counts."""
+LONG_GAP_NS: Final = NS_PER_S // 2
+"""A longer gap between two updates does not count: what stopped the supervisor may have stopped the
+loop too."""
+
+
+class LoopHealth:
+    """Judges by its beat whether the loop runs; call `update` often.
+
+    A late cycle counts like any other one: a device that answers slowly does not stop the loop.
+
+    Args:
+        shared: The memory shared with the loop, made for this run.
+        now_ns: The present instant.
+    """
+
+    def __init__(self, shared: SharedMap, now_ns: int) -> None:
+        self._words, period_ns = shared.words, shared.layout.period_ns
+        self._fresh_ns = 2 * period_ns
+        self._hung_ns = max(int(HUNG_S * NS_PER_S), HUNG_PERIODS * period_ns)
+        self._beat_ns = 0
+        self._advanced_ns = self._updated_ns = now_ns
+
+    def update(self, now_ns: int) -> bool:
+        """Return whether there were cycles since the last update or in two periods.
+
+        The periods are for slow loops, which do not run a cycle between any two updates.
+        """
+        gap_ns, self._updated_ns = now_ns - self._updated_ns, now_ns
+        # Count as if there had been no gap.
+        if gap_ns > LONG_GAP_NS:
+            self._advanced_ns += gap_ns
+        beat_ns = self._words[Word.LOOP_BEAT_NS]
+        if beat_ns == self._beat_ns:
+            return self.started and now_ns - self._advanced_ns <= self._fresh_ns
+        self._beat_ns, self._advanced_ns = beat_ns, now_ns
+        return True
+
+    @property
+    def started(self) -> bool:
+        """Whether there was a cycle; the first one may take its time."""
+        return self._beat_ns > 0
+
+    def hung(self, now_ns: int) -> bool:
+        """Return whether a loop that ran has had no cycle for too long."""
+        return self.started and now_ns - self._advanced_ns > self._hung_ns
+
+    def age_s(self, now_ns: int) -> float:
+        """Return how long ago an update found new cycles, in s."""
+        return (now_ns - self._advanced_ns) / NS_PER_S
+
+
+URGENT: Final = (Stop, Hold, Disarm, Shutdown)
+EXPIRES_S: Final = 0.5
+EXPIRES_PERIODS: Final = 4
+"""A request expires if the loop has not taken it after this time, in s, or this many periods,
+whichever is longer."""
+_POLL_S: Final = 0.001
+
+
+class LoopRequests:
+    """The supervisor's side of the mailbox.
+
+    Args:
+        shared: The memory shared with the loop; this object is the only writer of its mailbox.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._mailbox, self._words = MailboxWriter(shared), shared.words
+        periods_ns = EXPIRES_PERIODS * shared.layout.period_ns
+        self._expires_ns = max(int(EXPIRES_S * NS_PER_S), periods_ns)
+
+    async def ask(self, request: Request) -> Answer:
+        """Execute a request in the loop; return the answer.
+
+        Raises:
+            BadValueError: If its waveforms are too large for the loop.
+            UnavailableError: If too many requests wait already.
+            NoAnswerError: If the loop does not take it in time. Then it is not executed, except an
+                emergency stop, which the loop executes as soon as it can.
+        """
+        expires_ns = time.monotonic_ns() + self._expires_ns
+        find: Callable[[int], MailboxAnswer | None]
+        if isinstance(request, Estop):
+            number, find = self._mailbox.post_estop(), self._mailbox.estop_answer
+        else:
+            number, find = self.post(request, expires_ns), self._mailbox.answer
+        # Twice as long: the loop may take it at the last moment, and answers in the next cycles.
+        while time.monotonic_ns() < expires_ns + self._expires_ns:
+            found = find(number)
+            if found is not None and found.why == EXPIRED:
+                break
+            if found is not None:
+                return Answer(*found)
+            await asyncio.sleep(_POLL_S)  # the loop only writes to memory, and wakes no process
+        # A loop that still compiles its kernels takes no request.
+        if not self._words[Word.LOOP_BEAT_NS]:
+            raise NoAnswerError("the loop is starting", "try again in some seconds")
+        what = f"the loop did not take the request within {self._expires_ns / NS_PER_S:g} s"
+        raise NoAnswerError(what, "look at the log and at `piezod status`, then try again")
+
+    def post(self, request: Request, expires_ns: int) -> int:
+        """Post a request without waiting; return its number.
+
+        Raises:
+            BadValueError: If its waveforms are too large for the loop.
+            UnavailableError: If too many requests wait already, or it is too large.
+        """
+        try:
+            return self._mailbox.post(
+                encode(request), expires_ns, urgent=isinstance(request, URGENT)
+            )
+        except WaveformCostError as error:
+            raise BadValueError(error.what, error.remedy) from error
+        except MailboxFullError as error:
+            raise UnavailableError(str(error)) from error
+
+
+class FollowingReader:
+    """Reads the ring of the present loop, also after an exchange.
+
+    Args:
+        present: Returns the memory that is shared with the present loop.
+    """
+
+    def __init__(self, present: Callable[[], SharedMap]) -> None:
+        self._present, self._shared = present, present()
+        self._ring = RingReader(self._shared)
+
+    def read(self, limit: int) -> tuple[Records, int]:
+        """Return the records since the last call, and the number of lost ones."""
+        # An exchange makes a new ring; its records count from zero.
+        if self._shared is not (present := self._present()):
+            self._shared, self._ring = present, RingReader(present)
+        return self._ring.read(limit)
 
 
 class LoopConnection:

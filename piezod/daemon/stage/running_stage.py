@@ -20,9 +20,8 @@ from piezod.daemon import accepted_config
 from piezod.daemon.logging import drops_lines, logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.stage import status as told
-from piezod.daemon.stage.connection import LoopConnection
+from piezod.daemon.stage.connection import FollowingReader, LoopConnection
 from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNameError
-from piezod.daemon.stage.following_reader import FollowingReader
 from piezod.daemon.stage.metrics import StageFacts, metrics_text
 from piezod.daemon.stage.parameters import LearnedParameters
 from piezod.daemon.stage.peer import AuditEntry, Peer

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from piezod.client import StageClient
-from piezod.client.waveforms import tupled
+from piezod.client.request_bodies import tupled
 from piezod.config.document import Document, SourcePlace
 from piezod.config.fields import ConfigModel, Context
 from piezod.config.play import IntervalUs, Passes, WaveConfig

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from piezod.client import StageClient
 from piezod.client.errors import unexpected
-from piezod.client.waveforms import tupled
+from piezod.client.request_bodies import tupled
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.waveforms.waveform import Waveform

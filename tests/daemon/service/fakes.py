@@ -18,8 +18,8 @@ from piezod.daemon.service.access import Lease, UrgentNotes, User
 from piezod.daemon.service.app import bind, create_app, make_server
 from piezod.daemon.service.connection import ConnectionLimits, Credentials
 from piezod.daemon.service.request import OpenStreams, ServiceState
+from piezod.daemon.stage.connection import FollowingReader
 from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNameError
-from piezod.daemon.stage.following_reader import FollowingReader
 from piezod.daemon.stage.peer import AuditEntry, Peer
 from piezod.daemon.stage.running_stage import RunningStage
 from piezod.messages.answers import AxisStatus, Fault, Faults, Health, Realtime, Status

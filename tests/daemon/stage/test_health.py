@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.stage.health import LoopHealth
+from piezod.daemon.stage.connection import LoopHealth
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word

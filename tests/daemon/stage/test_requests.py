@@ -8,8 +8,8 @@ import pytest
 
 from piezod.config.waveforms.paths import Reversals
 from piezod.control.stage.answer import Answer
+from piezod.daemon.stage.connection import LoopRequests
 from piezod.daemon.stage.errors import BadValueError, NoAnswerError, UnavailableError
-from piezod.daemon.stage.requests import LoopRequests
 from piezod.messages.requests import Estop, Goto, Hold, Request, Wave
 from piezod.telemetry.layout import REQUEST_SLOTS, URGENT_SLOTS, Layout
 from piezod.telemetry.shared_map import SharedMap, create

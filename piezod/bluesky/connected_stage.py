@@ -20,7 +20,7 @@ _SOON_S: Final = 0.2
 """Longest time by which a hold may come later, in s."""
 
 
-class StageLink:
+class ConnectedStage:
     """A connection, the lease, and what this process knows about the stage.
 
     The lease belongs to this process: no other client moves the stage within `commanding`.
