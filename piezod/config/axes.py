@@ -124,11 +124,6 @@ class CompensatorConfig(ConfigModel):
             return {**data, "identifier": "lms"}
         return data
 
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.identifier == "rls" and "lms_gain" in self.model_fields_set:
             yield ("lms_gain",), "not used, identifier rls has no gain, leave it out"
@@ -190,11 +185,6 @@ class AxisConfig(ConfigModel):
             return given
         mode = response.first_mode
         return FirstModeConfig(frequency_hz=mode.frequency_hz, damping=mode.damping)
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.model is not None:

@@ -85,11 +85,6 @@ class TableCalibration(ConfigModel):
         "sensor over its gap. The points are then in the order of the growing gap.",
     )
 
-    @model_validator(mode="after")
-    def _check_curve(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
     def _broken_rules(self) -> Iterator[BrokenRule]:
         # All broken rules at once, so that one correction of the file is enough.
         if len(self.values) != len(self.physical):

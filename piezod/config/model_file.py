@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import yaml
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
-from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.first_mode import FoundModeConfig
 from piezod.config.quantities import DriveV, PercentOfRange, PositionUm
 from piezod.config.validate import validate
@@ -150,11 +150,6 @@ class ModelFile(ConfigModel):
                 "right_stop_weights": tuple(weights[left:]),
             }
         )
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from _broken_order("drive_high_v", self.drive_high_v, "drive_low_v", self.drive_low_v)

@@ -72,11 +72,6 @@ class PlayConfig(ConfigModel):
         """Time between two points of the table, in ns."""
         return round(1000.0 * self.interval_us)
 
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
     def _broken_rules(self) -> Iterator[BrokenRule]:
         half_hz = 0.5e6 / self.interval_us
         if not self.highest_hz < half_hz:

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import yaml
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo
 
 from piezod.config.fields import (
     BrokenRule,
@@ -15,7 +15,6 @@ from piezod.config.fields import (
     Quantity,
     broken_rule,
     context_of,
-    raise_rules,
 )
 from piezod.config.files import existing_file
 from piezod.config.model_file import SourceConfig, Text
@@ -105,11 +104,6 @@ class ResponseFile(ConfigModel):
     def first_mode(self) -> ResonanceConfig | None:
         """The first mode of the mechanics; None if no resonance rings."""
         return next((each for each in self.resonances if each.damping < RINGS_BELOW), None)
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         for key in ("high_hz", "coherence_high"):

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import yaml
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
-from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.model_file import Text
 from piezod.config.quantities import DriveV, Name, PercentOfRange, PositionUm
 from piezod.config.validate import validate
@@ -56,11 +56,6 @@ class TableFile(ConfigModel):
     drive_v: tuple[DriveV, ...] = Field(
         max_length=MOST_POINTS, description="Voltage of the table, V."
     )
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         points = len(self.command_um)
