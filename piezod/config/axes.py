@@ -18,7 +18,6 @@ from piezod.config.fields import (
     BrokenRule,
     ConfigModel,
     Quantity,
-    RuledModel,
     context_of,
     raise_rules,
 )
@@ -79,7 +78,7 @@ STOPS_DELAY_S: Final = Quantity(0, FILE_DELAY_S.high, "s")
 """Delays with which stop operators are fitted; a surface also takes negative ones."""
 
 
-class CompensatorConfig(RuledModel):
+class CompensatorConfig(ConfigModel):
     """The inverse model of an axis, and its identification."""
 
     operators: Annotated[int, Quantity(1, 200)] = Field(
@@ -140,7 +139,7 @@ class CompensatorConfig(RuledModel):
             yield ("thresholds",), what
 
 
-class AxisConfig(RuledModel):
+class AxisConfig(ConfigModel):
     """An axis of the stage."""
 
     amplifier: Output = Field(

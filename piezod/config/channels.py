@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, RuledModel, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.polynomial import evaluate, is_monotonic
 from piezod.config.quantities import Name
 
@@ -67,7 +67,7 @@ class PolynomialCalibration(ConfigModel):
         return min(ends), max(ends)
 
 
-class TableCalibration(RuledModel):
+class TableCalibration(ConfigModel):
     """A curve of straight lines through measured points."""
 
     kind: Literal["table"] = "table"

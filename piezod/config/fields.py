@@ -1,6 +1,6 @@
 """The base of all configuration models, and numeric fields with range and unit."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol, Self, TypeAlias, cast
@@ -75,7 +75,8 @@ def context_of(info: ValidationInfo) -> Context:
 class ConfigModel(BaseModel):
     """Base of all configuration models, including those of drivers' options.
 
-    Values are not converted: a text or a bool is not a number. Unknown keys are errors.
+    Values are not converted: a text or a bool is not a number. Unknown keys are errors. A model
+    whose values must fit each other overrides `_broken_rules`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -86,6 +87,15 @@ class ConfigModel(BaseModel):
         # By identity, because pydantic's errors do not name the model that a mapping was read by.
         context_of(info).known_keys[id(data)] = tuple(cls.model_fields)
         return data
+
+    @model_validator(mode="after")
+    def _check_rules_of_values(self) -> Self:
+        raise_rules(self._broken_rules())
+        return self
+
+    def _broken_rules(self) -> Iterable[BrokenRule]:
+        """Return the rules that the values break together, each valid by itself."""
+        return ()
 
 
 def broken_rule(what: str) -> PydanticCustomError:
@@ -104,19 +114,6 @@ def raise_rules(broken: Iterable[BrokenRule]) -> None:
     ]
     if details:
         raise ValidationError.from_exception_data("rules", details)
-
-
-class RuledModel(ConfigModel):
-    """Base of models with rules that a schema cannot state; all broken ones are reported."""
-
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
-    def _broken_rules(self) -> Iterator[BrokenRule]:
-        """Yield the rules that the model breaks."""
-        raise NotImplementedError
 
 
 _NUMBER_ERRORS: Final = {

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 import yaml
 from pydantic import Field, StringConstraints
 
-from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, RuledModel
+from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.first_mode import FoundModeConfig
 from piezod.config.quantities import DriveV, PercentOfRange, PositionUm
 from piezod.config.validate import validate
@@ -79,7 +79,7 @@ class PathConfig(ConfigModel):
     )
 
 
-class ModelFile(RuledModel):
+class ModelFile(ConfigModel):
     """A model of a stage over normalised drive and displacement, 0 to 1."""
 
     format: Literal["piezod-model"] = "piezod-model"

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, RuledModel, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.quantities import DurationS, FrequencyHz, OneLine, PauseS, PercentOfRange
 from piezod.config.waveforms.paths import AnyLines
 from piezod.config.waveforms.shapes import AnyPeriodic
@@ -43,7 +43,7 @@ class WaveConfig(ConfigModel):
         return self
 
 
-class PlayConfig(RuledModel):
+class PlayConfig(ConfigModel):
     """Waveforms that a device plays, with a table that is learned pass by pass."""
 
     interval_us: IntervalUs = Field(

@@ -13,7 +13,6 @@ from piezod.config.fields import (
     ConfigModel,
     Context,
     Quantity,
-    RuledModel,
     broken_rule,
     context_of,
 )
@@ -68,7 +67,7 @@ class GainConfig(ConfigModel):
     )
 
 
-class ResponseFile(RuledModel):
+class ResponseFile(ConfigModel):
     """The linear dynamics of an axis, with a static gain of one."""
 
     format: Literal["piezod-response"] = "piezod-response"

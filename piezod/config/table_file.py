@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 import yaml
 from pydantic import Field, StringConstraints
 
-from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, RuledModel
+from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.model_file import Text
 from piezod.config.quantities import DriveV, Name, PercentOfRange, PositionUm
 from piezod.config.validate import validate
@@ -26,7 +26,7 @@ class DeviceIdentity(ConfigModel):
     serial: Text = Field(description="Serial number.")
 
 
-class TableFile(RuledModel):
+class TableFile(ConfigModel):
     """A learned waveform; the lists have one entry for each point of its period."""
 
     format: Literal["piezod-table"] = "piezod-table"

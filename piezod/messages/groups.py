@@ -3,12 +3,12 @@
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Self, TypeAlias
+from typing import Annotated, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
 from piezod.config.commands import Command
-from piezod.config.fields import BrokenRule, ConfigModel, Context, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Context
 from piezod.config.quantities import DurationS, Name
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
@@ -28,12 +28,7 @@ class GroupsFile(ConfigModel):
         min_length=1, description="Name: the stages of the group."
     )
 
-    @model_validator(mode="after")
-    def _check_groups(self) -> Self:
-        raise_rules(self._broken())
-        return self
-
-    def _broken(self) -> Iterator[BrokenRule]:
+    def _broken_rules(self) -> Iterator[BrokenRule]:
         for name, stages in self.groups.items():
             if not stages:
                 yield ("groups", name), "a group has at least one stage"

@@ -1,11 +1,11 @@
 """Options of a CAN bus."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Final, Self, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.devices.bus.serial_line import SerialLine, SettleMs
 from piezod_drivers.can_bus.frame import max_frame_bits
 from piezod_drivers.can_bus.frame_bus import FrameBus
@@ -46,11 +46,6 @@ class BusOptions(ConfigModel):
     port: Annotated[int, Quantity(1024, 65_535)] = Field(
         default=43_113, description="Number of the UDP port, for udp_multicast."
     )
-
-    @model_validator(mode="after")
-    def _check_bit_rate(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.interface == SLCAN and self.bit_rate not in BIT_RATES:

@@ -42,7 +42,6 @@ class SlcanBus:
     echo of a sent frame is not taken for a frame of the bus.
 
     Args:
-        line: The line to the adapter.
         bit_rate: Bit rate of the CAN bus in bit/s, a key of `slcan_codec.BIT_RATES`.
     """
 

@@ -31,7 +31,6 @@ class EmulatedRig:
     its status reports that for a second.
 
     Args:
-        options: Options of the rig.
         axes: Names of the axes, at least one.
     """
 

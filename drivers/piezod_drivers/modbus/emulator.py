@@ -5,29 +5,20 @@ from typing import Final
 
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.modbus.emulation import io_modules, labjack
+from piezod_drivers.modbus.emulation.labjack import LabJackModel
 from piezod_drivers.modbus.profiles.labjack_stream import PORT_DISTANCE
 
-LABJACK_T4: Final = EmulatorPlugin(
-    "labjack-t4",
-    "LabJack T4",
-    "tcp",
-    partial(labjack.emulator, labjack.T4),
-    stream_port=PORT_DISTANCE,
-)
-LABJACK_T7: Final = EmulatorPlugin(
-    "labjack-t7",
-    "LabJack T7",
-    "tcp",
-    partial(labjack.emulator, labjack.T7),
-    stream_port=PORT_DISTANCE,
-)
-LABJACK_T8: Final = EmulatorPlugin(
-    "labjack-t8",
-    "LabJack T8",
-    "tcp",
-    partial(labjack.emulator, labjack.T8),
-    stream_port=PORT_DISTANCE,
-)
+
+def _labjack(name: str, model: LabJackModel) -> EmulatorPlugin:
+    create = partial(labjack.emulator, model)
+    return EmulatorPlugin(
+        name, f"LabJack {name[-2:].upper()}", "tcp", create, stream_port=PORT_DISTANCE
+    )
+
+
+LABJACK_T4: Final = _labjack("labjack-t4", labjack.T4)
+LABJACK_T7: Final = _labjack("labjack-t7", labjack.T7)
+LABJACK_T8: Final = _labjack("labjack-t8", labjack.T8)
 ADAM_6024: Final = EmulatorPlugin("adam-6024", "Advantech ADAM-6024", "tcp", io_modules.adam_6024)
 ADAM_4024: Final = EmulatorPlugin(
     "adam-4024", "Advantech ADAM-4024 at address 1, outputs only", "serial", io_modules.adam_4024

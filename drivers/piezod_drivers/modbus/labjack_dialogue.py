@@ -44,9 +44,6 @@ class LabJackDialogue(BaseDialogue):
     outputs are in use.
 
     Args:
-        options: Options of the device.
-        wiring: The channels in use.
-        transactions: The line.
         stream: The line from which the packets of a play come.
 
     Attributes:

@@ -1,12 +1,12 @@
 """Options of devices on Modbus."""
 
 from collections.abc import Iterator
-from typing import Annotated, Final, Literal, Self, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
 from piezod.config.document import KeyPath
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.devices.bus.serial_line import SettleMs
 from piezod_drivers.modbus.profiles import PROFILES
 from piezod_drivers.modbus.register import Register
@@ -49,17 +49,12 @@ class UnitOptions(ConfigModel):
         "register, 16 sets several, 23 sets and reads at once.",
     )
 
-    @model_validator(mode="after")
-    def _check_unit(self) -> Self:
-        raise_rules(self._broken_rules_of_unit())
-        return self
-
     @property
     def known(self) -> tuple[Register, ...]:
         """All registers: those of the profile, or its own."""
         return PROFILES[self.profile].registers if self.profile else self.registers
 
-    def _broken_rules_of_unit(self) -> Iterator[BrokenRule]:
+    def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.profile is not None and self.profile not in PROFILES:
             known = ", ".join(sorted(PROFILES))
             yield ("profile",), f"unknown (got {self.profile!r}), known: {known}"
@@ -116,11 +111,6 @@ class ModbusOptions(UnitOptions):
         default=None, description="Arms the device's watchdog while the stage is armed."
     )
 
-    @model_validator(mode="after")
-    def _check_line(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
     @property
     def every_unit(self) -> tuple[UnitOptions, ...]:
         """The devices on the line, at least one."""
@@ -140,6 +130,7 @@ class ModbusOptions(UnitOptions):
         return (1 + 8 + (self.parity != "N") + self.stop_bits) / self.baud
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
+        yield from super()._broken_rules()
         if (self.port is None) == (self.host is None):
             yield ("port",), "give either host, for Modbus TCP, or port, for Modbus RTU"
         if self.units and (self.profile is not None or self.registers):

@@ -48,9 +48,7 @@ class LabJackPlayer:
     """Implements `PlayDialogue`.
 
     Args:
-        setup: The registers of the stream.
         stream: The line from which the packets of the stream come.
-        wiring: The channels in use.
         known: All registers of the device.
         take_outputs: Called with the outputs when a play has ended or was stopped.
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from struct import Struct
-from typing import Annotated, Final, Literal, Self, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
 from piezod.config.channels import ChannelName
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.devices.status import DeviceFlag
 
 NumberType: TypeAlias = Literal["int16", "uint16", "int32", "uint32", "float32"]
@@ -72,11 +72,6 @@ class Register(ConfigModel):
     mask: Annotated[int, Quantity(1, 2**32 - 1)] = Field(
         default=1, description="For a status: the fault is present if one of these bits is set."
     )
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     @property
     def size(self) -> int:

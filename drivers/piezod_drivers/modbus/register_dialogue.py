@@ -30,11 +30,6 @@ class RegisterDialogue(BaseDialogue):
     Watchdogs are armed only for devices whose outputs are in use. If one has tripped, the outputs
     have changed. Then nothing is set until the device was opened again and its outputs were taken
     over at their present values.
-
-    Args:
-        options: Options of the device.
-        wiring: The channels in use.
-        transactions: The line.
     """
 
     def __init__(self, options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> None:

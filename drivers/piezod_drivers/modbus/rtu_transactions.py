@@ -28,7 +28,6 @@ class RtuTransactions(LineTransactions):
     forms, another form is used meanwhile.
 
     Args:
-        line: The serial line.
         timeout_s: Longest wait for a reply, in s.
         units: Addresses of the devices on the line; frames of other devices are garbage.
         silence_s: Time without bytes that has to precede a request, in s.

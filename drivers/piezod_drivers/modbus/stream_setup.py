@@ -27,9 +27,7 @@ class StreamSetup:
     """Reads and writes the registers of a stream. Not real-time safe.
 
     Args:
-        transactions: The open line.
         unit: Address of the device.
-        plan: Properties of its stream.
 
     Attributes:
         plan: Properties of its stream.

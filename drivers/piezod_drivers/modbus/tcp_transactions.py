@@ -22,7 +22,6 @@ class TcpTransactions(LineTransactions):
     and a wrong header or length is refused. The data itself is protected by TCP's checksum only.
 
     Args:
-        line: The connection.
         timeout_s: Longest wait for a reply, in s.
     """
 

@@ -71,7 +71,6 @@ class LineTransactions:
     """The common part of TCP and RTU.
 
     Args:
-        line: The line.
         timeout_s: Longest wait for a reply, in s.
     """
 

@@ -1,11 +1,11 @@
 """Options of a serial port, or of a TCP port with the same protocol."""
 
 from collections.abc import Iterator
-from typing import Annotated, Final, Literal, Self, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.devices.bus.line import Line
 from piezod.devices.bus.serial_line import SerialLine, SettleMs
 from piezod.devices.bus.tcp_line import TcpLine
@@ -54,13 +54,8 @@ class LineOptions(_Settings):
         default=None, description="Number of the TCP port at `host`."
     )
 
-    @model_validator(mode="after")
-    def _check_line(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
     def _broken_rules(self) -> Iterator[BrokenRule]:
-        """Yield the broken rules; an overriding method yields these too."""
+
         if (self.port is None) == (self.host is None):
             yield ("port",), "give either port, a serial port, or host and tcp_port"
         elif (self.host is None) != (self.tcp_port is None):

@@ -47,9 +47,6 @@ def commissioned_curve(
 def check_sensor(parameters: PlantParameters) -> None:
     """Refuse a sensor that cannot measure the travel.
 
-    Args:
-        parameters: Parameters of the plant.
-
     Raises:
         DeviceError: If it is saturated at rest, or its converter does not resolve the travel.
     """

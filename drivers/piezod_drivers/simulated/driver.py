@@ -45,7 +45,6 @@ class SimulatedRig:
     at nominal.
 
     Args:
-        options: Options of the rig.
         wiring: Names of the channels, at least one.
         seed: Seed of the specimens, the noise and the calibration's residual; not negative.
     """

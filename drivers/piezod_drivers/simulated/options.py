@@ -7,12 +7,12 @@ there a parameter has its unit and bounds.
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 import numpy as np
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.plant.effects import EFFECTS, without
 from piezod.plant.laws import HysteresisLaw, PowerLaw
 from piezod.plant.parameters import (
@@ -59,11 +59,6 @@ class SensorTable(ConfigModel):
         max_length=10_000,
         description="displacements in µm at those voltages, strictly monotonic",
     )
-
-    @model_validator(mode="after")
-    def _check_curve(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         n_voltages, n_positions = len(self.sensor_v), len(self.position_um)
@@ -157,11 +152,11 @@ class SimulatedOptions(ConfigModel):
         """Step of the physics, in ns."""
         return self.sub_step_us * 1000
 
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(self._unused_parameters())
-        raise_rules(_broken_rules(self._configured(VARIANTS[self.variant].parameters)))
-        return self
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        unused = list(self._unused_parameters())
+        yield from unused
+        if not unused:
+            yield from _broken_rules(self._configured(VARIANTS[self.variant].parameters))
 
     def plant(self, seed: np.random.SeedSequence) -> PlantParameters:
         """Draw a specimen of the variant and apply the configured values.

@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from piezod.devices.bus.table_check import check_table, check_values
 from piezod.devices.player import (
     AtEnd,
     PlayedRecord,
@@ -44,6 +45,7 @@ class TablePlayer:
     ) -> None:
         self._axes, self._driven, self._inputs = axes, axes[:outputs], inputs
         self._sub_step_ns = sub_step_ns
+        self._ranges = [(axis.lowest_v, axis.highest_v) for axis in self._driven]
         self._state = PlayState.IDLE
         self._forget()
 
@@ -84,10 +86,9 @@ class TablePlayer:
         """
         if self.plays:
             raise DeviceError("a table is being played: abort it before another one is loaded")
-        self._check(table)
+        check_table(table, self.capabilities, self._ranges)
         loaded = table._replace(
-            lead_in=self._quantised("lead_in", table.lead_in),
-            period=self._quantised("period", table.period),
+            lead_in=self._quantised(table.lead_in), period=self._quantised(table.period)
         )
         self._forget()
         self._table = loaded
@@ -118,7 +119,8 @@ class TablePlayer:
                 f"a period of {period.shape[0]} points cannot replace one of "
                 f"{self._period.shape[0]}; give it the same number of points"
             )
-        self._next_period = self._quantised("period", period)
+        check_values("period", period, self._ranges)
+        self._next_period = self._quantised(period)
         return self._next_period
 
     def progress(self) -> Progress:
@@ -199,42 +201,8 @@ class TablePlayer:
                 f"the player cannot {what}: it is {self._state.value}, it must be {state.value}"
             )
 
-    def _check(self, table: Table) -> None:
-        able = self.capabilities
-        interval_ns = table.interval_ns
-        if interval_ns <= 0 or able.legal_interval_ns(interval_ns) != interval_ns:
-            raise DeviceError(
-                f"the interval of a table is {interval_ns} ns, allowed: multiples of "
-                f"{self._sub_step_ns} ns up to {LONGEST_INTERVAL_NS} ns"
-            )
-        points = len(table.lead_in) + len(table.period)
-        if not len(table.period) or points > POINTS:
-            raise DeviceError(
-                f"a table has {points} points, {len(table.period)} of them in its period, "
-                f"allowed: at least 1 in the period, and at most {POINTS}"
-            )
-        if not 1 <= table.cycles <= CYCLES:
-            raise DeviceError(f"a table has {table.cycles} cycles, allowed: 1 to {CYCLES}")
-
-    def _quantised(self, part: str, values: FloatArray) -> FloatArray:
-        """Return values as the converters output them.
-
-        Raises:
-            DeviceError: If there is not one column for each output, or a value is out of range.
-        """
-        if values.ndim != 2 or values.shape[1] != len(self._driven):
-            raise DeviceError(
-                f"{part} has the shape {values.shape}, allowed: (points, {len(self._driven)})"
-            )
-        for i, axis in enumerate(self._driven):
-            column = values[:, i]
-            outside = ~((column >= axis.lowest_v) & (column <= axis.highest_v))  # NaN is outside
-            if np.any(outside):
-                point = int(np.argmax(outside))
-                raise DeviceError(
-                    f"point {point} of {part} of output {i} is {column[point]:g} V, allowed range "
-                    f"{axis.lowest_v:g} to {axis.highest_v:g} V"
-                )
+    def _quantised(self, values: FloatArray) -> FloatArray:
+        """Return values as the converters output them."""
         steps = np.array([axis.step_v for axis in self._driven])
         with np.errstate(divide="ignore", invalid="ignore"):
             stepped = np.round(values / steps) * steps

@@ -129,6 +129,10 @@ class Conversation:
                 with suppress(_StillOwedError):
                     self._drop_earlier()
 
+    def give_up(self) -> None:
+        """Take a late reply for lost: the caller has made sure that it can no longer come."""
+        self._rest, self._owed = b"", None
+
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the faults that did not make an exchange fail."""
         noticed, self._noticed = self._noticed, set()
@@ -254,7 +258,7 @@ class Conversation:
             if not self._line.receive(until_ns - now_ns):
                 break
             spoke = True
-        self._rest, self._owed = b"", None
+        self.give_up()
 
     def _wait_for(
         self, length_of: LengthOf, belongs: Fits | None, stray: DeviceFlag, wait_ns: int
@@ -312,7 +316,7 @@ class Conversation:
             what = f"{self._owed_why}; a late reply may still come"
             raise _StillOwedError(DeviceFlag.LATE_REPLY, what)
         self._noticed.add(DeviceFlag.LATE_REPLY)
-        self._rest, self._owed = b"", None
+        self.give_up()
 
     def _is_owed_reply(self, length: int) -> bool:
         """Return whether the first frame is the owed reply; note any other frame as garbage."""

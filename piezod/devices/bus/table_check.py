@@ -30,7 +30,7 @@ def check_table(
             f"{able.longest_interval_ns} ns in steps of {able.interval_step_ns} ns"
         )
     for part, values in (("lead_in", table.lead_in), ("period", table.period)):
-        _check_values(part, values, ranges)
+        check_values(part, values, ranges)
     if not len(table.period):
         raise DeviceError("the period of a table has no point, allowed: at least 1")
     n_points = len(table.lead_in) + len(table.period)
@@ -48,7 +48,12 @@ def check_table(
         raise DeviceError(f"a table has {table.cycles} cycles, allowed: {allowed}")
 
 
-def _check_values(part: str, values: "FloatArray", ranges: Sequence[tuple[float, float]]) -> None:
+def check_values(part: str, values: "FloatArray", ranges: Sequence[tuple[float, float]]) -> None:
+    """Check the values of a part of a table, shape (points, outputs), which the texts name.
+
+    Raises:
+        DeviceError: If there is not one column for each output, or a value is out of range.
+    """
     if values.ndim != 2 or values.shape[1] != len(ranges):
         raise DeviceError(f"{part} has the shape {values.shape}, allowed: (points, {len(ranges)})")
     for i, (low, high) in enumerate(ranges):

@@ -39,11 +39,6 @@ class Cia401Dialogue(BaseDialogue):
 
     If the node has outputs and none of them is in use, another program may drive it. Then the node
     is neither configured nor started, no SYNC is sent, and inputs are read by SDO.
-
-    Args:
-        options: Options of the node.
-        wiring: The channels in use.
-        bus: The bus.
     """
 
     def __init__(self, options: Cia401Options, wiring: Wiring, bus: FrameBus) -> None:

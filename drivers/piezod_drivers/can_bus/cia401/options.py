@@ -1,12 +1,12 @@
 """Options of a CANopen node with analogue inputs and outputs."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
 from piezod.config.channels import ChannelName
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.devices.interface import ChannelUnits
 from piezod_drivers.can_bus.cia401.objects import MOST_WORDS
 from piezod_drivers.can_bus.options import BusOptions, TimeoutMs
@@ -29,11 +29,6 @@ class NodeInput(ConfigModel):
         description="Lowest and highest value, in `unit`: the range of the converter."
     )
     unit: _Unit = Field(default="V", description="Unit of its values.")
-
-    @model_validator(mode="after")
-    def _check_codes(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         codes = self.code_at_min, self.code_at_max
@@ -90,11 +85,6 @@ class Cia401Options(ConfigModel):
     tpdo: Annotated[int, Quantity(1, 512)] = Field(
         default=2, description="Number of the node's transmit PDO that carries the inputs."
     )
-
-    @model_validator(mode="after")
-    def _check_node(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if not self.inputs and not self.outputs:

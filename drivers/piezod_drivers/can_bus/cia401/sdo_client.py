@@ -140,7 +140,6 @@ class SdoAccess:
 
     Args:
         node: Node number.
-        bus: The bus.
         take: Called with each frame that comes meanwhile and is not a reply.
     """
 

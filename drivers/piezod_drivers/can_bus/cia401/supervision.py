@@ -21,7 +21,6 @@ class Supervision:
     """Sends the host's heartbeats and keeps what the node reports by itself.
 
     Args:
-        options: Options of the node.
         now_ns: The clock.
 
     Attributes:

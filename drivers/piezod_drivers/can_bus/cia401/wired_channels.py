@@ -15,10 +15,6 @@ _SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
 class WiredChannels:
     """Converts between values of the channels in use and their words.
 
-    Args:
-        options: Options of the node.
-        wiring: The channels in use.
-
     Attributes:
         inputs: Number of each input on the node.
         outputs: Number of each output on the node.

@@ -71,7 +71,6 @@ class SignalReader:
 
     Args:
         message: The frame.
-        signal: Name of the signal.
     """
 
     def __init__(self, message: DbcMessage, signal: str) -> None:
@@ -101,7 +100,6 @@ class SignalWriter:
 
     Args:
         message: The frame.
-        signal: Name of the signal.
     """
 
     def __init__(self, message: DbcMessage, signal: str) -> None:

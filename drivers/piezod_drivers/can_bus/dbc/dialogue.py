@@ -30,11 +30,6 @@ class DbcDialogue(BaseDialogue):
     confirm the messages before it. Without a request, the device sends by itself; the latest frame
     of each message counts unless it is too old. Then only the controllers on the bus acknowledge a
     message with outputs, so its effect has to be read back.
-
-    Args:
-        options: Options of the device.
-        wiring: The channels in use.
-        bus: The bus.
     """
 
     def __init__(self, options: DbcOptions, wiring: Wiring, bus: FrameBus) -> None:

@@ -59,9 +59,6 @@ class DemoNode:
     """Implements `Node`: the amplifier and the sensor of the rig's first axis.
 
     It ignores a command with a wrong checksum, and one without Enable.
-
-    Args:
-        bench: The rig.
     """
 
     def __init__(self, bench: SharedRig) -> None:

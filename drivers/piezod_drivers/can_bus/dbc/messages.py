@@ -19,7 +19,6 @@ class Checksum:
     """The checksum of a message, one byte of the frame.
 
     Args:
-        message: The message.
         signal: Name of the checksum's signal.
         algorithm: Algorithm that computes it from the other bytes.
     """
@@ -45,7 +44,6 @@ class SentMessage:
     """A message that this end sends; its counter goes up by one with each frame.
 
     Args:
-        message: The message.
         constants: Raw values of signals that never change.
         counter: Name of the counter's signal; None for none.
         checksum: The checksum; None for none.
@@ -93,7 +91,6 @@ class ReceivedMessage:
     """A message that the device sends.
 
     Args:
-        message: The message.
         counter: Name of the counter's signal; None for none.
         echo: Name of the signal that repeats the counter of the request; None for none.
         checksum: The checksum; None for none.

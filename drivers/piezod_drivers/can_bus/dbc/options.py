@@ -1,12 +1,12 @@
 """Options of a device whose frames are described by their signals."""
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal, NamedTuple, Self, TypeAlias
+from typing import Annotated, Literal, NamedTuple, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
 from piezod.config.channels import ChannelName
-from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.config.files import ExistingFile
 from piezod.config.messages import suggest
 from piezod.devices.interface import ChannelUnits
@@ -130,11 +130,6 @@ class DbcOptions(ConfigModel):
     max_age_ms: TimeoutMs = Field(
         default=50.0, description="Highest age of a message that the device sends by itself, ms."
     )
-
-    @model_validator(mode="after")
-    def _check_signals(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if (self.dbc is None) == (not self.messages):

@@ -45,10 +45,6 @@ class HeldOutput(NamedTuple):
 class UsedSignals:
     """The messages and signals of a configuration that a wiring uses.
 
-    Args:
-        options: Options of the device.
-        wiring: The channels in use.
-
     Raises:
         DeviceError: If a message in use also sets an output that is neither used nor read back.
     """

@@ -33,7 +33,6 @@ class RigServer:
     """Serves a rig; a client that disconnects changes nothing.
 
     Args:
-        bench: The rig.
         identity: Identity that it reports.
         listener: A listening socket of type SOCK_SEQPACKET.
         on_call: Called with the instant of each call, before it is carried out.

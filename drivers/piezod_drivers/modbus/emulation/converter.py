@@ -17,7 +17,6 @@ class ConverterOutput:
     """A digital-to-analogue converter, with an amplifier behind it if the rig has the axis.
 
     Args:
-        bench: The rig.
         axis: Index of the axis.
         highest: Highest value, in V or mA.
         n_codes: Number of steps of the converter.

@@ -51,9 +51,7 @@ class LabJackServer(TcpServer):
     """A LabJack: implements `Emulator` for its requests, and `Streams`.
 
     Args:
-        unit: Its registers.
         on_request: Called with True for each request, and with False by `due`.
-        stream: Its stream.
     """
 
     def __init__(

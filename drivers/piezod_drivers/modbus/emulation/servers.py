@@ -18,7 +18,6 @@ class TcpServer:
     """Implements `Emulator`: one device, which replies under any unit address.
 
     Args:
-        unit: The device.
         on_request: Called with True for each request, and with False by `due`.
     """
 

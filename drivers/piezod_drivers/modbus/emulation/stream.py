@@ -35,7 +35,6 @@ class Stream:
     to its output. The first scan comes one interval after the start.
 
     Args:
-        bench: The rig.
         plan: Limits of the device.
         outputs: Each output by its address.
         n_inputs: Number of inputs.

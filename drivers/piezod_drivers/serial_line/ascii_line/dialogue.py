@@ -42,7 +42,6 @@ class AsciiDialogue(BaseDialogue):
     Args:
         line: The line, not open.
         options: Valid options.
-        wiring: The channels in use.
     """
 
     def __init__(self, line: Line, options: AsciiOptions, wiring: Wiring) -> None:

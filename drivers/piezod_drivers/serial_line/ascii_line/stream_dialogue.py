@@ -37,7 +37,6 @@ class AsciiStreamDialogue(BaseDialogue):
     Args:
         line: The line, not open.
         options: Valid options.
-        wiring: The channels in use.
         pattern: Pattern of a line.
     """
 

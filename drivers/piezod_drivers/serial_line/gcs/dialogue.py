@@ -42,10 +42,8 @@ class GcsDialogue(BaseDialogue, ABC):
     form one frame: a cycle takes one round trip.
 
     Args:
-        line: The line.
         timeout_s: Longest wait for each reply in the loop, in s.
         syntax: Text format of the generation.
-        wiring: The channels in use.
         drive: Properties of the outputs.
 
     Attributes:

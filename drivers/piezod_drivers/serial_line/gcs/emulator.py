@@ -88,9 +88,7 @@ class GcsEmulator(Emulator):
     it. With the servo on, an axis keeps its voltage: there is no closed loop.
 
     Args:
-        bench: The rig.
         quirks: Text format of the generation.
-        model: Properties of the controller.
         serial: Serial number, "" for its usual one.
     """
 

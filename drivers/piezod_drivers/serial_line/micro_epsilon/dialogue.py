@@ -28,9 +28,7 @@ class MicroEpsilonDialogue(BaseDialogue):
     becomes invalid.
 
     Args:
-        options: Options of the sensor.
         wiring: The channels in use: the distance or none.
-        line: The line to the sensor.
     """
 
     def __init__(self, options: MicroEpsilonOptions, wiring: Wiring, line: Line) -> None:

@@ -32,9 +32,7 @@ class Lc400Dialogue(BaseDialogue):
     exchange makes late replies harmless.
 
     Args:
-        options: Options of the controller.
         wiring: The channels in use: "1", "2", "3".
-        line: The line to the controller.
 
     Attributes:
         inputs: Numbers of the channels of the inputs.

@@ -43,7 +43,6 @@ class Lc400Player:
     """Implements `PlayDialogue`.
 
     Args:
-        host: The dialogue.
         baud: Bits per second on the line.
     """
 

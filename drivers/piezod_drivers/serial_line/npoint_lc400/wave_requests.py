@@ -73,7 +73,6 @@ class WaveRequests:
     All methods raise `LineFault` if the controller does not reply.
 
     Args:
-        host: The dialogue.
         baud: Bits per second on the line.
     """
 

@@ -11,13 +11,7 @@ from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 
 
 class Gcs1Dialogue(GcsDialogue):
-    """The conversation with a GCS 1 controller, which does not report the range of its outputs.
-
-    Args:
-        line: The line.
-        options: Options of the device.
-        wiring: The channels in use.
-    """
+    """The conversation with a GCS 1 controller, which does not report the range of its outputs."""
 
     def __init__(self, line: Line, options: Gcs1Options, wiring: Wiring) -> None:
         drive = GcsDrive(MEASURED, wire_rate_hz(options.baud, len(wiring.channels)))

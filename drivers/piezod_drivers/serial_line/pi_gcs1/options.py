@@ -1,10 +1,11 @@
 """Options of a controller with GCS 1."""
 
-from typing import Annotated, Self, TypeAlias
+from collections.abc import Iterator
+from typing import Annotated, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
-from piezod.config.fields import Quantity, raise_rules
+from piezod.config.fields import BrokenRule, Quantity
 from piezod_drivers.serial_line.options import PortOptions, TimeoutMs, range_rules
 
 Axis: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Z]$")]
@@ -23,7 +24,5 @@ class Gcs1Options(PortOptions):
         default=(-20.0, 120.0), description="Lowest and highest voltage of its amplifiers, V."
     )
 
-    @model_validator(mode="after")
-    def _check_range(self) -> Self:
-        raise_rules(range_rules(self.range_v))
-        return self
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        yield from range_rules(self.range_v)

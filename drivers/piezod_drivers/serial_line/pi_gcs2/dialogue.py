@@ -25,11 +25,6 @@ _REFUSALS: Final = frozenset({DeviceFlag.WRONG_REQUEST, DeviceFlag.LOCAL_MODE})
 class Gcs2Dialogue(GcsDialogue):
     """The conversation with a GCS 2.0 controller.
 
-    Args:
-        line: The line.
-        options: Options of the device.
-        wiring: The channels in use.
-
     Attributes:
         numbers: Number of the piezo channel and of the wave generator of each output.
         player: Plays tables on the outputs.

@@ -55,7 +55,6 @@ class Gcs2Emulator(GcsEmulator):
     """Adds what only GCS 2.0 has: online mode, voltage limits, travel, wave generators, recorder.
 
     Args:
-        bench: The rig.
         serial: Serial number, "" for its usual one.
     """
 

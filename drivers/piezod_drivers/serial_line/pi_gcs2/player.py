@@ -45,7 +45,6 @@ class Gcs2Player:
     """Implements `PlayDialogue`.
 
     Args:
-        host: The dialogue.
         at_end: What an output does after its last cycle.
         measures: Whether the voltages in force are measured; otherwise a stop leaves them unknown.
         byte_ns: Time of a byte on the line, in ns.

@@ -67,7 +67,6 @@ class WaveRequests:
     """Asks and sets generators and recorder. Not real-time safe.
 
     Args:
-        host: The dialogue.
         byte_ns: Time of a byte on the line, in ns.
 
     Raises:

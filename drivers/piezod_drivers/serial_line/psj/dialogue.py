@@ -34,8 +34,6 @@ class PsjDialogue(BaseDialogue):
 
     Args:
         line: The line, not open.
-        profile: The model.
-        wiring: The channels in use.
         range_v: Lowest and highest voltage, in V.
         timeout_s: Longest wait for a reply, in s.
         remote: Whether the configuration confirms that an NV40 is under remote control.
@@ -57,7 +55,7 @@ class PsjDialogue(BaseDialogue):
         at_end: AtEnd = AtEnd.UNKNOWN,
     ) -> None:
         self._session = PsjSession(line, profile, timeout_s)
-        super().__init__(wiring, line, self._session)
+        super().__init__(wiring, line, self._session.conversation)
         self._line, self._profile, self._range_v, self._remote = line, profile, range_v, remote
         # Channels are called ch0, ch1, ….
         self._inputs = [int(name[2:]) for name in wiring.inputs]
@@ -82,7 +80,7 @@ class PsjDialogue(BaseDialogue):
     def open(self) -> Identity:
         """Connect, identify the device and read its limits; the outputs keep their values."""
         self._line.open()
-        self._session.restart()
+        self._session.conversation.restart()
         if self.player is not None:
             self.player.forget()
         identity = identity_of(self._session, self._profile, self._line.where)
@@ -93,7 +91,7 @@ class PsjDialogue(BaseDialogue):
         self._channel_flags = dict.fromkeys(self._channels, NO_FLAGS)
         self._source_flags = dict.fromkeys(self._channels, NO_FLAGS)
         self._ages = [ReadingAge(round(self._profile.refresh_s * 1e9)) for _ in self._inputs]
-        self._session.forget_noticed()
+        self._session.conversation.forget_noticed()
         return identity
 
     def capabilities(self) -> Capabilities:
@@ -125,7 +123,7 @@ class PsjDialogue(BaseDialogue):
         for _ in range(self._n_turns()):
             self._turns.restart()
             self._poll_status()
-        self._session.forget_noticed()
+        self._session.conversation.forget_noticed()
 
     def sample(self, now_ns: int) -> Reading:
         """Read every input, in µm, with the instant of its last refresh. Real-time safe."""

@@ -59,8 +59,6 @@ class Nv200Player:
     """Implements `PlayDialogue`.
 
     Args:
-        host: The dialogue.
-        requests: The exchanges with generator and recorder.
         at_end: What the output does after its last cycle.
     """
 

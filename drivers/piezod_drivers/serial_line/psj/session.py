@@ -1,6 +1,5 @@
 """Requests to an amplifier of piezosystem jena and its replies, one at a time."""
 
-from contextlib import AbstractContextManager
 from functools import partial
 from typing import Final
 
@@ -21,31 +20,17 @@ class PsjSession:
 
     Args:
         line: The line; its owner opens and closes it.
-        profile: The model.
         timeout_s: Longest wait for a reply, in s.
+
+    Attributes:
+        conversation: Requests and replies as bytes.
     """
 
     def __init__(self, line: Line, profile: PsjProfile, timeout_s: float) -> None:
-        self._line, self._profile, self._timeout_s = line, profile, timeout_s
+        self._line, self._profile = line, profile
         self._slow_ns = round(SLOW_FACTOR * timeout_s * 1e9)
-        self._conversation = Conversation(line, timeout_s)
+        self.conversation = Conversation(line, timeout_s)
         self._frame: LengthOf = codec.framed if profile.frames else codec.line
-
-    def restart(self) -> None:
-        """Forget earlier exchanges; call it whenever the line was opened."""
-        self._conversation.restart()
-
-    def opening(self) -> AbstractContextManager[None]:
-        """Repeat the first request of a block as long as the device may boot."""
-        return self._conversation.opening()
-
-    def take_noticed(self) -> set[DeviceFlag]:
-        """Return and clear the flags of faults that no call has raised. Real-time safe."""
-        return self._conversation.take_noticed()
-
-    def forget_noticed(self) -> None:
-        """Clear the flags of bytes that came before the first request; they are no fault."""
-        self._conversation.forget_noticed()
 
     def command(self, name: str, channel: int | None = None, *values: float) -> bytes:
         """Return a command, as `codec.command` does."""
@@ -53,7 +38,7 @@ class PsjSession:
 
     def tell(self, name: str, channel: int | None = None, *values: float) -> None:
         """Send a command that has no reply. Real-time safe."""
-        self._conversation.tell(self.command(name, channel, *values))
+        self.conversation.tell(self.command(name, channel, *values))
 
     def ask(self, name: str, channel: int | None = None, *values: float) -> str:
         """Return the text of the reply to a setting. Real-time safe.
@@ -63,7 +48,7 @@ class PsjSession:
         """
         request = self.command(name, channel, *values)
         fits = partial(codec.is_acknowledgement_of, name)
-        return codec.text_of(self._conversation.ask(request, self._frame, fits=fits))
+        return codec.text_of(self.conversation.ask(request, self._frame, fits=fits))
 
     def value(self, name: str, channel: int | None = None) -> str:
         """Return the only value of the reply to a query. Real-time safe."""
@@ -98,7 +83,7 @@ class PsjSession:
         request = self.command(name, channel)
         named = channel if self._profile.numbered else None
         fits = partial(codec.is_reply_to, answer or name, named)
-        frame = self._conversation.ask(request, length_of or self._frame, fits=fits)
+        frame = self.conversation.ask(request, length_of or self._frame, fits=fits)
         return codec.fields(codec.text_of(frame), answer or name, named, count)
 
     def indexed(self, name: str, index: int, *others: int) -> list[str]:
@@ -113,16 +98,14 @@ class PsjSession:
         """
         fits = partial(codec.is_reply_to, name, index)
         request = self.command(name, None, index, *others)
-        frame = self._conversation.ask(request, self._frame, fits=fits)
+        frame = self.conversation.ask(request, self._frame, fits=fits)
         return codec.values_of(codec.text_of(frame), name, index)
 
     def record(self, name: str, index: int, within_ns: int) -> list[str]:
         """Return the values behind an index in a reply with a whole record."""
         fits = partial(codec.is_reply_to, name, index)
         request = self.command(name, None, index)
-        frame = self._conversation.ask(
-            request, codec.framed_record, timeout_ns=within_ns, fits=fits
-        )
+        frame = self.conversation.ask(request, codec.framed_record, timeout_ns=within_ns, fits=fits)
         return codec.values_of(codec.text_of(frame), name, index)
 
     def ask_slowly(
@@ -135,7 +118,7 @@ class PsjSession:
         """
         request, find = self.command(name, channel), length_of or self._frame
         try:
-            return self._conversation.ask(request, find, timeout_ns=self._slow_ns)
+            return self.conversation.ask(request, find, timeout_ns=self._slow_ns)
         except LineFault as fault:
             if fault.flag is not DeviceFlag.LATE_REPLY:
                 raise
@@ -143,6 +126,5 @@ class PsjSession:
         end_ns = self._line.now_ns() + PATIENCE * self._slow_ns
         while (left_ns := end_ns - self._line.now_ns()) > 0:
             self._line.receive(left_ns)
-        # A new conversation: the old one would still wait for the missing reply.
-        self._conversation = Conversation(self._line, self._timeout_s)
+        self.conversation.give_up()
         return b""

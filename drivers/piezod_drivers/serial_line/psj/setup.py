@@ -28,7 +28,7 @@ def identity_of(session: PsjSession, profile: PsjProfile, where: str) -> Identit
     """
     length_of = None if profile.frames else codec.prompt
     # Half a setpoint and a new command together must not become another setpoint.
-    with session.opening():
+    with session.conversation.opening():
         session.ask_slowly(_NO_COMMAND, None, length_of)
     # The reply to an empty command is the greeting, with model and version.
     frame = session.ask_slowly("", None, length_of)

@@ -40,7 +40,6 @@ class WaveRequests:
     All methods raise `LineFault` if the device refuses, or does not reply.
 
     Args:
-        session: The exchanges with the device.
         baud: Bits per second on the line.
     """
 

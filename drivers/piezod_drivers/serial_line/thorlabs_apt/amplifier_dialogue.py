@@ -40,9 +40,7 @@ class AmplifierDialogue(BaseDialogue):
     that was switched off meanwhile has lost it.
 
     Args:
-        options: Options of the cube.
         wiring: The channels in use: the output or none.
-        line: The line to the amplifier.
     """
 
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:

@@ -46,7 +46,6 @@ class _CubeEmulator(Emulator):
 
     Args:
         bench: The rig; its clock is used.
-        hardware: Identity.
     """
 
     def __init__(self, bench: SharedRig, hardware: Hardware) -> None:

@@ -23,9 +23,6 @@ class FilteredLine(LineWrapper):
 
     Statuses and settings that are not wanted are set aside. Error messages and garbage
     are noticed. All other messages are dropped.
-
-    Args:
-        line: The line to the device.
     """
 
     def __init__(self, line: Line) -> None:

@@ -35,9 +35,7 @@ class ReaderDialogue(BaseDialogue):
     display modes. A knob of the reader changes the mode, so it is requested all the time.
 
     Args:
-        options: Options of the cube.
         wiring: The channels in use: the input or none.
-        line: The line to the reader.
     """
 
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:

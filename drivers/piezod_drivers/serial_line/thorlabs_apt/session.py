@@ -26,10 +26,6 @@ class AptSession:
     time-out, nothing is requested until the late reply has come or counts as lost. Every request
     raises `LineFault` if no reply comes.
 
-    Args:
-        options: Options of the cube.
-        line: The line to the cube.
-
     Attributes:
         line: That line; unrequested messages are set aside.
         conversation: Requests and replies.

@@ -19,7 +19,6 @@ class SideRequest:
 
     Args:
         line: The line to the cube; it sets the reply aside.
-        request: The request.
         answer: Identifier of its reply.
     """
 

@@ -44,7 +44,6 @@ class MdtDialogue(BaseDialogue):
     is set then. Afterwards a reply is recognized by its end.
 
     Args:
-        line: The line.
         timeout_s: Longest wait for each reply in the loop, in s.
         wiring: The channels in use: x, y, z.
     """

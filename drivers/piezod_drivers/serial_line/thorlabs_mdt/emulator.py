@@ -28,8 +28,6 @@ class MdtEmulator(Emulator):
     """Implements `Emulator`: voltages, their limits, identity, echo and compatibility mode.
 
     Args:
-        model: Properties of the amplifier.
-        bench: The rig.
         serial: Serial number, "" for its usual one.
     """
 

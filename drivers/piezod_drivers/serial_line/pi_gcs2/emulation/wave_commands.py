@@ -28,11 +28,7 @@ _PARAMETERS: Final = {
 
 
 class WaveCommands:
-    """Carries out the commands of wave generators and data recorder.
-
-    Args:
-        waves: The generators.
-    """
+    """Carries out the commands of wave generators and data recorder."""
 
     def __init__(self, waves: WaveGenerators) -> None:
         self._waves, self._generators = waves, waves.generators

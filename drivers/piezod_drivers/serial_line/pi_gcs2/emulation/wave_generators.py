@@ -43,7 +43,6 @@ class WaveGenerators:
     a stop, an output keeps its value.
 
     Args:
-        bench: The rig.
         axes: State of each axis.
 
     Attributes:

@@ -20,7 +20,6 @@ class MdtAEmulator(Emulator):
     CR ends a command; an LF belongs to the next one.
 
     Args:
-        bench: The rig.
         serial: Serial number, which this model does not report.
     """
 
