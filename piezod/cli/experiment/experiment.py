@@ -78,10 +78,10 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     Prints the errors of each case in each mode in % of the displacement range, the origin of the
     model, the warnings, and the path of the report.
     """
+    _check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
     # numba, scipy and matplotlib take long to import.
     from piezod.cli.experiment.run import Choices, run
 
-    _check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
     on = (lambda: connect(stage, socket)) if live else None
     run(file, out, Choices(seed, largest_step_pct, tables, on), json=json)
 
