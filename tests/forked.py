@@ -73,11 +73,7 @@ class Forked:
         return self._process.exitcode
 
     def wait(self, within_s: float | None = None) -> int:
-        """Wait for its end; return its exit code.
-
-        Raises:
-            TimeoutExpired: If it lives on.
-        """
+        """Wait for its end; return its exit code."""
         self._process.join(within_s)
         code = self._process.exitcode
         if code is None:
@@ -103,16 +99,7 @@ class Forked:
 
 
 class Piped(Forked):
-    """One that is talked to.
-
-    Args:
-        arguments: Of `piezod`, or of another module.
-        module: What it runs.
-
-    Attributes:
-        stdin: What is written here, it reads from standard input.
-        stdout: What it prints.
-    """
+    """One that is talked to."""
 
     def __init__(self, arguments: Sequence[str], module: str = PIEZOD) -> None:
         read_fd, stdin_fd = os.pipe()

@@ -52,9 +52,6 @@ def files_of_a_verb(name: str = EXAMPLE) -> Measure:
 
     A file names a verb if it has its request class, its name as a text, or, in the rooms on the way
     of a request, a function of its name.
-
-    Args:
-        name: Name of the verb in the table of commands.
     """
     files = (file for folder in PRODUCT for file in sorted((ROOT / folder).rglob("*.py")))
     found = (str(each.relative_to(ROOT)) for each in files if _names(each, name))

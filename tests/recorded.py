@@ -32,12 +32,7 @@ LATE = CycleTiming(0, 1, 10_000, 0, 0)
 
 
 def new_stage(axis: StageAxisConfig | None = None, variant: str = "stack") -> RigStage:
-    """Return the shipped stage with a slower loop, in SAFE.
-
-    Args:
-        axis: Another configuration of its axis.
-        variant: Another variant of the rig.
-    """
+    """Return the shipped stage with a slower loop, in SAFE."""
     config = shipped_config()
     rig = config.devices["rig"]
     options = rig.options.model_copy(update={"variant": variant})
@@ -72,10 +67,7 @@ def run_modes(stage: RigStage, modes: Sequence[Mode]) -> None:
 def write_recording(path: Path, stage: RigStage, weights: Sequence[float] = ()) -> None:
     """Write all cycles of a stage as a daemon records them.
 
-    Args:
-        path: The file.
-        stage: The stage.
-        weights: Weights of axis x in use at the start; none are recorded by default.
+    No weights of axis x are recorded by default.
     """
     config = stage.config
     model = config.axes["x"].model

@@ -44,11 +44,7 @@ DAMAGES: tuple[Callable[[Path], object], ...] = (
 
 
 class Folder:
-    """A module with one kernel, and a place for its cache.
-
-    Args:
-        path: An empty folder.
-    """
+    """A module with one kernel, and a place for its cache."""
 
     def __init__(self, path: Path) -> None:
         self.cache = path / "cache"

@@ -24,13 +24,7 @@ ENDED_WITHIN_S: Final = 20.0
 class Machine:
     """Processes of piezod that see nothing of the rest of this computer.
 
-    Args:
-        folder: An empty folder with a short path, because it will contain sockets.
-
-    Attributes:
-        config: A copy of the shipped configurations.
-        stage: The daemon that was started last.
-        web: The server of the page.
+    In a folder with a short path, because it will contain sockets.
     """
 
     stage: "subprocess.Popen[str]"
@@ -69,11 +63,7 @@ class Machine:
         return process
 
     def start_stage(self, config: str = "simulated.yaml") -> "subprocess.Popen[str]":
-        """Start the daemon of a stage; return when it accepts requests.
-
-        Args:
-            config: The configuration file, in the folder `config`.
-        """
+        """Start the daemon of a stage; return when it accepts requests."""
         log = self.folder / "run.log"
         begin = log.stat().st_size if log.exists() else 0
         self.stage = process = self.start("run", str(self.config / config))

@@ -17,13 +17,7 @@ MS = 1_000_000
 
 
 class FakeDevices:
-    """Sensors and amplifiers of two axes.
-
-    Attributes:
-        samples: Samples that `read` returns.
-        refuses: Whether writes are refused.
-        drive_v: Voltages that were taken last, in V.
-    """
+    """Sensors and amplifiers of two axes."""
 
     def __init__(self, log: list[str], samples: Sequence[Sample]) -> None:
         self.log, self.samples = log, samples

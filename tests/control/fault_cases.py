@@ -36,14 +36,7 @@ SLEW_STEP_V = SLEW_V_PER_S / quick_config().rate_hz + 1e-9
 class SwingingStage(FaultyStage):
     """A stage that follows a sine, and conditions and ramps quickly.
 
-    Args:
-        mode: Mode in which it follows.
-        model: Its model, see `surface_rig`.
-        holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
-        reads_back: Whether the amplifier reports its voltage.
-        tells_restart: Whether the amplifier reports a restart.
-        strict_rt: Whether a single stall stops the stage.
-        rate_hz: Rate of the loop; the one in the repository if None.
+    The options are those of `FaultyStage` and its loop.
     """
 
     def __init__(
@@ -51,19 +44,15 @@ class SwingingStage(FaultyStage):
         mode: Mode = Mode.ADAPTIVE,
         model: str = "stops",
         *,
-        holds: bool = False,
-        reads_back: bool = True,
-        tells_restart: bool = False,
         strict_rt: bool = False,
         rate_hz: float | None = None,
+        **options: Any,
     ) -> None:
         config = with_model(quick_config(), model)
         loop = config.loop.model_copy(update={"strict_rt": strict_rt})
         super().__init__(
             config.model_copy(update={"loop": loop, "rate_hz": rate_hz or config.rate_hz}),
-            holds=holds,
-            reads_back=reads_back,
-            tells_restart=tells_restart,
+            **options,
         )
         self.cycle()
         self.do(rq.Arm(confirm_output=True), rq.SelectMode(mode=mode), SWING)

@@ -1,11 +1,11 @@
-"""Properties of every guard, and broken guards that the properties must detect."""
+"""Properties that a guard has for any voltages, times and plans."""
 
 from collections.abc import Callable, Sequence
 from math import inf, isfinite, isnan, nan
 
 from hypothesis import strategies as st
 
-from piezod.control.guard import Admitted, Guard, Limits
+from piezod.control.guard import Admitted, Limits
 
 LIMITS = (Limits(-10.0, 150.0, 20_000.0), Limits(0.0, 100.0, 500.0))
 LONGEST_S = 2e-3
@@ -69,67 +69,3 @@ def check_reported(admitted: Admitted, axis: int, asked_v: float, after_v: float
 def same(first: float, second: float) -> bool:
     """Return whether two floats are the same; NaN equals NaN."""
     return first == second or (isnan(first) and isnan(second))
-
-
-def _broken(drive_v: Callable[[float, float, Limits, float], float]) -> Admit:
-    """Return a guard that is right except for the voltages, which a function makes."""
-    good = Guard(LIMITS, LONGEST_S)
-
-    def admit(
-        planned_t_ns: int,
-        t_ns: int,
-        asked_v: Sequence[float],
-        in_force_v: Sequence[float],
-        elapsed_s: float,
-    ) -> Admitted:
-        admitted = good.admit(planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s)
-        broken_v = map(drive_v, asked_v, in_force_v, LIMITS, (elapsed_s, elapsed_s))
-        return admitted._replace(drive_v=list(broken_v))
-
-    return admit
-
-
-def _clamped(asked_v: float, _: float, limits: Limits, __: float) -> float:
-    return max(limits.drive_min_v, min(limits.drive_max_v, asked_v))
-
-
-def _slew_then_clamp(asked_v: float, before_v: float, limits: Limits, elapsed_s: float) -> float:
-    reach_v = limits.slew_v_per_s * elapsed_s
-    return _clamped(max(before_v - reach_v, min(before_v + reach_v, asked_v)), 0.0, limits, 0.0)
-
-
-def _unclamped_time(asked_v: float, before_v: float, limits: Limits, elapsed_s: float) -> float:
-    return limits.admit(asked_v, before_v, elapsed_s)
-
-
-def _without_range(asked_v: float, before_v: float, limits: Limits, elapsed_s: float) -> float:
-    del limits
-    wide = Limits(-1e9, 1e9, 500.0)
-    return wide.admit(asked_v, before_v, min(max(elapsed_s, 0.0), LONGEST_S))
-
-
-def _ignores_staleness(
-    _: int, t_ns: int, asked_v: Sequence[float], in_force_v: Sequence[float], elapsed_s: float
-) -> Admitted:
-    return Guard(LIMITS, LONGEST_S).admit(t_ns, t_ns, asked_v, in_force_v, elapsed_s)
-
-
-def _to_zero_when_unknown(
-    planned_t_ns: int,
-    t_ns: int,
-    asked_v: Sequence[float],
-    in_force_v: Sequence[float],
-    elapsed_s: float,
-) -> Admitted:
-    known_v = [v if isfinite(v) else 0.0 for v in in_force_v]
-    return Guard(LIMITS, LONGEST_S).admit(planned_t_ns, t_ns, asked_v, known_v, elapsed_s)
-
-
-BROKEN_GUARDS: dict[str, Admit] = {
-    "a clamp turns NaN into full scale": _broken(_clamped),
-    "slew, then clamp": _broken(_slew_then_clamp),
-    "catches up after a pause in one step": _broken(_unclamped_time),
-    "no range": _broken(_without_range),
-    "accepts the plan of any cycle": _ignores_staleness,
-    "takes an unknown voltage for 0 V": _to_zero_when_unknown,
-}

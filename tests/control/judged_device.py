@@ -49,14 +49,7 @@ OF_SENSOR: Final = sum(1 << i for i, rule in enumerate(FAULTS) if rule.source is
 
 
 class JudgedDevice(FaultyDevice):
-    """A device of one axis with an output of its own, which may fail, and a judge.
-
-    Args:
-        inner: The device that works.
-        limits: Limits of the drive.
-        period_ns: Period of the loop, in ns.
-        seed: Seed of noise and garbage.
-    """
+    """A device of one axis with an output of its own, which may fail, and a judge."""
 
     def __init__(
         self, inner: SensorAmplifier, limits: Limits, period_ns: int, seed: int = 0

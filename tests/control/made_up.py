@@ -50,10 +50,7 @@ class Kind(NamedTuple):
     ) -> list[float]:
         """Return the drives of a compensator for commands, without limits.
 
-        Args:
-            subject: The compensator.
-            commands: The commands.
-            identified: Weights of the identifier; by default those of this hysteresis.
+        The identifier has the weights of this hysteresis, unless others are given.
         """
         followed = self.weights if identified is None else identified
         return [subject.step(float(command), 0.0, 1.0, followed) for command in commands]

@@ -59,14 +59,8 @@ class OwnOutput:
     """Implements `Sensor`, `Amplifier` and `KnowsTruth` over a device with one output.
 
     Of two faults of the output that are present, the newer one counts; of the read-back likewise.
-
-    Args:
-        inner: The device. It does at once what it is told.
-        range_v: Lowest and highest voltage that the output can have, in V.
-
-    Attributes:
-        faults: The faults; more may be added at any time, and past ones removed.
-        steps_v: The largest step that the output has made without a write, by kind, in V.
+    Faults may be added at any time. `steps_v` has the largest step that the output has made
+    without a write, by kind, in V.
     """
 
     def __init__(self, inner: SensorAmplifier, range_v: tuple[float, float]) -> None:
@@ -137,8 +131,7 @@ class OwnOutput:
     def play(self, points: Iterable[tuple[int, float]]) -> None:
         """Play voltages by its own clock; none stops the play, and the output keeps its voltage.
 
-        Args:
-            points: Instant, in ns, and voltage, in V, of each point.
+        Each point has its instant, in ns, and its voltage, in V.
         """
         self._points = deque(points)
 

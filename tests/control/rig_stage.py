@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from math import inf
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Self, cast
 
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.faults import Fault
@@ -19,6 +19,7 @@ from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device
 from piezod.devices.wiring import ChannelPair, construct, pairs_of
+from piezod.messages import requests as rq
 from piezod.messages.requests import Request
 from piezod.telemetry.record import AxisRecord, CycleRecord, StageEvent
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
@@ -50,9 +51,13 @@ def quick_config() -> DaemonConfig:
     brief = axis.conditioning.model_copy(update={"cycles": 2, "frequency_hz": 5.0})
     steep = axis.safety.model_copy(update={"ramp_v_per_s": QUICK_RAMP_V_PER_S})
     slow = axis.limits.model_copy(update={"slew_v_per_s": SLEW_V_PER_S})
-    changed = {"conditioning": brief, "safety": steep, "limits": slow}
-    quick_axis = axis.model_copy(update=changed)
-    return shipped_config().model_copy(update={"axes": {"x": quick_axis}})
+    return with_axis(shipped_config(), conditioning=brief, safety=steep, limits=slow)
+
+
+def with_axis(config: DaemonConfig, **changed: object) -> DaemonConfig:
+    """Return a configuration of one stage with changes of its axis."""
+    axis = config.axes["x"].model_copy(update=changed)
+    return config.model_copy(update={"axes": {"x": axis}})
 
 
 def cycles_until(records: Sequence[CycleRecord], happens: Callable[[CycleRecord], bool]) -> int:
@@ -88,14 +93,8 @@ class RecordingChannels(Channels):
 class RigStage:
     """A controller with a simulated rig; the test advances the time.
 
-    Args:
-        config: Configuration; the one in the repository if None.
-        wrap: Wraps each device, for faults.
-        memory_known: Whether the hysteresis memory is known at the start.
-        holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
-        reads_back: Whether the amplifier reports its voltage.
-        tells_restart: Whether the amplifier reports a restart.
-        plays: Runs the plays of the rig.
+    Its amplifier keeps its voltage when it is deactivated, reads back, and reports a restart as
+    `holds`, `reads_back` and `tells_restart` say.
     """
 
     def __init__(
@@ -113,6 +112,7 @@ class RigStage:
         axes = pairs_of(self.config.axes)
         built = construct(self.config.devices, axes, self.config.seed)
         devices = {name: wrap(device) for name, device in built.items()}
+        self.wrapped = tuple(devices.values())
         self.period_ns = round(NS_PER_S / self.config.rate_hz)
         self.t_ns = 0
         self.channels = RecordingChannels(devices, axes, reads_back=reads_back)
@@ -165,6 +165,11 @@ class RigStage:
         return self.records[-1].axes[0]
 
     @property
+    def output_v(self) -> float:
+        """Voltage that is read back now, in V."""
+        return self.channels.read_back(self.t_ns)[0]
+
+    @property
     def state(self) -> str:
         """Present state."""
         return self.controller.state.value
@@ -196,12 +201,14 @@ class RigStage:
             answer = self.ask(request)
             assert answer.accepted, f"{request}: {answer.why}"
 
-    def until(self, state: str, within_s: float = 10.0) -> None:
-        """Run until a state is reached.
+    def armed(self, *requests: Request) -> Self:
+        """Arm it in SAFE, and send these requests, which must be accepted; return it."""
+        self.until("SAFE")
+        self.do(rq.Arm(), *requests)
+        return self
 
-        Raises:
-            TimeoutError: If the state is not reached in time.
-        """
+    def until(self, state: str, within_s: float = 10.0) -> None:
+        """Run until a state is reached."""
         for _ in range(round(within_s * NS_PER_S / self.period_ns)):
             if self.state == state:
                 return
@@ -221,35 +228,17 @@ class RigStage:
 
 
 class FaultyStage(RigStage):
-    """A stage whose rig fails on command.
-
-    Args:
-        config: Configuration; the one in the repository if None.
-        holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
-        reads_back: Whether the amplifier reports its voltage.
-        tells_restart: Whether the amplifier reports a restart.
-        faulty: Makes the rig fail.
-    """
+    """A stage whose rig fails on command."""
 
     def __init__(
         self,
         config: DaemonConfig | None = None,
         *,
-        holds: bool = False,
-        reads_back: bool = True,
-        tells_restart: bool = False,
         faulty: Callable[[SensorAmplifier], FaultyDevice] = FaultyDevice,
+        **options: Any,
     ) -> None:
-        built: list[FaultyDevice] = []
-
-        def wrapped(device: Device) -> Device:
-            built.append(faulty(cast("SensorAmplifier", device)))
-            return built[0]
-
-        super().__init__(
-            config, wrapped, holds=holds, reads_back=reads_back, tells_restart=tells_restart
-        )
-        (self.device,) = built
+        super().__init__(config, lambda device: faulty(cast("SensorAmplifier", device)), **options)
+        (self.device,) = cast("tuple[FaultyDevice]", self.wrapped)
 
     def fail(self, kind: InjectionKind, cycles: int | None = None, **what: Any) -> None:
         """Make the rig fail from the next cycle on, for some cycles or for ever."""

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from piezod.config.daemon import DaemonConfig
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -17,6 +16,7 @@ from tests.control.rig_stage import (
     has_left_run,
     quick_config,
     shipped_config,
+    with_axis,
 )
 
 SINE = Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0)
@@ -44,32 +44,12 @@ def running(stage: RigStage, mode: Mode = Mode.FEEDFORWARD) -> RigStage:
     return stage
 
 
-def with_axis(config: DaemonConfig, **changed: object) -> DaemonConfig:
-    """Return a configuration whose axis x is changed."""
-    axis = config.axes["x"].model_copy(update=changed)
-    return config.model_copy(update={"axes": {"x": axis}})
-
-
 def test_healthy_stage_starts_disarmed_and_writes_nothing(stage: RigStage) -> None:
     """The first cycle passes the self-test; SAFE writes nothing for a second."""
     stage.run(1.0)
 
     assert stage.state == State.SAFE
     assert stage.channels.writes == []
-
-
-def test_arming_holds_the_read_back_voltage(stage: RigStage) -> None:
-    """The first voltage that is written is the one in force."""
-    stage.channels.write([30.0], stage.t_ns)  # voltage of another program
-    stage.run(0.5)
-    stage.channels.writes.clear()
-    stage.do(rq.Arm())
-    stage.run(0.1)
-
-    written = [drive_v[0] for _, drive_v in stage.channels.writes]
-    assert stage.state == State.READY
-    assert written == pytest.approx([30.0] * len(written), abs=0.5)
-    assert np.ptp(written) == 0.0
 
 
 @pytest.mark.parametrize("mode", list(Mode))
@@ -203,7 +183,7 @@ def test_shutdown_ends_at_the_safe_voltage_from_every_state(
     stage.until("STOPPING")
 
     assert stage.controller.finished
-    assert stage.channels.read_back(stage.t_ns)[0] == pytest.approx(0.0, abs=0.5)
+    assert stage.output_v == pytest.approx(0.0, abs=0.5)
 
 
 @pytest.mark.fault("E1")
@@ -240,15 +220,13 @@ def test_emergency_stop_cuts_if_configured() -> None:
     stage.do(rq.Estop())
     stage.run(0.05)
 
-    assert stage.channels.read_back(stage.t_ns)[0] < 1.0
+    assert stage.output_v < 1.0
 
 
 def test_conditioning_makes_the_memory_known() -> None:
     """Before it, adaptive modes are refused; its swing covers the range and ends at rest."""
     swing = shipped_config().axes["x"].conditioning.model_copy(update={"frequency_hz": 5.0})
-    stage = RigStage(with_axis(shipped_config(), conditioning=swing), memory_known=False)
-    stage.cycle()
-    stage.do(rq.Arm())
+    stage = RigStage(with_axis(shipped_config(), conditioning=swing), memory_known=False).armed()
     refused = stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE))
     stage.do(rq.Condition())
     records = stage.run(1.8)
@@ -266,9 +244,7 @@ def test_arming_conditions_if_configured() -> None:
     """`arm` leads to IDENT and then to READY."""
     config = quick_config()
     swing = config.axes["x"].conditioning.model_copy(update={"on_arm": True})
-    stage = RigStage(with_axis(config, conditioning=swing))
-    stage.cycle()
-    stage.do(rq.Arm())
+    stage = RigStage(with_axis(config, conditioning=swing)).armed()
     during = stage.state
     stage.until("READY", within_s=20.0)
 

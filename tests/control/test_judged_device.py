@@ -115,16 +115,6 @@ def test_old_write_may_not_wait_for_an_output_that_fell() -> None:
     assert len(rig.device.violations) == 1
 
 
-def test_steps_of_piezod_and_of_the_amplifier_are_listed_apart() -> None:
-    """The release of a stuck output is the amplifier's; the writes before it are not."""
-    rig = Rig(OutputKind.STUCK)
-    rig.until(BEGINS, 60.0)
-    rig.until(ENDS, 75.0)
-
-    assert rig.device.output.steps_v == {OutputKind.STUCK: 15.0}
-    assert rig.device.largest_v == pytest.approx(20.0, abs=0.3)
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_write_that_nobody_can_judge_is_apart(known: bool) -> None:
     """A new process knows of no write: a false read-back without a sensor proves nothing."""

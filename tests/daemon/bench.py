@@ -9,6 +9,7 @@ from typing import TypeVar, get_type_hints
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.drive_limits import DriveLimit
+from piezod.config.faults import Fault
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -24,7 +25,7 @@ from piezod.telemetry.layout import Layout
 from piezod.telemetry.record import AxisRecord
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap, create
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from tests.daemon.fake_loop import FakeLoop
 
 PEER = Peer(os.getuid(), os.getpid(), "somebody", "test", Role.ENGINEER)
@@ -81,6 +82,12 @@ class Bench:
     ) -> None:
         """Write a record like a loop; numbers that are not given are NaN."""
         write_record(self.loop.shared, state, present, latched=latched, shadow=shadow, **axis)
+
+    def reported(self) -> list[Fault]:
+        """Return the faults that the supervisor reports to the loop."""
+        self.link.report_faults()
+        bits = self.loop.shared.words[Word.SUPERVISOR_FAULTS]
+        return [fault for place, fault in enumerate(SUPERVISOR_FAULTS) if bits >> place & 1]
 
     async def _reload(self, peer: Peer) -> Reloaded:
         return Reloaded((f"by {peer.user}",))

@@ -1,5 +1,6 @@
 """Fixtures for the tests of the daemon."""
 
+import io
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -8,6 +9,10 @@ from pathlib import Path
 import pytest
 import structlog
 
+from piezod.config.daemon import DaemonConfig
+from piezod.daemon.logging import set_up_logging
+from piezod.daemon.loop import accept
+from tests.daemon.bench import Bench
 from tests.daemon.daemons import Daemon, configuration
 
 StartDaemon = Callable[..., Daemon]
@@ -28,6 +33,28 @@ def _log_as_before() -> Iterator[None]:
 def rig_file(tmp_path: Path) -> Path:
     """Return the configuration of a simulated stage, in a folder of its own."""
     return configuration(tmp_path)
+
+
+@pytest.fixture
+def config(rig_file: Path) -> DaemonConfig:
+    """Return the accepted configuration of a simulated stage."""
+    return accept.load(rig_file)
+
+
+@pytest.fixture
+def bench(tmp_path: Path, config: DaemonConfig) -> Iterator[Bench]:
+    """Return a stage without a loop."""
+    bench = Bench(tmp_path, config)
+    yield bench
+    bench.link.stage_audit.close()
+
+
+@pytest.fixture
+def log() -> io.StringIO:
+    """Return the log, in the form for people."""
+    stream = io.StringIO()
+    set_up_logging(stream, {})
+    return stream
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -27,6 +27,8 @@ from tests.forked import Forked, run
 # A unix socket needs no TLS; httpx's own context takes 25 ms to make, too long for polling.
 NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 REPOSITORY = Path(__file__).parents[2]
+EXAMPLE = "/dev/serial/by-id/EXAMPLE"
+"""The port in the shipped configuration of a device."""
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
 ASK_EACH_S = 0.05
 NEXT_VERB = {"SAFE": "arm", "FAULT": "reset", "HOLD": "stop"}
@@ -35,13 +37,7 @@ UP_WITHIN_S = 90.0
 
 
 class Daemon:
-    """`piezod run` with its own folders; no process outlives the object.
-
-    Args:
-        config: The configuration file.
-        arguments: Options of `piezod run`.
-        environ: Further environment variables.
-    """
+    """`piezod run` with its own folders; no process outlives the object."""
 
     def __init__(self, config: Path, *arguments: str, **environ: str) -> None:
         # The path of a socket must be short, and pytest's folders have long ones.
@@ -115,6 +111,15 @@ class Daemon:
             return {}
         return status
 
+    def faults(self) -> set[str]:
+        """Return the ids of the faults that are present or latched."""
+        return {fault["id"] for fault in self.status()["faults"]}
+
+    def zero_um(self) -> float:
+        """Return the sensor zero of axis x, in µm; 0 while it is unknown."""
+        axes = self.ask("GET", "params").json().get("axes")
+        return float(axes["x"]["zero_um"]) if axes else 0.0
+
     def until(self, state: str, within_s: float = 20.0) -> dict[str, Any]:
         """Wait for a state; return the status then."""
 
@@ -137,11 +142,7 @@ class Daemon:
     ) -> dict[str, Any]:
         """Let it move, and repeat the commands if late cycles stop it; return the status in RUN.
 
-        Args:
-            verb: The request that moves an armed stage.
-            fields: Fields of that request.
-            arrived: Returns whether a status in RUN ends the wait.
-            within_s: Longest wait, in s.
+        It has arrived when `arrived` says so of a status in RUN.
         """
         answers: list[str] = []
 
@@ -222,10 +223,7 @@ def configuration(folder: Path, **replaced: str) -> Path:
     """Write the configuration of a simulated stage; return its path.
 
     It is the shipped one, with a rate that a busy machine can keep.
-
-    Args:
-        folder: Its folder.
-        **replaced: New values of lines, by their key.
+    `replaced` has new values of lines, by their key.
     """
     text = SHIPPED.read_text(encoding="utf-8")
     text = text.replace("models/", f"{SHIPPED.parent}/models/")
@@ -233,6 +231,18 @@ def configuration(folder: Path, **replaced: str) -> Path:
         text, count = re.subn(rf"^( *{key}:).*$", rf"\1 {value}", text, flags=re.MULTILINE)
         assert count == 1, key
     path = folder / "rig.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def device_configuration(folder: Path, name: str, replaced: Mapping[str, str]) -> Path:
+    """Write the shipped configuration of a device with parts of its text replaced."""
+    text = (REPOSITORY / "config" / "devices" / f"{name}.yaml").read_text(encoding="utf-8")
+    text = text.replace("../models/", f"{REPOSITORY}/config/models/")
+    for before, after in replaced.items():
+        assert before in text, before
+        text = text.replace(before, after)
+    path = folder / "stage.yaml"
     path.write_text(text, encoding="utf-8")
     return path
 

@@ -17,12 +17,7 @@ from piezod.testing.fake_clock import FakeClock
 
 
 class FakeController:
-    """Accepts every request; reads and writes in each cycle like the real one.
-
-    Args:
-        devices: The devices that it uses.
-        clock: The clock that its cycles advance.
-    """
+    """Accepts every request; reads and writes in each cycle like the real one."""
 
     def __init__(self, devices: TimedChannels, clock: FakeClock) -> None:
         self._devices, self.clock = devices, clock

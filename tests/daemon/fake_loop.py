@@ -30,9 +30,7 @@ from tests.forked import Piped
 class FakeLoop(threading.Thread):
     """Answers requests until a shutdown, or until the block ends.
 
-    Args:
-        shared: The memory shared with a supervisor.
-        answer: Its answer to every request; by default accepted, as motion 7.
+    By default it accepts every request, as motion 7.
     """
 
     def __init__(self, shared: SharedMap, answer: Answer | None = None) -> None:

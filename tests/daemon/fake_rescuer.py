@@ -4,12 +4,7 @@ from collections.abc import Sequence
 
 
 class FakeRescuer:
-    """Notes that it was asked to ramp down, and gives the same answer each time.
-
-    Args:
-        rescues: Gets a word for each ramp and for the end.
-        left: The lines of its answer.
-    """
+    """Notes that it was asked to ramp down, and gives the same answer each time."""
 
     ready = True
 

@@ -21,14 +21,7 @@ WAVE = {"kind": "sine", "low": 4.0, "high": 20.0, "frequency_hz": 1.5}
 
 
 class HostedStage:
-    """A daemon with a rig that outlives it.
-
-    Args:
-        folder: Folder for the files of the rig.
-        start: Starts a daemon.
-        ramp_v_per_s: Rate of the ramp to the safe voltage, in V/s.
-        **environ: Further environment variables of the daemon.
-    """
+    """A daemon with a rig that outlives it."""
 
     def __init__(
         self, folder: Path, start: StartDaemon, ramp_v_per_s: float = 200.0, /, **environ: str
@@ -106,10 +99,8 @@ class HostedStage:
 def assert_gentle(trace: list[Write], late_s: float = 0.0) -> None:
     """Assert that every write is in range and slow enough, and by one process at a time.
 
-    Args:
-        trace: The writes.
-        late_s: How late a write may be, in s. On a busy machine a thread writes, and may send a
-            setpoint late and the next one in time.
+    On a busy machine a thread writes, and may send a setpoint late by `late_s` and the next one in
+    time.
     """
     drivers = [pid for pid, _ in groupby(write.pid for write in trace)]
     assert len(drivers) == len(set(drivers))

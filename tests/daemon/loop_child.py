@@ -38,10 +38,7 @@ def beat(shared: SharedMap, silent: threading.Event) -> None:
 class LoopChild:
     """A loop process, and a thread that renews the beat of its supervisor.
 
-    Args:
-        runtime: The runtime folder.
-        config: The configuration file.
-        words: Words that the supervisor sets before it starts the loop.
+    `words` are set before the loop is started.
     """
 
     def __init__(self, runtime: Path, config: Path, **words: int) -> None:

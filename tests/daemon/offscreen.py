@@ -12,11 +12,7 @@ from tests.daemon.daemons import REPOSITORY, Daemon
 def reported(environment: str, script: Path, daemon: Daemon, packages: Path) -> dict[str, Any]:
     """Run a script that uses a stage; return the document that it prints last.
 
-    Args:
-        environment: Name of its environment in `build`.
-        script: The script.
-        daemon: Daemon of the stage.
-        packages: Folder with what the script also imports.
+    `packages` is a folder with what the script also imports.
     """
     environ = {
         **os.environ,

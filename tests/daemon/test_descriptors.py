@@ -8,7 +8,6 @@ import resource
 import pytest
 
 from piezod.daemon.descriptors import LEAST, WANTED, raise_limit
-from piezod.daemon.logging import set_up_logging
 from piezod.daemon.supervisor.quiet_loop import QuietLoop
 from piezod.errors import PiezodError
 
@@ -45,14 +44,6 @@ def test_too_low_a_limit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
     with pytest.raises(PiezodError, match=r"20 files, at least 128 .*`ulimit -n 1024`"):
         raise_limit()
-
-
-@pytest.fixture
-def log() -> io.StringIO:
-    """Return the log, in the form for people."""
-    stream = io.StringIO()
-    set_up_logging(stream, {})
-    return stream
 
 
 def test_lack_of_descriptors_is_logged_once(log: io.StringIO) -> None:

@@ -26,10 +26,6 @@ def eventually(condition: Callable[[], T], within_s: float = 20.0) -> T:
 
 
 def join(thread: threading.Thread, within_s: float = 20.0) -> None:
-    """Wait for the end of a thread.
-
-    Raises:
-        AssertionError: If the time is over.
-    """
+    """Wait for the end of a thread."""
     thread.join(within_s)
     assert not thread.is_alive(), f"{thread.name} does not end within {within_s:g} s"

@@ -12,49 +12,22 @@ def block(language: str, text: str) -> Block:
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("language", "text", "what"),
     [
-        "piezod goto 12.5 --wait && piezod status --json   # a comment\n",
-        "piezod metrics | grep piezod_state\n",
-        "setpriv --reuid=piezod \\\n  env A=1 /opt/piezod/bin/piezod safe FILE.yaml\n",
-        "make demo\npython -m benchmarks.peers --record stack\n",
-        "systemctl stop piezod@stage1\n",
+        ("python", "import piezod.none\n", "piezod.none"),
+        ("python", "from piezod.client import StageKlient\n", "StageKlient"),
+        ("sh", "piezod fly\n", "no command fly"),
+        ("sh", "piezod record begin\n", "no command begin"),
+        ("sh", "piezod status && piezod goto 12.5 --wiat\n", "--wiat"),
+        ("sh", "env A=1 /opt/piezod/bin/piezod safe --sofe FILE\n", "--sofe"),
+        ("sh", "make no-such-target\n", "no target no-such-target"),
+        ("sh", "python -m benchmarks.none\n", "no module benchmarks.none"),
+        ("sh", "frobnicate\n", "no program frobnicate"),
     ],
 )
-def test_right_commands_pass(text: str) -> None:
-    """Commands that exist, with options that they have, give no mistake."""
-    assert mistakes(block("sh", text)) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "what"),
-    [
-        ("piezod fly\n", "no command fly"),
-        ("piezod record begin\n", "no command begin"),
-        ("piezod status && piezod goto 12.5 --wiat\n", "--wiat"),
-        ("env A=1 /opt/piezod/bin/piezod safe --sofe FILE\n", "--sofe"),
-        ("make no-such-target\n", "no target no-such-target"),
-        ("python -m benchmarks.none\n", "no module benchmarks.none"),
-        ("frobnicate\n", "no program frobnicate"),
-    ],
-)
-def test_wrong_commands_are_found(text: str, what: str) -> None:
-    """Each wrong command gives one mistake, which names it."""
-    (mistake,) = mistakes(block("sh", text))
-
-    assert what in mistake
-
-
-@pytest.mark.parametrize(
-    ("text", "what"),
-    [
-        ("import piezod.none\n", "piezod.none"),
-        ("from piezod.client import StageKlient\n", "StageKlient"),
-    ],
-)
-def test_wrong_names_of_python_are_found(text: str, what: str) -> None:
-    """A module or a name that does not exist gives one mistake."""
-    (mistake,) = mistakes(block("python", text))
+def test_what_does_not_exist_is_found(language: str, text: str, what: str) -> None:
+    """Each wrong command, module or name gives one mistake, which names it."""
+    (mistake,) = mistakes(block(language, text))
 
     assert what in mistake
 

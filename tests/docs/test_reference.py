@@ -9,7 +9,6 @@ from docs.site.links import DOCS, ROOT
 from docs.site.navigation import listed, navigation
 from docs.site.reference import REFERENCE, UPGRADE, keys, reference_pages
 from docs.site.reference.http import openapi
-from docs.site.reference.text import docstring
 from piezod.client import StageClient
 from piezod.config.daemon import DaemonConfig
 from piezod.config.experiment import ExperimentConfig
@@ -121,24 +120,3 @@ def test_gallery_shows_all_images() -> None:
     gallery = (DOCS / "measurements.md").read_text(encoding="utf-8")
 
     assert [path.name for path in Path(DOCS / "images").iterdir() if path.name not in gallery] == []
-
-
-def test_docstring_is_divided_into_its_sections() -> None:
-    """Text, entries with continued lines, and other sections are apart."""
-
-    def example() -> None:
-        """Do it.
-
-        Args:
-            one: First line,
-                and its end.
-
-        Returns:
-            The result.
-        """
-
-    about = docstring(example)
-
-    assert about.text == "Do it."
-    assert about.entries == {"Args": {"one": "First line, and its end."}}
-    assert about.others == {"Returns": "The result."}

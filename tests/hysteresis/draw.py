@@ -1,4 +1,4 @@
-"""Hypothesis strategies: thresholds, models of many kinds, inputs with tiny loops and plateaus."""
+"""Thresholds, models of many kinds, inputs with tiny loops and plateaus; a swing that varies."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -94,3 +94,9 @@ def dense(points: Sequence[float] | NDArray[np.float64], between: int) -> NDArra
     """Return a path through turning points with some samples between them."""
     pieces = [np.linspace(a, b, between, endpoint=False) for a, b in pairwise(points)]
     return np.concatenate([*pieces, [points[-1]]])
+
+
+def command(seconds: float, amplitude: float = 0.5, beat: float = 0.07) -> NDArray[np.float64]:
+    """Return a sine of 0.5 Hz at 1 kHz with a varying amplitude."""
+    t = np.arange(0, seconds, 1e-3)
+    return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(beat * np.pi * t)

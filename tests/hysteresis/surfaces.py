@@ -31,9 +31,6 @@ def dominant_extrema(past: Sequence[Number]) -> list[Number]:
 
     They are the drive at the start, the highest one since, the lowest after it, the highest after
     that, and so on (Mayergoyz 1991, section 1.2). The last one is the present drive.
-
-    Args:
-        past: Drives from rest on, at least two.
     """
     extrema, start, seek_maximum = [past[0]], 0, True
     while start < len(past) - 1:

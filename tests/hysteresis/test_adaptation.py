@@ -22,7 +22,7 @@ from piezod.hysteresis import (
 )
 from piezod.hysteresis.learner import OFFSET_LIMIT, SCALE_LIMIT
 from piezod.hysteresis.slopes import LEAST_SLOPE, smallest_slope_of
-from tests.hysteresis.draw import inputs
+from tests.hysteresis.draw import command, inputs
 
 Array = NDArray[np.float64]
 BANK = new_bank(even_thresholds(19), even_thresholds(19))
@@ -42,12 +42,6 @@ MAKERS: dict[str, Maker] = {
     ),
 }
 every = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS.keys())
-
-
-def command(seconds: float, amplitude: float = 0.5) -> Array:
-    """Return a sine of 0.5 Hz at 1 kHz with a varying amplitude."""
-    t = np.arange(0, seconds, 1e-3)
-    return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(0.07 * np.pi * t)
 
 
 def drives_for(positions: Array) -> Array:

@@ -52,19 +52,6 @@ def test_the_largest_stable_gain_is_that_of_the_bound(order: int, largest: float
     assert 1.0 / largest_stable_gain(bank) == pytest.approx(largest, rel=1e-3)
 
 
-@pytest.mark.parametrize("drive", [math.nan, math.inf, -math.inf])
-def test_a_drive_that_is_not_finite_teaches_nothing(drive: float) -> None:
-    """The weights stay, and later pairs are learned again."""
-    lms = LMSIdentifier(BANK)
-    lms.run(RAMP, RAMP**2)
-    before = lms.weights.copy()
-    lms.step(0.5, drive)
-
-    assert lms.weights.tolist() == before.tolist()
-    lms.step(0.4, 0.6)
-    assert lms.weights.tolist() != before.tolist()
-
-
 def test_whole_numbers_are_numbers() -> None:
     """A step with an integer gives the same output as a step with the float."""
     model = MPIModel([0.5], [0.1], [0.1])

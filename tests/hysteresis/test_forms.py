@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from piezod.errors import ModelError
-from piezod.hysteresis import LEAST_SLOPE, StopForm, even_thresholds, new_bank, smallest_slope_of
+from piezod.hysteresis import LEAST_SLOPE, StopForm, even_thresholds, new_bank
 from piezod.hysteresis.bank import GAINS
 
 FORM = StopForm(new_bank([0.1, 0.3, 0.8], [0.15, 0.4, 0.9]))
@@ -78,15 +78,6 @@ def test_widest_loop_has_the_drives_of_a_full_swing() -> None:
     assert up == pytest.approx(drives[:50], abs=1e-12)
     assert down == pytest.approx(drives[50:][::-1], abs=1e-12)
     assert np.all(up[1:-1] > down[1:-1])
-
-
-def test_smallest_slope_is_that_of_the_slope_coordinates() -> None:
-    """The closed form and the slope coordinates give the same slope, for any sign."""
-    for factor in (0.0, 1.0, -3.0, -20.0):
-        weights = factor * WEIGHTS
-        expected = smallest_slope_of(FORM.bank, weights)
-
-        assert FORM.smallest_slope(weights) == pytest.approx(expected, abs=1e-12)
 
 
 def test_projected_weights_have_an_inverse() -> None:

@@ -109,22 +109,14 @@ def test_analytic_inverse_is_approximate_inside_the_major_loop() -> None:
 
 @given(sides=invertible_sides(), values=inputs())
 def test_exact_inverse_undoes_the_model(sides: Sides, values: Inputs) -> None:
-    """Its composition with the model is the identity on any input."""
+    """In both orders its composition with the model is the identity on any input."""
     mpi = model(sides)
 
     z = mpi.exact_inverse().run(mpi.run(values))
-
-    np.testing.assert_allclose(z, values, rtol=0, atol=1e-12)
-
-
-@given(sides=invertible_sides(), values=inputs())
-def test_model_undoes_the_exact_inverse(sides: Sides, values: Inputs) -> None:
-    """The composition in the other order is the identity too."""
-    mpi = model(sides)
-
+    mpi.reset()
     x = mpi.run(mpi.exact_inverse().run(values))
 
-    np.testing.assert_allclose(x, values, rtol=0, atol=1e-12)
+    np.testing.assert_allclose([z, x], [values, values], rtol=0, atol=1e-12)
 
 
 def test_inverses_take_over_deadband_and_capacity() -> None:

@@ -1,6 +1,5 @@
 """The paper's identification, step by step against its equations."""
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,7 +17,7 @@ from piezod.hysteresis import (
 )
 from piezod.hysteresis.slopes import LEAST_SLOPE, smallest_slope_of
 from tests.hysteresis import oracle
-from tests.hysteresis.draw import dense, inputs
+from tests.hysteresis.draw import command, dense, inputs
 
 Inputs = NDArray[np.floating]
 PAPER_BANK = new_bank(even_thresholds(19), even_thresholds(19))
@@ -41,8 +40,7 @@ def record(seed: int, seconds: float = 40.0) -> tuple[Inputs, Inputs, NDArray[np
     """Return displacements, the drives of a model with known weights, and these weights."""
     random = np.random.default_rng(seed)
     known = random.uniform(0.0, 0.04, 38)
-    t = np.arange(0, seconds, 1e-3)
-    positions = 0.5 - 0.5 * np.cos(np.pi * t) * np.cos(0.07 * np.pi * t)
+    positions = command(seconds)
     return positions, positions + stop_regressors(PAPER_BANK, positions) @ known, known
 
 
@@ -67,17 +65,6 @@ def test_identifier_follows_the_printed_equations(
         if smallest_slope_of(bank, weights) < LEAST_SLOPE + 1e-9:
             break
         np.testing.assert_allclose(lms.weights, weights, rtol=0, atol=1e-12)
-
-
-def test_steps_are_a_run_to_the_bit() -> None:
-    """Steps pair by pair and a run over the record give the same numbers."""
-    positions, drives, _ = record(1, seconds=2)
-    stepped, run = (LMSIdentifier(PAPER_BANK, deadband=1e-3) for _ in range(2))
-
-    errors = [stepped.step(x, v) for x, v in zip(positions, drives, strict=True)]
-
-    assert errors == run.run(positions, drives).tolist()
-    assert stepped.weights.tolist() == run.weights.tolist()
 
 
 @given(points=inputs(least=2))
@@ -110,32 +97,6 @@ def test_dwell_does_not_wind_up() -> None:
     assert np.max(np.abs(lms.weights)) < 1
 
 
-def test_reset_clears_the_memory_and_keeps_the_weights() -> None:
-    """A new record starts from rest with the learned weights."""
-    positions, drives, _ = record(3, seconds=4)
-    lms = LMSIdentifier(PAPER_BANK)
-    lms.run(positions, drives)
-    learnt = lms.weights.copy()
-
-    lms.reset()
-
-    assert lms.weights.tolist() == learnt.tolist()
-    assert lms.step(0.0, 0.0) == 0.0
-
-
-@pytest.mark.parametrize("failed", [float("nan"), float("inf"), -float("inf")])
-def test_position_that_is_not_finite_is_no_pair(failed: float) -> None:
-    """A failed measurement moves no operator and teaches nothing."""
-    lms, spared = LMSIdentifier(PAPER_BANK), LMSIdentifier(PAPER_BANK)
-    for position in (0.2, 0.4, failed, 0.3):
-        error = lms.step(position, 0.3)
-        assert math.isnan(error) == (position == failed or math.isnan(position))
-    for position in (0.2, 0.4, 0.3):
-        spared.step(position, 0.3)
-
-    assert lms.weights.tolist() == spared.weights.tolist()
-
-
 def test_positions_outside_the_range_are_clamped() -> None:
     """Displacements outside [0, 1] count as its ends, as in the paper."""
     lms, clamped = LMSIdentifier(PAPER_BANK), LMSIdentifier(PAPER_BANK)
@@ -154,16 +115,6 @@ def test_position_is_the_input_of_the_operators() -> None:
         seen.append(lms.position)
 
     assert seen == pytest.approx([0.49, 0.495, 0.495, 0.51])
-
-
-def test_removed_pairs_are_counted() -> None:
-    """The memory of an identifier has a bounded capacity and counts the pairs that it removes."""
-    lms = LMSIdentifier(PAPER_BANK, capacity=4)
-    decaying = 0.5 + 0.4 * 0.9 ** np.arange(30) * (-1.0) ** np.arange(30)
-
-    lms.run(decaying, decaying)
-
-    assert lms.merged_pairs > 0
 
 
 def test_identifier_has_converged_after_a_window_of_small_differences() -> None:

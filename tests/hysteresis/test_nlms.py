@@ -10,17 +10,11 @@ from piezod.errors import ModelError
 from piezod.hysteresis import NLMSIdentifier, even_thresholds, new_bank, stop_regressors
 from piezod.hysteresis.slopes import LEAST_SLOPE, cells, fill_slopes, least_slope
 from tests.hysteresis import oracle
-from tests.hysteresis.draw import inputs
+from tests.hysteresis.draw import command, inputs
 
 Array = NDArray[np.float64]
 THRESHOLDS = even_thresholds(19)
 BANK = new_bank(THRESHOLDS, THRESHOLDS)
-
-
-def command(seconds: float, amplitude: float = 0.5) -> Array:
-    """Return a sine of 0.5 Hz at 1 kHz with a varying amplitude."""
-    t = np.arange(0, seconds, 1e-3)
-    return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(0.07 * np.pi * t)
 
 
 def drives_for(positions: Array) -> Array:

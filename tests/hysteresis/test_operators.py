@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from piezod.errors import ModelError
 from piezod.hysteresis import LSPO, LSSO, RSPO, RSSO, new_bank, stop_regressors
 from tests.hysteresis import oracle
-from tests.hysteresis.draw import UNIT, dense, inputs, thresholds
+from tests.hysteresis.draw import inputs, thresholds
 
 OPERATORS = [RSPO, LSPO, RSSO, LSSO]
 THRESHOLD = st.floats(0.01, 0.99)
@@ -76,31 +76,6 @@ def test_bank_gives_every_stop_at_once(left: list[float], data: st.DataObject) -
     regressors = stop_regressors(new_bank(left, right), values)
 
     np.testing.assert_allclose(regressors, np.transpose(stops) - values[:, None], atol=1e-9)
-
-
-@pytest.mark.parametrize("operator", OPERATORS)
-@given(r=THRESHOLD, history=inputs(most=15), inside=inputs(most=8), ends=st.tuples(UNIT, UNIT))
-def test_closed_minor_loop_returns_every_operator_to_its_value(
-    operator: Any, r: float, history: Inputs, inside: Inputs, ends: tuple[float, float]
-) -> None:
-    """Wiping-out: a closed loop leaves no trace in the output."""
-    low, high = sorted(ends)
-    one = operator(r)
-    one.run([*history, low, high])
-    before = one.step(high)
-
-    one.run([low + (high - low) * part for part in inside])
-
-    assert one.step(high) == pytest.approx(before, abs=1e-12 / r)
-
-
-@pytest.mark.parametrize("operator", OPERATORS)
-@given(r=THRESHOLD, points=inputs(least=2, most=12))
-def test_operators_do_not_depend_on_the_rate(operator: Any, r: float, points: Inputs) -> None:
-    """A densely sampled path ends at the same output as its turning points alone."""
-    assert operator(r).run(dense(points, 7))[-1] == pytest.approx(
-        operator(r).run(points)[-1], abs=1e-9 / r
-    )
 
 
 @pytest.mark.parametrize("operator", OPERATORS)

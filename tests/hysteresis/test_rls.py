@@ -22,7 +22,7 @@ from piezod.hysteresis.covariance import (
 from piezod.hysteresis.learner import OFFSET_LIMIT, SCALE_LIMIT
 from piezod.hysteresis.slopes import LEAST_SLOPE, cells, smallest_slope_of, to_slopes, to_weights
 from tests.hysteresis import oracle
-from tests.hysteresis.draw import inputs
+from tests.hysteresis.draw import command, inputs
 
 Array = NDArray[np.float64]
 THRESHOLDS = even_thresholds(19)
@@ -30,12 +30,6 @@ BANK = new_bank(THRESHOLDS, THRESHOLDS)
 SMALL = new_bank([0.1, 0.4, 0.7], [0.2, 0.5, 0.9])
 KNOWN = np.linspace(0.04, 0.0, 38)
 SPOILED = [math.nan, math.inf, -math.inf]
-
-
-def command(seconds: float, amplitude: float = 0.5, seed: float = 0.07) -> Array:
-    """Return a sine of 0.5 Hz at 1 kHz with a varying amplitude."""
-    t = np.arange(0, seconds, 1e-3)
-    return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(seed * np.pi * t)
 
 
 def drives_for(positions: Array, weights: Array = KNOWN) -> Array:
@@ -178,7 +172,7 @@ def test_change_of_gain_and_hysteresis_is_learned(low: float, high: float) -> No
 
     In a part of the range the scale cannot be distinguished from the slopes there.
     """
-    seen = low + (high - low) * command(14.0, seed=0.0)
+    seen = low + (high - low) * command(14.0, beat=0.0)
     drives = np.where(np.arange(seen.size) < 4000, drives_for(seen), drives_for(seen, 1.2 * KNOWN))
     positions = np.where(np.arange(seen.size) < 4000, seen, 1.1 * seen)
     rls = RLSIdentifier(BANK, KNOWN)

@@ -33,13 +33,7 @@ NOT_TOLD: Final = {"D10", "A10", "S5", "S6", "B5", "B7", "P2", "P15"}
 class Bench:
     """The amplifier, a daemon or none, and a person who looks at the status.
 
-    Args:
-        folder: A folder of its own.
-        model: The model of the stage.
-        speaks: How the amplifier speaks.
-
-    Attributes:
-        told: What the daemon has told since the lie began: ids of faults, states, refusals.
+    `told` has what the daemon has told since the lie began: ids of faults, states, refusals.
     """
 
     def __init__(self, folder: Path, model: Path, speaks: Speaks) -> None:

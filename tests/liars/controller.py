@@ -33,11 +33,7 @@ _PIECES: Final = re.compile(rb"([\n\x09])")
 
 
 class Controller:
-    """A controller of one axis.
-
-    Args:
-        amplifier: The amplifier.
-    """
+    """A controller of one axis."""
 
     def __init__(self, amplifier: Amplifier) -> None:
         self._amplifier = amplifier

@@ -9,11 +9,7 @@ _WRITE: Final = re.compile(r"W (-?\d{1,4}\.\d{1,6})")
 
 
 class Lines:
-    """Answers each line with a line.
-
-    Args:
-        amplifier: The amplifier.
-    """
+    """Answers each line with a line."""
 
     def __init__(self, amplifier: Amplifier) -> None:
         self._amplifier, self._rest = amplifier, b""

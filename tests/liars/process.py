@@ -31,15 +31,7 @@ Speaks = Literal["lines", "gcs"]
 
 
 class AmplifierProcess:
-    """The process of the amplifier.
-
-    Args:
-        folder: Its folder.
-        speaks: How it speaks.
-
-    Attributes:
-        port: The serial port that it serves.
-    """
+    """The process of the amplifier."""
 
     def __init__(self, folder: Path, speaks: Speaks = "lines") -> None:
         self.port, self._trace = folder / "port", folder / "trace.csv"

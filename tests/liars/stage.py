@@ -11,11 +11,7 @@ NOISE_UM: Final = 0.002
 
 
 class Stage:
-    """A stage at rest, at 0 V, as swings to positive voltages leave it.
-
-    Args:
-        seed: Seed of the noise of its sensor.
-    """
+    """A stage at rest, at 0 V, as swings to positive voltages leave it."""
 
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)  # noqa: S311 - the noise of a sensor

@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 
 from tests.liars.config import SLEW_V_PER_S, TOLERANCE_V, identified
-from tests.liars.judge import PERIOD_S, fast_points, is_visible, largest_by_itself_v, steps_of
-from tests.liars.process import AmplifierProcess, Row
+from tests.liars.judge import PERIOD_S, fast_points, largest_by_itself_v, steps_of
+from tests.liars.process import Row
 from tests.liars.table import run_lie
 
 BOUND_V = SLEW_V_PER_S * PERIOD_S + TOLERANCE_V
@@ -58,17 +58,6 @@ def test_witness_is_found(own_v: float, shown_v: float, position_um: float, witn
     assert step.has_witness == witness
 
 
-def test_processes_have_their_own_witnesses() -> None:
-    """Another process knows no earlier write, and has no sensor until it reads it."""
-    seen = Row(1.1, "sense", 40.0, 40.0, 40.0, 28.0, 8.0, "")
-    opened, shown = seen._replace(kind="opened"), seen._replace(kind="read", shown_v=140.0)
-    before = [write(1.0, 40.0, 40.0), opened]
-    last = write(1.1, 140.0, 40.0)
-    (_, blind), (_, sees) = steps_of([*before, shown, last]), steps_of([*before, seen, shown, last])
-
-    assert (blind.has_witness, sees.has_witness) == (False, True)
-
-
 def test_points_of_a_table_are_within_the_slew_rate() -> None:
     """The points of a table are no writes, but the first one; their steps are judged."""
     start = write(1.0, 40.0, 40.0)._replace(kind="start")
@@ -91,31 +80,6 @@ def test_fall_after_the_last_read_back_does_not_count() -> None:
     assert unseen.distance_v == 0.0
     assert seen.is_far
     assert largest_by_itself_v(before) == 60.0
-
-
-def test_only_a_lasting_difference_is_visible() -> None:
-    """A read-back has to be told of if it was unlike the write for long without an end."""
-    apart, end = [read(0.1 * i, 0.0, 0.0, 60.0) for i in range(10)], write(1.0, 60.0, 0.0)
-
-    assert is_visible([*apart, end])
-    assert not is_visible([*apart[:4], read(0.4, 60.0, 60.0, 60.0), *apart[5:9], end])
-    assert not is_visible([apart[0], end, *apart[1:]])
-
-
-def test_amplifier_that_is_stuck_is_released_by_itself(tmp_path: Path) -> None:
-    """The trace has the step that a stuck output makes when it is released."""
-    amplifier = AmplifierProcess(tmp_path)
-    try:
-        amplifier.tell("knob 40")
-        amplifier.tell("lie output stuck")
-        amplifier.tell("honest")
-        amplifier.tell("lie off 1 s, refused, back at the last write")
-        amplifier.tell("honest")
-        steps = [(row.text, row.after_v) for row in amplifier.rows() if row.kind == "own"]
-    finally:
-        amplifier.end()
-
-    assert steps == [("knob", 40.0), ("fall", 0.0), ("return", 40.0)]
 
 
 @pytest.mark.chaos

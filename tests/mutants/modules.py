@@ -20,7 +20,6 @@ MODULES: Final = {
             "tests/control/test_guard_limits.py",
             "tests/control/test_guard_waits.py",
         ),
-        ("tests/control/test_guard.py::test_properties_detect_a_broken_guard",),
     ),
     "in_force": Module("piezod/control/in_force.py", ("tests/control/test_in_force.py",)),
     "states": Module(

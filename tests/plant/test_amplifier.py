@@ -1,6 +1,5 @@
 """The simulated amplifier: each of its limits alone."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -12,8 +11,8 @@ from hypothesis import strategies as st
 
 from piezod.plant.kernel import output_v
 from piezod.plant.layout import constants
-from piezod.plant.parameters import PlantParameters
 from piezod.plant.plant import Plant
+from tests.plant.plants import make_plant, parameters_of
 
 GRID_NS = 50_000
 
@@ -28,12 +27,12 @@ def outputs(plant: Plant, drive_v: float, steps: int) -> Any:
     return np.array(values)
 
 
-def test_without_effects_the_output_is_the_command(make_plant: Callable[..., Plant]) -> None:
+def test_without_effects_the_output_is_the_command() -> None:
     """An amplifier without any effect is instantaneous and exact."""
     assert list(outputs(make_plant(only=()), 123.456, 2)) == pytest.approx(2 * [123.456], rel=1e-15)
 
 
-def test_bandwidth_is_a_low_pass_of_first_order(make_plant: Callable[..., Plant]) -> None:
+def test_bandwidth_is_a_low_pass_of_first_order() -> None:
     """The response to a step is 1 - exp(-2π · 3 kHz · t)."""
     actual = outputs(make_plant(only=("amplifier_bandwidth",)), 100, 20)
 
@@ -42,9 +41,7 @@ def test_bandwidth_is_a_low_pass_of_first_order(make_plant: Callable[..., Plant]
 
 
 @pytest.mark.parametrize(("effect", "v_per_s"), [("slew", 5e4), ("current_limit", 0.1 / 3e-6)])
-def test_output_is_no_faster_than_its_limit(
-    make_plant: Callable[..., Plant], effect: str, v_per_s: float
-) -> None:
+def test_output_is_no_faster_than_its_limit(effect: str, v_per_s: float) -> None:
     """Slew rate, and current into the capacitance, turn every step into a ramp, both ways."""
     plant = make_plant(only=(effect,))
     up, down = outputs(plant, 100, 80), outputs(plant, 0, 80)
@@ -55,11 +52,9 @@ def test_output_is_no_faster_than_its_limit(
 
 
 @given(start_v=st.floats(-10, 160), goal_v=st.floats(-10, 160))
-def test_output_does_not_depend_on_the_sub_step(
-    nominal: Callable[..., PlantParameters], start_v: float, goal_v: float
-) -> None:
+def test_output_does_not_depend_on_the_sub_step(start_v: float, goal_v: float) -> None:
     """With bandwidth and slew limit, one long step equals many short ones."""
-    parameters = nominal(only=("amplifier_bandwidth", "slew", "current_limit"))
+    parameters = parameters_of(only=("amplifier_bandwidth", "slew", "current_limit"))
     long, short = constants(parameters, 1e-3), constants(parameters, 1e-5)
     at_once, bit_by_bit = output_v(start_v, goal_v, long), start_v
     for _ in range(100):
@@ -73,7 +68,7 @@ def test_output_does_not_depend_on_the_sub_step(
     [("stack", 175, 160), ("stack", -25, -10), ("flexure", 195, 190), ("flexure", 189, 189)],
 )
 def test_output_stays_within_the_voltage_limits(
-    make_plant: Callable[..., Plant], variant: str, command_v: float, expected_v: float
+    variant: str, command_v: float, expected_v: float
 ) -> None:
     """A command beyond the limits gives the limit."""
     plant = make_plant(variant, only=("voltage_limits",))
@@ -82,16 +77,14 @@ def test_output_stays_within_the_voltage_limits(
 
 
 @pytest.mark.parametrize(("command_v", "expected_v"), [(250.0, 200.0), (-250.0, -200.0)])
-def test_converter_ends_at_its_range(
-    make_plant: Callable[..., Plant], command_v: float, expected_v: float
-) -> None:
+def test_converter_ends_at_its_range(command_v: float, expected_v: float) -> None:
     """A converter of ±10 V and a gain of 20 give at most ±200 V."""
     actual_v = outputs(make_plant(only=("dac",)), command_v, 1)[0]
 
     assert actual_v == pytest.approx(expected_v, abs=0.01)
 
 
-def test_output_has_the_steps_of_the_converter(make_plant: Callable[..., Plant]) -> None:
+def test_output_has_the_steps_of_the_converter() -> None:
     """With 16 bits over ±10 V, times 20, every output is a multiple of 6.1 mV, and all occur."""
     plant = make_plant(only=("dac",))
     step_v = 20 * 20 / 2**16
@@ -101,14 +94,12 @@ def test_output_has_the_steps_of_the_converter(make_plant: Callable[..., Plant])
     assert np.unique(np.round(np.diff(actual) / step_v)) == pytest.approx([0, 1])
 
 
-def test_gain_error_scales_the_output(make_plant: Callable[..., Plant]) -> None:
+def test_gain_error_scales_the_output() -> None:
     """A gain that is 0.2 % too high gives 100.2 V for 100 V."""
     assert outputs(make_plant(only=("gain_error",)), 100, 1)[0] == pytest.approx(100.2, rel=1e-12)
 
 
-def test_noise_of_the_output_is_0_8_mv_rms_in_its_bandwidth(
-    make_plant: Callable[..., Plant],
-) -> None:
+def test_noise_of_the_output_is_0_8_mv_rms_in_its_bandwidth() -> None:
     """The noise has the rms value of the parameters and the bandwidth of the amplifier."""
     plant = make_plant(only=("amplifier_noise", "amplifier_bandwidth"))
     noise_v = outputs(plant, 0, 100_000)
@@ -118,11 +109,9 @@ def test_noise_of_the_output_is_0_8_mv_rms_in_its_bandwidth(
     assert correlation == pytest.approx(np.exp(-2 * np.pi * 3000 * 50e-6), abs=0.02)
 
 
-def test_infinitely_fast_lag_with_a_slew_limit_ends_on_the_goal(
-    nominal: Callable[..., PlantParameters],
-) -> None:
+def test_infinitely_fast_lag_with_a_slew_limit_ends_on_the_goal() -> None:
     """A slew limit without a lag stops exactly at the target."""
-    parameters = nominal(only=("slew",))
+    parameters = parameters_of(only=("slew",))
     amplifier = replace(parameters.amplifier, bandwidth_hz=inf, slew_v_per_s=1e6)
     record = constants(replace(parameters, amplifier=amplifier), 50e-6)
 

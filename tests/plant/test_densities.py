@@ -1,6 +1,5 @@
 """Preisach stages with a density of relays, against the relays themselves."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,9 @@ from hypothesis import strategies as st
 
 from piezod.plant.laws import ExponentialDensity, GaussianDensity
 from piezod.plant.layout import constants
-from piezod.plant.plant import Plant
 from piezod.plant.preisach import everett, tabulated
 from piezod.plant.variants import VARIANTS
+from tests.plant.plants import make_plant, run
 
 STATIC = ("hysteresis", "asymmetry")
 DENSITIES = ("preisach-exponential", "preisach-gaussian", "preisach-asymmetric")
@@ -46,9 +45,7 @@ def integral(variant: str, lower: float, upper: float) -> float:
 class Relays:
     """A sum of relays that are up or down, with thresholds between the drives of a grid.
 
-    Args:
-        variant: Variant with the density.
-        cells: Cells of the grid from -0.2 to 1.2 nominal drives.
+    The cells of the grid go from -0.2 to 1.2 nominal drives.
     """
 
     def __init__(self, variant: str, cells: int = 560) -> None:
@@ -82,9 +79,7 @@ def test_table_is_the_integral_of_the_density(variant: str, ends: tuple[float, f
 
 
 @pytest.mark.parametrize("variant", DENSITIES)
-def test_stage_is_the_sum_of_its_relays(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
-) -> None:
+def test_stage_is_the_sum_of_its_relays(variant: str) -> None:
     """Over 300 random turning points the displacement is that of 157,000 relays, to 1e-4."""
     units = np.random.default_rng(3).integers(-26, 427, 300) / 400  # on the grid of the relays
     relays = Relays(variant)
@@ -98,11 +93,7 @@ def test_stage_is_the_sum_of_its_relays(
 @pytest.mark.parametrize("variant", DENSITIES)
 @given(levels=st.lists(LEVEL, min_size=2, max_size=12), inner=st.tuples(LEVEL, LEVEL))
 def test_closed_minor_loop_is_wiped_out(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    variant: str,
-    levels: list[float],
-    inner: tuple[float, float],
+    variant: str, levels: list[float], inner: tuple[float, float]
 ) -> None:
     """After any history, a loop within the last swing leaves no trace."""
     before, last = levels[-2:]
@@ -119,11 +110,7 @@ def test_closed_minor_loop_is_wiped_out(
 @pytest.mark.parametrize("variant", DENSITIES)
 @given(levels=st.lists(LEVEL, max_size=8), ends=st.tuples(LEVEL, LEVEL))
 def test_minor_loops_are_congruent(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    variant: str,
-    levels: list[float],
-    ends: tuple[float, float],
+    variant: str, levels: list[float], ends: tuple[float, float]
 ) -> None:
     """Loops between the same drives have the same shape for any history."""
     low, high = (150 * end for end in sorted(ends))

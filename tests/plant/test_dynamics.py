@@ -1,6 +1,5 @@
 """Mode, delay and filters against their formulas, and the effect of the sub-step."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from math import inf
@@ -13,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from piezod.plant.discretise import exponential, mode, receiver
-from piezod.plant.parameters import PlantParameters
 from piezod.plant.plant import Plant
+from tests.plant.plants import make_plant, parameters_of, run
 
 GRID_NS = 50_000
 NOISE = ("amplifier_noise", "sensor_noise")
@@ -30,9 +29,7 @@ def mode_step(t_s: Any, frequency_hz: float, damping: float) -> Any:
 
 
 @pytest.mark.parametrize("variant", ["stack", "flexure", "afm"])
-def test_step_response_of_the_mode_is_its_formula(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
-) -> None:
+def test_step_response_of_the_mode_is_its_formula(variant: str) -> None:
     """The response equals the textbook formula to 1e-9 of the step, over twenty periods."""
     plant = make_plant(variant, only=("mode",))
     stage = plant.parameters.stage
@@ -48,11 +45,7 @@ def test_step_response_of_the_mode_is_its_formula(
     [("stack", 734, 0.03), ("flexure", 734, 0.015), ("light-damping", 400, 0.005)],
 )
 def test_ring_down_has_frequency_and_damping_of_the_variant(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    variant: str,
-    frequency_hz: float,
-    damping: float,
+    variant: str, frequency_hz: float, damping: float
 ) -> None:
     """Zero crossings of the ring-down give the frequency, its decrement gives the damping ratio."""
     plant = make_plant(variant, only=("mode",))
@@ -68,9 +61,7 @@ def test_ring_down_has_frequency_and_damping_of_the_variant(
     assert decrement / (2 * np.pi) == pytest.approx(damping, rel=0.01)
 
 
-def test_sample_is_late_by_the_delay(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_sample_is_late_by_the_delay() -> None:
     """A sample shows the ringing of 0.11 ms before, also at instants between sub-steps."""
     plant = make_plant(only=("mode", "delay"))
     stage, sensor = plant.parameters.stage, plant.parameters.sensor
@@ -83,11 +74,9 @@ def test_sample_is_late_by_the_delay(
     assert shown == pytest.approx(expected, abs=2e-5)
 
 
-def test_longest_delay_that_can_be_configured_is_kept(
-    nominal: Callable[..., PlantParameters],
-) -> None:
+def test_longest_delay_that_can_be_configured_is_kept() -> None:
     """A delay of 2.2 ms fits into the buffer of sub-steps; a delay of 20 ms is refused."""
-    parameters = nominal()
+    parameters = parameters_of()
     seed = np.random.SeedSequence(1)
     longest = replace(parameters, sensor=replace(parameters.sensor, delay_s=2.2e-3))
     too_long = replace(parameters, sensor=replace(parameters.sensor, delay_s=20e-3))
@@ -99,7 +88,7 @@ def test_longest_delay_that_can_be_configured_is_kept(
 
 @pytest.mark.parametrize(("frequency_hz", "gain_db"), [(50, 0), (500, -3.01), (1000, -12.30)])
 def test_antialias_filter_is_a_butterworth_of_second_order(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], frequency_hz: float, gain_db: float
+    frequency_hz: float, gain_db: float
 ) -> None:
     """It attenuates by 3 dB at 500 Hz and by 12 dB per octave above."""
     plant = make_plant(only=("antialias",))
@@ -113,9 +102,7 @@ def test_antialias_filter_is_a_butterworth_of_second_order(
     assert 20 * np.log10(gain) == pytest.approx(gain_db, abs=0.1)
 
 
-def test_detector_is_a_low_pass_of_first_order(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_detector_is_a_low_pass_of_first_order() -> None:
     """The response to a step is exactly 1 - exp(-t / 15.9 µs)."""
     plant = make_plant(only=("sensor_bandwidth",))
     trace = run(plant, np.full(4, 150.0), GRID_NS)
@@ -139,11 +126,7 @@ def test_detector_is_a_low_pass_of_first_order(
 )
 @pytest.mark.parametrize("variant", ["stack", "flexure", "afm"])
 def test_halving_the_sub_step_changes_nothing_that_matters(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    variant: str,
-    drive_v: NDArray[np.float64],
-    name: str,
+    variant: str, drive_v: NDArray[np.float64], name: str
 ) -> None:
     """Displacement and reading change by less than 1e-4 of the range."""
     off = (*NOISE, "adc")
@@ -162,7 +145,7 @@ def test_halving_the_sub_step_changes_nothing_that_matters(
     [("preisach-asymmetric", 1e-4), ("bouc-wen", 1e-4), ("dahl", 1e-4), ("thermal-relays", 2e-3)],
 )
 def test_sub_step_hardly_matters_for_other_classes_of_hysteresis(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str, change: float
+    variant: str, change: float
 ) -> None:
     """Full steps and a fast sine change by 1e-4 of the travel, with thermal relays by 2e-3."""
     fast_sine = 75 - 75 * np.cos(2 * np.pi * 50 * np.arange(300) * 1e-3)

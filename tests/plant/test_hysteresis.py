@@ -1,6 +1,5 @@
 """The static hysteresis of the simulated stage, against measurements and Preisach's theory."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from piezod.plant.parameters import PlantParameters, specimen
 from piezod.plant.plant import Plant
 from piezod.plant.preisach import everett
 from piezod.plant.variants import VARIANTS
+from tests.plant.plants import make_plant, run
 
 # Swing in V out of about 180 V, and loop width in % of the displacement of that swing: a measured
 # flexure stage, and the simulated stage around the middle of its drive range.
@@ -119,9 +119,7 @@ def test_full_loop_is_13_to_16_pct_wide_for_every_seed(variant: str, specimens: 
         pytest.param("afm", 100, marks=pytest.mark.stress),
     ],
 )
-def test_full_loop_stays_13_to_16_pct_wide_with_every_effect(
-    run: Callable[..., Any], variant: str, specimens: int
-) -> None:
+def test_full_loop_stays_13_to_16_pct_wide_with_every_effect(variant: str, specimens: int) -> None:
     """At 0.5 Hz creep and lag widen no specimen's loop beyond that range.
 
     The flexure stage is left out: while its return point drifts, its loop does not close.
@@ -177,12 +175,7 @@ def test_density_is_nowhere_negative(variant: str, corners: tuple[float, ...]) -
 
 
 @given(levels=st.lists(UNIT, min_size=2, max_size=12), inner=st.tuples(UNIT, UNIT))
-def test_closed_minor_loop_leaves_no_trace(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    levels: list[float],
-    inner: tuple[float, float],
-) -> None:
+def test_closed_minor_loop_leaves_no_trace(levels: list[float], inner: tuple[float, float]) -> None:
     """After any history, a loop within the last swing returns to its value and deletes itself."""
     before, last = levels[-2:]
     one, other = (before + (last - before) * share for share in inner)
@@ -196,12 +189,7 @@ def test_closed_minor_loop_leaves_no_trace(
 
 
 @given(levels=st.lists(UNIT, max_size=8), ends=st.tuples(UNIT, UNIT))
-def test_minor_loops_are_congruent(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    levels: list[float],
-    ends: tuple[float, float],
-) -> None:
+def test_minor_loops_are_congruent(levels: list[float], ends: tuple[float, float]) -> None:
     """Loops between the same drives have the same shape for any history.
 
     This property characterises a Preisach model; a modified Prandtl-Ishlinskii model lacks it.
@@ -215,9 +203,7 @@ def test_minor_loops_are_congruent(
     assert later - later[0] == pytest.approx(fresh - fresh[0], abs=1e-12 * 30)
 
 
-def test_stage_starts_on_the_outer_branch(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_stage_starts_on_the_outer_branch() -> None:
     """The first rise equals every later one, because the initial memory is known."""
     rise = np.linspace(0, 150, 30)
     trace = run(make_plant(only=STATIC), [*rise, *rise[::-1], *rise]).position_um
@@ -225,18 +211,14 @@ def test_stage_starts_on_the_outer_branch(
     assert trace[:30] == pytest.approx(trace[60:], abs=1e-12)
 
 
-def test_full_drive_gives_the_travel(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_full_drive_gives_the_travel() -> None:
     """The full drive moves the stage by its travel, and at 0 V a remainder is left."""
     trace = run(make_plant(only=STATIC), [150, 0])
 
     assert trace.position_um == pytest.approx([30, 0], abs=1e-12)
 
 
-def test_drive_beyond_the_nominal_range_is_part_of_the_model(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_drive_beyond_the_nominal_range_is_part_of_the_model() -> None:
     """From -10 V to 160 V the stage moves, and returns on the same loop each time."""
     cycle = [160, 80, -10, 80]
     trace = run(make_plant(only=STATIC), 3 * cycle).position_um
@@ -246,9 +228,7 @@ def test_drive_beyond_the_nominal_range_is_part_of_the_model(
     assert trace[4:8] == pytest.approx(trace[8:], abs=1e-12)
 
 
-def test_drive_far_beyond_the_range_stops_the_stage_at_its_ends(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_drive_far_beyond_the_range_stops_the_stage_at_its_ends() -> None:
     """A fifth beyond the nominal range the stage stops; its outermost turning points stay known."""
     plant = make_plant(only=STATIC)
     trace = run(plant, [180, 200, -30, -200, 180, -30, 75]).position_um
@@ -257,9 +237,7 @@ def test_drive_far_beyond_the_range_stops_the_stage_at_its_ends(
     assert trace[2] == trace[3] == pytest.approx(trace[5], abs=1e-12)
 
 
-def test_memory_that_overflows_forgets_its_innermost_loops(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_memory_that_overflows_forgets_its_innermost_loops() -> None:
     """Turning points beyond the capacity are dropped and counted; the outer loop stays exact."""
     nested = 75 + 74 * (1 - np.arange(MAX_TURNS + 100) / 1000) * np.resize([1, -1], MAX_TURNS + 100)
     plant = make_plant(only=STATIC)

@@ -15,6 +15,7 @@ from piezod.plant.bouc_wen import risen
 from piezod.plant.dahl import approached
 from piezod.plant.laws import BoucWen, Dahl
 from piezod.plant.plant import Plant
+from tests.plant.plants import make_plant, run
 
 VARIANTS = ("bouc-wen", "dahl")
 STATIC = ("hysteresis", "asymmetry")
@@ -48,7 +49,7 @@ def moved(rate: Rate, h: float, start: float, end: float) -> float:
     return float(solution.y[0, -1])
 
 
-def plant_of(make_plant: Callable[..., Plant], variant: str, law: BoucWen | Dahl) -> Plant:
+def plant_of(variant: str, law: BoucWen | Dahl) -> Plant:
     """Return a plant with its hysteresis only, and with other parameters of that."""
     parameters = make_plant(variant, only=STATIC).parameters
     return Plant(replace(parameters, hysteresis=law), np.random.SeedSequence(1))
@@ -63,13 +64,7 @@ def plant_of(make_plant: Callable[..., Plant], variant: str, law: BoucWen | Dahl
     ],
 )
 def test_stage_follows_the_differential_equation(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    variant: str,
-    law: BoucWen | Dahl,
-    rate: Rate,
-    h_saturated: float,
-    irreversible_um: float,
+    variant: str, law: BoucWen | Dahl, rate: Rate, h_saturated: float, irreversible_um: float
 ) -> None:
     """Over 60 random turning points the displacement is that of scipy's `solve_ivp`."""
     units = np.random.default_rng(4).uniform(-0.06, 1.06, 60)
@@ -81,16 +76,14 @@ def test_stage_follows_the_differential_equation(
         end = float(np.clip(v, unit - PINNING, unit + PINNING))
         h, v = moved(rate, h, v, end), end
         expected_um.append((30 - irreversible_um) * unit + scale * (unit - h + h_at_rest))
-    actual_um = run(plant_of(make_plant, variant, law), 150 * units).position_um
+    actual_um = run(plant_of(variant, law), 150 * units).position_um
 
     assert np.ptp(actual_um) > 25
     assert actual_um == pytest.approx(expected_um, abs=1e-6)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_noise_of_the_amplifier_does_not_erase_the_hysteresis(
-    make_plant: Callable[..., Plant], variant: str
-) -> None:
+def test_noise_of_the_amplifier_does_not_erase_the_hysteresis(variant: str) -> None:
     """A stage that holds 75 V with the amplifier's noise moves by less than 5 nm in 10 s."""
     plant = make_plant(variant, only=(*STATIC, "amplifier_noise", "amplifier_bandwidth"))
     plant.command(75.0)
@@ -121,9 +114,7 @@ def test_division_of_a_move_changes_nothing(
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_stage_has_no_memory_of_turning_points(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
-) -> None:
+def test_stage_has_no_memory_of_turning_points(variant: str) -> None:
     """A minor loop within a rise does not close: no Preisach model describes this stage."""
     plant = make_plant(variant, only=STATIC)
     before, _, after = run(plant, [90.0, 60.0, 90.0]).position_um
@@ -137,14 +128,10 @@ def test_stage_has_no_memory_of_turning_points(
 )
 @given(drives=st.lists(st.floats(0, 1), min_size=2, max_size=10))
 def test_displacement_rises_with_the_drive(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    variant: str,
-    law: BoucWen | Dahl,
-    drives: list[float],
+    variant: str, law: BoucWen | Dahl, drives: list[float]
 ) -> None:
     """On every branch the displacement moves in the direction of the drive."""
     units = np.array([0.0, *drives])
-    position_um = run(plant_of(make_plant, variant, law), 150 * units).position_um
+    position_um = run(plant_of(variant, law), 150 * units).position_um
 
     assert np.all(np.diff(position_um) * np.diff(units) >= 0)

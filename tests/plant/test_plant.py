@@ -1,6 +1,5 @@
 """The whole plant: time, seeds, and the switch of every effect."""
 
-from collections.abc import Callable
 from dataclasses import fields, replace
 from math import isfinite, isinf
 from typing import Any
@@ -15,6 +14,7 @@ from piezod.plant.effects import EFFECTS, without
 from piezod.plant.parameters import PlantParameters, quantities, specimen
 from piezod.plant.plant import Plant
 from piezod.plant.variants import VARIANTS
+from tests.plant.plants import make_plant, parameters_of, run
 
 SWEEP_V = 75 - 75 * np.cos(2 * np.pi * 5 * np.arange(400) * 1e-3)
 # Steps beyond every limit, holds for the slow effects, and returns for the memory.
@@ -29,38 +29,32 @@ def bright(parameters: PlantParameters) -> PlantParameters:
     return replace(parameters, sensor=replace(parameters.sensor, light_level=3.0))
 
 
-def readings(run: Callable[..., Any], parameters: PlantParameters) -> Any:
+def readings(parameters: PlantParameters) -> Any:
     """Return the sensor readings of a plant during the stimulus."""
     plant = Plant(bright(parameters), np.random.SeedSequence(1))
     slow, fast = run(plant, STIMULUS_V), run(plant, FAST_STIMULUS_V, 50_000)
     return np.concatenate([slow.sensor_v, fast.sensor_v])
 
 
-def test_plant_without_effects_is_a_straight_line(
-    nominal: Callable[..., PlantParameters], run: Callable[..., Any]
-) -> None:
+def test_plant_without_effects_is_a_straight_line() -> None:
     """With every effect off the reading is the drive times a gain plus an offset, without delay."""
     drive_v = np.concatenate([STIMULUS_V, FAST_STIMULUS_V])
     expected_v = 3 * 0.11 * (10 + 30 * drive_v / 150)
 
-    assert readings(run, nominal(only=())) == pytest.approx(expected_v, rel=1e-12)
+    assert readings(parameters_of(only=())) == pytest.approx(expected_v, rel=1e-12)
 
 
 @pytest.mark.parametrize("effect", sorted(set(EFFECTS) - {"asymmetry"}))
-def test_switch_of_an_effect_works_both_ways(
-    nominal: Callable[..., PlantParameters], run: Callable[..., Any], effect: str
-) -> None:
+def test_switch_of_an_effect_works_both_ways(effect: str) -> None:
     """A single effect changes the reading; switched off too, it leaves the plain plant."""
-    ideal, alone = readings(run, nominal(only=())), readings(run, nominal(only=(effect,)))
-    off_again = readings(run, without(nominal(only=(effect,)), [effect]))
+    ideal, alone = readings(parameters_of(only=())), readings(parameters_of(only=(effect,)))
+    off_again = readings(without(parameters_of(only=(effect,)), [effect]))
 
     assert np.max(np.abs(alone - ideal)) > 1e-4
     assert np.array_equal(off_again, ideal)
 
 
-def test_switch_of_the_asymmetry_works(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_switch_of_the_asymmetry_works() -> None:
     """Without asymmetry the falling branch is the point reflection of the rising branch."""
     drive_v = np.concatenate([np.arange(0, 151), np.arange(149, -1, -1)])
     even, skewed = (
@@ -78,9 +72,7 @@ def test_effect_that_does_not_exist_is_refused() -> None:
         without(PlantParameters(), ["gravity"])
 
 
-def test_same_seed_gives_the_same_result_to_the_bit(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_same_seed_gives_the_same_result_to_the_bit() -> None:
     """Two plants of one seed agree in every value; another seed has other noise."""
     one, same, other = (run(make_plant(seed=seed), SWEEP_V) for seed in (1, 1, 2))
 
@@ -88,9 +80,7 @@ def test_same_seed_gives_the_same_result_to_the_bit(
     assert not np.array_equal(one.sensor_v, other.sensor_v)
 
 
-def test_dividing_the_time_differently_changes_nothing(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_dividing_the_time_differently_changes_nothing() -> None:
     """A millisecond in one call or in five gives the same result to the bit."""
     one = run(make_plant(), SWEEP_V)
     five = run(make_plant(), np.repeat(SWEEP_V, 5), 200_000)
@@ -99,7 +89,7 @@ def test_dividing_the_time_differently_changes_nothing(
     assert np.array_equal(one.position_um, five.position_um[4::5])
 
 
-def test_long_wait_is_the_same_as_many_short_ones(make_plant: Callable[..., Plant]) -> None:
+def test_long_wait_is_the_same_as_many_short_ones() -> None:
     """A second in one call equals a second in milliseconds."""
     one, many = make_plant(), make_plant()
     for plant in (one, many):
@@ -111,7 +101,7 @@ def test_long_wait_is_the_same_as_many_short_ones(make_plant: Callable[..., Plan
     assert one.sample() == many.sample()
 
 
-def test_time_does_not_go_back(make_plant: Callable[..., Plant]) -> None:
+def test_time_does_not_go_back() -> None:
     """A call for an earlier time is refused and changes nothing; the same time is allowed."""
     plant = make_plant()
     plant.advance_to(1_000_000)
@@ -122,7 +112,7 @@ def test_time_does_not_go_back(make_plant: Callable[..., Plant]) -> None:
     assert plant.now_ns == 1_000_000
 
 
-def test_command_acts_from_the_next_sub_step_on(make_plant: Callable[..., Plant]) -> None:
+def test_command_acts_from_the_next_sub_step_on() -> None:
     """A command between two sub-steps acts from the next one, so that nothing happens too early."""
     plant = make_plant(only=())
     plant.advance_to(60_000)
@@ -134,7 +124,7 @@ def test_command_acts_from_the_next_sub_step_on(make_plant: Callable[..., Plant]
     assert (before_v, plant.drive_v) == (0.0, 100.0)
 
 
-def test_plant_begins_at_rest(make_plant: Callable[..., Plant]) -> None:
+def test_plant_begins_at_rest() -> None:
     """Before the first command displacement and output are zero, and the sensor reads its gap."""
     plant = make_plant(off=("sensor_noise", "amplifier_noise"))
     plant.advance_to(10_000_000)
@@ -194,9 +184,7 @@ def test_every_parameter_is_described() -> None:
     drive_v=st.lists(st.floats(-200, 200), min_size=1, max_size=20),
     variant=st.sampled_from(sorted(VARIANTS)),
 )
-def test_no_drive_breaks_the_plant(
-    make_plant: Callable[..., Plant], drive_v: list[float], variant: str
-) -> None:
+def test_no_drive_breaks_the_plant(drive_v: list[float], variant: str) -> None:
     """For any command, displacement, output and reading stay finite."""
     plant = make_plant(variant)
     for k, command_v in enumerate(drive_v):

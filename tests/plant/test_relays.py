@@ -1,6 +1,5 @@
 """The stage of thermally activated relays: its rate dependence, against relays solved exactly."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,12 +8,13 @@ import pytest
 from piezod.plant.layout import constants
 from piezod.plant.plant import Plant
 from piezod.plant.variants import VARIANTS
+from tests.plant.plants import make_plant, run
 
 STATIC = ("hysteresis", "asymmetry")
 LAW: Any = VARIANTS["thermal-relays"].parameters.hysteresis
 
 
-def loop(plant: Plant, run: Callable[..., Any], frequency_hz: float) -> tuple[Any, Any]:
+def loop(plant: Plant, frequency_hz: float) -> tuple[Any, Any]:
     """Return drives and displacements of the second of two triangles over the whole range."""
     samples = 1000
     phase = np.arange(1, 2 * samples + 1) / samples
@@ -23,9 +23,9 @@ def loop(plant: Plant, run: Callable[..., Any], frequency_hz: float) -> tuple[An
     return drive_v[samples:], trace[samples:]
 
 
-def width_pct(plant: Plant, run: Callable[..., Any], frequency_hz: float) -> float:
+def width_pct(plant: Plant, frequency_hz: float) -> float:
     """Return the width of the loop at a frequency, in % of its displacement."""
-    drive_v, position_um = loop(plant, run, frequency_hz)
+    drive_v, position_um = loop(plant, frequency_hz)
     half = len(drive_v) // 2
     at_v = np.linspace(2, 148, 147)
     rising = np.interp(at_v, drive_v[:half], position_um[:half])
@@ -33,14 +33,10 @@ def width_pct(plant: Plant, run: Callable[..., Any], frequency_hz: float) -> flo
     return float(100 * np.max(falling - rising) / np.ptp(position_um))
 
 
-def test_loop_widens_with_the_rate(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_loop_widens_with_the_rate() -> None:
     """From 0.1 to 1 to 10 Hz the loop widens by 1 to 2 % of the swing each, and is 15 % at 1 Hz."""
     slow, middle, fast = (
-        width_pct(
-            make_plant("thermal-relays", only=STATIC, sub_step_ns=sub_step_ns), run, frequency_hz
-        )
+        width_pct(make_plant("thermal-relays", only=STATIC, sub_step_ns=sub_step_ns), frequency_hz)
         for frequency_hz, sub_step_ns in ((0.1, 200_000), (1.0, 50_000), (10.0, 50_000))
     )
 
@@ -49,21 +45,17 @@ def test_loop_widens_with_the_rate(
     assert 1.0 < fast - middle < 2.0
 
 
-def test_loop_of_a_static_class_does_not_depend_on_the_rate(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_loop_of_a_static_class_does_not_depend_on_the_rate() -> None:
     """The Preisach stage of the same density has one loop at all rates."""
     slow, fast = (
-        width_pct(make_plant("preisach-exponential", only=STATIC), run, frequency_hz)
+        width_pct(make_plant("preisach-exponential", only=STATIC), frequency_hz)
         for frequency_hz in (0.1, 10.0)
     )
 
     assert slow == pytest.approx(fast, abs=1e-6)
 
 
-def test_relays_follow_their_rate_equation(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_relays_follow_their_rate_equation() -> None:
     """In loops of 10 Hz the displacement is that of an exact solution, to 1e-3 of the travel.
 
     A command is constant for 1 ms, so the exact solution is one exponential for each relay.

@@ -1,6 +1,5 @@
 """The simulated fibre sensor: its curve, its noise, its converter."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -13,6 +12,7 @@ from piezod.plant.layout import constants
 from piezod.plant.parameters import PlantParameters, specimen
 from piezod.plant.plant import Plant
 from piezod.plant.variants import VARIANTS
+from tests.plant.plants import make_plant, parameters_of, run
 
 SEED = np.random.SeedSequence(1)
 # Variants with a sensor of their own; the other variants have that of the stack.
@@ -51,11 +51,9 @@ def test_nonlinearity_of_specimens_is_within_ten_percent_of_nominal() -> None:
         assert 0.009 <= line_residual(peak) <= 0.011, f"seed {seed}"
 
 
-def test_near_side_rises_to_a_maximum_and_the_far_side_falls(
-    nominal: Callable[..., PlantParameters],
-) -> None:
+def test_near_side_rises_to_a_maximum_and_the_far_side_falls() -> None:
     """The curve has one maximum, at the peak gap; far beyond it falls with the gap squared."""
-    plant = with_sensor(nominal())
+    plant = with_sensor(parameters_of())
     peak_um = peak_gap_um(0.01, 30) - 10
     near = readings_v(plant, np.linspace(-10, peak_um, 200))
     far = readings_v(plant, np.linspace(peak_um, 40 * peak_um, 200))
@@ -66,33 +64,29 @@ def test_near_side_rises_to_a_maximum_and_the_far_side_falls(
     assert plant.ideal_reading_v(1e5) / plant.ideal_reading_v(2e5) == pytest.approx(4, rel=1e-3)
 
 
-def test_probe_set_back_beyond_the_maximum_sees_the_opposite_slope(
-    nominal: Callable[..., PlantParameters], run: Callable[..., Any]
-) -> None:
+def test_probe_set_back_beyond_the_maximum_sees_the_opposite_slope() -> None:
     """On the far side the voltage falls while the stage moves away."""
     steps_v = [0, 75, 150]
-    near = run(with_sensor(nominal(only=("nonlinearity",))), steps_v).sensor_v
-    far = run(with_sensor(nominal(only=("nonlinearity",)), setback_um=150), steps_v).sensor_v
+    near = run(with_sensor(parameters_of(only=("nonlinearity",))), steps_v).sensor_v
+    far = run(with_sensor(parameters_of(only=("nonlinearity",)), setback_um=150), steps_v).sensor_v
 
     assert np.all(np.diff(near) > 0)
     assert np.all(np.diff(far) < 0)
 
 
-def test_near_side_begins_with_the_slope_of_the_parameters(
-    nominal: Callable[..., PlantParameters],
-) -> None:
+def test_near_side_begins_with_the_slope_of_the_parameters() -> None:
     """Close to the probe the voltage is slope times gap; at the probe it is zero."""
-    plant = with_sensor(nominal())
+    plant = with_sensor(parameters_of())
 
     assert plant.ideal_reading_v(-9.9) == pytest.approx(0.11 * 0.1, rel=1e-6)
     assert plant.ideal_reading_v(-10.5) == 0.0
 
 
-def test_light_level_scales_the_voltage(nominal: Callable[..., PlantParameters]) -> None:
+def test_light_level_scales_the_voltage() -> None:
     """Half the light gives half the voltage everywhere on the curve."""
     positions_um = [0, 10, 30, 200]
-    full = readings_v(with_sensor(nominal()), positions_um)
-    half = readings_v(with_sensor(nominal(), light_level=0.5), positions_um)
+    full = readings_v(with_sensor(parameters_of()), positions_um)
+    half = readings_v(with_sensor(parameters_of(), light_level=0.5), positions_um)
 
     assert half == pytest.approx(full / 2, rel=1e-12)
 
@@ -103,9 +97,7 @@ def test_linear_sensor_has_no_far_side() -> None:
 
 
 @pytest.mark.parametrize("variant", SENSORS)
-def test_noise_in_the_band_of_the_loop_is_0_06_pct_of_range(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
-) -> None:
+def test_noise_in_the_band_of_the_loop_is_0_06_pct_of_range(variant: str) -> None:
     """At rest in mid-travel, samples at 1 kHz have 0.06 % rms noise, hardly correlated.
 
     The anti-alias filter removes the noise above its band, which leaves a small correlation.
@@ -121,9 +113,7 @@ def test_noise_in_the_band_of_the_loop_is_0_06_pct_of_range(
     assert abs(np.corrcoef(noise_v[:-1], noise_v[1:])[0, 1]) < 0.1
 
 
-def test_sensor_without_antialias_filter_passes_the_noise_of_its_detector(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_sensor_without_antialias_filter_passes_the_noise_of_its_detector() -> None:
     """The noise is that of 10 kHz through a first-order detector, 4 times that of 500 Hz."""
     plant = make_plant("no-antialias", only=("sensor_noise", "sensor_bandwidth", "antialias"))
     noise_v = run(plant, np.full(20_000, 75.0)).sensor_v[100:]
@@ -136,9 +126,7 @@ def test_sensor_without_antialias_filter_passes_the_noise_of_its_detector(
     assert 1000 * np.std(noise_v) / slope_v_per_um == pytest.approx(expected_nm, rel=0.03)
 
 
-def test_noise_density_is_flat_up_to_the_filter(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_noise_density_is_flat_up_to_the_filter() -> None:
     """Without filters the density is 0.745 nm/√Hz up to half the rate of the sub-steps."""
     plant = make_plant(only=("sensor_noise",))
     noise_v = run(plant, np.zeros(50_000), 50_000).sensor_v
@@ -149,9 +137,7 @@ def test_noise_density_is_flat_up_to_the_filter(
     assert bands == pytest.approx(3 * [0.745], rel=0.05)
 
 
-def test_reading_has_the_steps_of_the_converter(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_reading_has_the_steps_of_the_converter() -> None:
     """With 16 bits over ±10 V, every reading is a multiple of 0.3 mV, and all occur."""
     steps = run(make_plant(only=("adc",)), np.arange(0, 0.2, 0.001)).sensor_v / (20 / 2**16)
 
@@ -159,11 +145,9 @@ def test_reading_has_the_steps_of_the_converter(
     assert set(np.round(np.diff(steps))) == {0, 1}
 
 
-def test_reading_saturates(
-    nominal: Callable[..., PlantParameters], run: Callable[..., Any]
-) -> None:
+def test_reading_saturates() -> None:
     """With too much light the reading stops at 10 V, and recovers."""
-    plant = with_sensor(nominal(only=("saturation", "nonlinearity")), light_level=3.0)
+    plant = with_sensor(parameters_of(only=("saturation", "nonlinearity")), light_level=3.0)
     sensor_v = run(plant, [0, 150, 100, 0]).sensor_v
 
     assert sensor_v[1] == 10.0

@@ -1,19 +1,14 @@
 """Creep, and the drift of the return point."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
-from piezod.plant.plant import Plant
+from tests.plant.plants import make_plant, run
 
 STATIC = ("hysteresis", "asymmetry")
 
 
-def test_creep_is_one_percent_per_decade_over_four_decades(
-    make_plant: Callable[..., Plant],
-) -> None:
+def test_creep_is_one_percent_per_decade_over_four_decades() -> None:
     """After a step the displacement follows 1 + 0.01·log10(t / 0.1 s) from 0.1 s to 1000 s."""
     plant = make_plant(only=("hysteresis", "creep"), sub_step_ns=1_000_000)
     plant.command(100.0)
@@ -27,9 +22,7 @@ def test_creep_is_one_percent_per_decade_over_four_decades(
     assert np.array(position_um) / position_um[0] == pytest.approx(expected, abs=3e-4)
 
 
-def test_creep_leaves_the_travel_as_it_is_after_a_tenth_of_a_second(
-    make_plant: Callable[..., Plant],
-) -> None:
+def test_creep_leaves_the_travel_as_it_is_after_a_tenth_of_a_second() -> None:
     """The static displacement is the displacement 0.1 s after a step."""
     static, creeping = make_plant(only=STATIC), make_plant(only=(*STATIC, "creep"))
     for plant in (static, creeping):
@@ -40,9 +33,7 @@ def test_creep_leaves_the_travel_as_it_is_after_a_tenth_of_a_second(
 
 
 @pytest.mark.parametrize(("variant", "drift_pct"), [("stack", 0.5), ("flexure", 3.7), ("afm", 0.5)])
-def test_bottom_turning_point_drifts_while_the_swing_grows(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str, drift_pct: float
-) -> None:
+def test_bottom_turning_point_drifts_while_the_swing_grows(variant: str, drift_pct: float) -> None:
     """Swings that grow for 2.5 s and all return to 0 V end at a drifting displacement."""
     plant = make_plant(variant, only=(*STATIC, "drift"))
     stage = plant.parameters.stage
@@ -56,9 +47,7 @@ def test_bottom_turning_point_drifts_while_the_swing_grows(
     assert bottoms_pct[-1] == pytest.approx(drift_pct, rel=0.03)
 
 
-def test_drift_breaks_return_point_memory(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_drift_breaks_return_point_memory() -> None:
     """After a closed minor loop the flexure stage has moved; without drift it has not."""
     path = [90, *np.full(1000, 170), 90]
     still = run(make_plant("flexure", only=STATIC), [170, 90, *path]).position_um
@@ -68,7 +57,7 @@ def test_drift_breaks_return_point_memory(
     assert drifting[-1] - drifting[1] > 0.2
 
 
-def test_drift_is_forgotten_at_rest(make_plant: Callable[..., Plant]) -> None:
+def test_drift_is_forgotten_at_rest() -> None:
     """Ten minutes at 0 V bring the return point back."""
     plant = make_plant("flexure", only=(*STATIC, "drift"), sub_step_ns=1_000_000)
     plant.command(180.0)

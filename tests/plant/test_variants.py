@@ -1,6 +1,5 @@
 """Facts that hold for all simulated stages, and the single difficulty of some of them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -16,6 +15,7 @@ from piezod.plant.plant import Plant
 from piezod.plant.variants import VARIANTS
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
+from tests.plant.plants import make_plant, run
 
 MS = 1_000_000
 STATIC = ("hysteresis", "asymmetry")
@@ -25,7 +25,7 @@ TRIANGLE = 1 - np.abs(np.arange(1, 2 * STEPS + 1) / STEPS - 1)
 INSIDE = np.linspace(0.01, 0.99, 99)
 
 
-def branches(plant: Plant, run: Callable[..., Any]) -> tuple[Any, Any]:
+def branches(plant: Plant) -> tuple[Any, Any]:
     """Return the branches of the full loop at 1 Hz over `INSIDE`, in displacements of the loop."""
     drive_v = plant.parameters.stage.drive_v * np.tile(TRIANGLE, 2)
     position_um = run(plant, drive_v).position_um[2 * STEPS :]
@@ -36,11 +36,9 @@ def branches(plant: Plant, run: Callable[..., Any]) -> tuple[Any, Any]:
 
 
 @pytest.mark.parametrize("variant", OTHER_CLASSES)
-def test_loop_of_another_class_is_15_pct_wide(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
-) -> None:
+def test_loop_of_another_class_is_15_pct_wide(variant: str) -> None:
     """The nominal loop at 1 Hz is 14 to 16 % wide, the maximum of data sheets."""
-    rising, falling = branches(make_plant(variant, only=STATIC), run)
+    rising, falling = branches(make_plant(variant, only=STATIC))
 
     assert 14 < 100 * np.max(falling - rising) < 16
 
@@ -52,12 +50,12 @@ def test_loop_of_another_class_is_15_pct_wide(
         for name in OTHER_CLASSES
     ],
 )
-def test_loop_of_every_specimen_is_12_to_18_pct_wide(run: Callable[..., Any], variant: str) -> None:
+def test_loop_of_every_specimen_is_12_to_18_pct_wide(variant: str) -> None:
     """This holds for 50 specimens."""
     for seed in range(50):
         drawn = specimen(VARIANTS[variant].parameters, np.random.SeedSequence(seed))
         static = without(drawn, sorted(set(EFFECTS) - set(STATIC)))
-        rising, falling = branches(Plant(static, np.random.SeedSequence(1)), run)
+        rising, falling = branches(Plant(static, np.random.SeedSequence(1)))
 
         assert 12 < 100 * np.max(falling - rising) < 18, f"seed {seed}"
 
@@ -74,24 +72,18 @@ def test_loop_of_every_specimen_is_12_to_18_pct_wide(run: Callable[..., Any], va
     ],
 )
 def test_branches_differ_only_on_the_asymmetric_stage(
-    make_plant: Callable[..., Plant],
-    run: Callable[..., Any],
-    variant: str,
-    low_pct: float,
-    high_pct: float,
+    variant: str, low_pct: float, high_pct: float
 ) -> None:
     """The rising branch deviates from the mirrored falling branch by 15 % there."""
-    rising, falling = branches(make_plant(variant, only=STATIC), run)
+    rising, falling = branches(make_plant(variant, only=STATIC))
     difference_pct = 100 * np.max(np.abs(rising - (1 - falling[::-1])))
 
     assert low_pct <= difference_pct <= high_pct
 
 
-def test_switch_of_the_asymmetry_makes_the_density_symmetrical(
-    make_plant: Callable[..., Plant], run: Callable[..., Any]
-) -> None:
+def test_switch_of_the_asymmetry_makes_the_density_symmetrical() -> None:
     """Without the effect the branches of the asymmetric stage mirror each other."""
-    rising, falling = branches(make_plant("preisach-asymmetric", only=("hysteresis",)), run)
+    rising, falling = branches(make_plant("preisach-asymmetric", only=("hysteresis",)))
 
     assert rising == pytest.approx(1 - falling[::-1], abs=1e-3)
 
@@ -118,7 +110,7 @@ def test_rig_rests_at_0_and_knows_its_truth_everywhere(variant: str) -> None:
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_full_drive_gives_the_travel(make_plant: Callable[..., Plant], variant: str) -> None:
+def test_full_drive_gives_the_travel(variant: str) -> None:
     """0.1 s after a step to the nominal drive the displacement is the travel."""
     plant = make_plant(variant, only=STATIC)
     plant.command(plant.parameters.stage.drive_v)
@@ -129,9 +121,7 @@ def test_full_drive_gives_the_travel(make_plant: Callable[..., Plant], variant: 
 
 
 @pytest.mark.parametrize("variant", OTHER_CLASSES)
-def test_stage_without_hysteresis_is_linear(
-    make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
-) -> None:
+def test_stage_without_hysteresis_is_linear(variant: str) -> None:
     """The switch of the hysteresis leaves a straight line with the whole travel."""
     trace = run(make_plant(variant, only=()), 150 * TRIANGLE)
 

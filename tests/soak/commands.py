@@ -33,15 +33,7 @@ OTHER_MODES: Final = ("feedforward", "trimmed", "uncompensated")
 
 
 class Commands:
-    """Operates a stage until a time has passed.
-
-    Args:
-        machine: The machine.
-        observer: Learns what to expect.
-        seed: Seed of the schedule.
-        duration_s: Simulated time, in s.
-        ended: Returns whether to end early.
-    """
+    """Operates a stage until a time has passed."""
 
     def __init__(
         self,

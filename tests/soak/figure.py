@@ -21,13 +21,7 @@ from tests.soak.observer import LEARNED_PCT, Row
 
 @house_style()
 def soak_figure(rows: Sequence[Row], title: str, bounds_pct: float) -> Figure:
-    """Draw what each simulated minute has shown.
-
-    Args:
-        rows: One for each minute.
-        title: Headline.
-        bounds_pct: Largest allowed error of a minute, in % of the range.
-    """
+    """Draw what each simulated minute has shown."""
     figure = new_figure(10.0, 12.5, title, "")
     panels: Sequence[Axes] = figure.subplots(6, 1, sharex=True)
     hours = [row.hour for row in rows]

@@ -11,11 +11,7 @@ from tests.soak.virtual_time import VirtualClock
 class LockStep:
     """Lets one thread at a time run beside the main thread, between two of its sleeps.
 
-    Args:
-        clock: The clock of the machine.
-
-    Attributes:
-        due_ns: Instant at which the thread goes on; infinite without one.
+    At `due_ns` the thread goes on; it is infinite without one.
     """
 
     def __init__(self, clock: VirtualClock) -> None:
@@ -73,12 +69,7 @@ class _SteppedEvent(threading.Event):
 
 
 class SteppedPlay(_PlayThread):
-    """The thread of a play, in lock step.
-
-    Args:
-        steps: Gives it its turns.
-        *given: Arguments of the thread.
-    """
+    """The thread of a play, in lock step."""
 
     def __init__(self, steps: LockStep, *given: object) -> None:
         super().__init__(*given)  # type: ignore[arg-type]

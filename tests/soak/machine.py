@@ -64,11 +64,7 @@ WAIT_FOR_SAFE_S = 10.0
 class Machine:
     """Runs a stage again and again, with the same rig and the same files.
 
-    Args:
-        source: The configuration, of a stage with one axis.
-        folder: Folder for all files; its path is short enough for a socket.
-        seed: Seed of noise and garbage.
-        take: Takes the record of each cycle.
+    The path of its folder is short enough for a socket.
     """
 
     def __init__(
@@ -122,8 +118,7 @@ class Machine:
     def run_daemon(self, beside: Callable[[], Coroutine[Any, Any, None]]) -> bool:
         """Run the daemon to its end; return whether that was in order.
 
-        Args:
-            beside: Runs in the event loop of the daemon, until this ends.
+        `beside` runs in the event loop of the daemon, until this ends.
         """
 
         async def both(main: Coroutine[Any, Any, T]) -> T:
@@ -166,15 +161,7 @@ class Machine:
 
 
 class VirtualRun(LoopRun):
-    """A loop in this process, in virtual time.
-
-    Args:
-        machine: The machine.
-        paths: The files of the stage.
-        source: The configuration file.
-        slot: Name of the folder for the accepted copy.
-        strict_rt: Has to be False.
-    """
+    """A loop in this process, in virtual time."""
 
     def __init__(
         self,
@@ -298,12 +285,7 @@ class _VirtualHeartbeat(Heartbeat):
 
 
 class _VirtualRescuer(FakeRescuer):
-    """A rescuer in this process, in virtual time.
-
-    Args:
-        machine: The machine.
-        config: The configuration in force.
-    """
+    """A rescuer in this process, in virtual time."""
 
     def __init__(self, machine: Machine, config: DaemonConfig) -> None:
         super().__init__()

@@ -77,13 +77,7 @@ class Row(NamedTuple):
 
 
 class Observer:
-    """Takes the record of each cycle.
-
-    Args:
-        range_um: Range of the commands, in µm.
-        folder: Folder with the files of the stage.
-        model: The identified model of its axis.
-    """
+    """Takes the record of each cycle."""
 
     def __init__(self, range_um: float, folder: Path, model: StageModel) -> None:
         self._range_um, self._folder = range_um, folder

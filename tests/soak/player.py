@@ -33,9 +33,7 @@ MESSAGE_S: Final = 0.05
 class TablePlayer(JudgedDevice):
     """Implements `Player` for a device with one output.
 
-    Attributes:
-        pause: Lets a time pass, in s: a table is loaded message by message.
-        fast: Steps of tables that are faster than the slew rate.
+    `pause` lets a time pass, in s: a table is loaded message by message.
     """
 
     pause: Callable[[float], None] = staticmethod(lambda _s: None)

@@ -5,7 +5,7 @@ from math import inf, isfinite
 
 from piezod.config.daemon import DaemonConfig
 from piezod.control.guard import Limits
-from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.interface import Capabilities, Identity
 from piezod.devices.wiring import construct, pairs_of
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.driver import SimulatedRig
@@ -14,15 +14,14 @@ from tests.soak.player import TablePlayer
 
 
 class LastingRig:
-    """A simulated rig that stays as it is from one daemon to the next.
-
-    Args:
-        inner: The rig, not open.
-    """
+    """A simulated rig that stays as it is from one daemon to the next."""
 
     def __init__(self, inner: SimulatedRig) -> None:
         self._inner = inner
         self._identity: Identity | None = None
+        self.activate, self.deactivate = inner.activate, inner.deactivate
+        self.read, self.true_position_um = inner.read, inner.true_position_um
+        self.write, self.read_back = inner.write, inner.read_back
 
     def open(self) -> Identity:
         """Open the rig at the first call."""
@@ -37,40 +36,12 @@ class LastingRig:
         """Return its capabilities; it is relaxed for its first daemon only."""
         return self._able
 
-    def activate(self, now_ns: int) -> None:
-        """Activate the rig."""
-        self._inner.activate(now_ns)
-
-    def deactivate(self, now_ns: int) -> None:
-        """Bring its output to rest."""
-        self._inner.deactivate(now_ns)
-
     def close(self) -> None:
         """Leave it as it is."""
 
-    def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take a sample."""
-        return self._inner.read(now_ns)
-
-    def true_position_um(self, now_ns: int) -> Sequence[float]:
-        """Return the true displacement."""
-        return self._inner.true_position_um(now_ns)
-
-    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Command a voltage."""
-        return self._inner.write(drive_v, now_ns)
-
-    def read_back(self, now_ns: int) -> Sequence[float]:
-        """Measure the output."""
-        return self._inner.read_back(now_ns)
-
 
 class CheckedRig(TablePlayer, JudgedDevice):
-    """Checks what is written, before faults change it, and what is on the stage.
-
-    Args:
-        config: The configuration of the stage, with one axis.
-    """
+    """Checks what is written, before faults change it, and what is on the stage."""
 
     def __init__(self, config: DaemonConfig, seed: int) -> None:
         (made,) = construct(config.devices, pairs_of(config.axes), config.seed).values()

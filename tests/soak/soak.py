@@ -63,14 +63,8 @@ def soak(
 ) -> Result:
     """Run a stage for a simulated time.
 
-    Args:
-        duration_s: The time, in s.
-        seed: Seed of commands, faults and noise.
-        log: File for the log of the daemons.
-        rate_hz: Rate of the loop, in Hz.
-        model: The model of the stage, see `surface_rig`.
-        progress: Takes the simulated time in s, and the minutes so far, at the end of each daemon.
-        ended: Returns whether to end early.
+    `progress` takes the simulated time in s, and the minutes so far, at the end of each daemon;
+    `ended` returns whether to end early.
     """
     began_s, began_cpu_s = perf_counter(), process_time()
     # In memory where possible: a daemon syncs its files, and virtual time does not wait for a disk.

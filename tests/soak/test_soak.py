@@ -1,13 +1,9 @@
 """Short soaks, and the judgement of a soak."""
 
 import re
-import threading
-import time
-import traceback
-from math import isnan, nan, sqrt
+from math import nan
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from piezod.config.daemon import DaemonConfig
@@ -25,13 +21,10 @@ from piezod.units import NS_PER_S
 from tests.control.surface_rig import VARIANTS, model_path
 from tests.daemon.daemons import configuration
 from tests.forked import run
-from tests.soak.figure import soak_figure
 from tests.soak.observer import Observer, Row
 from tests.soak.rig import CheckedRig
-from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, grown, logged
-from tests.soak.virtual_time import VirtualClock
+from tests.soak.soak import ERROR_RMS_PCT, GROWN_MB, grown
 
-MONOTONIC = time.monotonic
 MODEL = from_model_file(load_model(model_path("stops")))
 
 
@@ -62,20 +55,6 @@ def number(pattern: str, text: str) -> float:
     found = re.search(pattern, text)
     assert found, text
     return float(found[1])
-
-
-def test_virtual_time_needs_a_process_without_other_threads() -> None:
-    """A thread that waits meanwhile would wait until the real clock has reached virtual time."""
-    ended = threading.Event()
-    thread = threading.Thread(target=ended.wait)
-    thread.start()
-    try:
-        with pytest.raises(RuntimeError, match="other threads"), VirtualClock().installed():
-            pass
-    finally:
-        ended.set()
-        thread.join()
-    assert time.monotonic is MONOTONIC
 
 
 @pytest.fixture(scope="module")
@@ -150,66 +129,6 @@ def test_states_and_faults_need_a_reason(
     assert found in "".join(violations)
 
 
-@pytest.mark.parametrize("zero", [False, True])
-@pytest.mark.parametrize(("moves_s", "found"), [(299, 0), (302, 1)])
-def test_what_was_taught_is_unlearned_in_motion(
-    tmp_path: Path, moves_s: int, found: int, zero: bool
-) -> None:
-    """D1 may come until the stage has moved for five minutes after a disturbance or a zero.
-
-    The stage rests for an hour before it moves.
-    """
-    observer = Observer(26.0, tmp_path, MODEL)
-    observer.disturbed(0)
-    for t_s in range(400):
-        observer.take(record(State.RUN, 0, t_s, t_s / 100 if zero else 5.0))
-    if zero:
-        observer.taught(Fault.D1)
-    for t_s in range(400, 4001):
-        observer.take(record(State.RUN, 0, t_s, 5.0))
-    for t_s in range(4001, 4000 + moves_s):
-        observer.take(record(State.RUN, 0, t_s, t_s / 100))
-    observer.take(record(State.RUN, mask([Fault.D1]), 4000 + moves_s, 5.0))
-
-    assert sum("D1 in RUN" in text for text in observer.violations) == found
-
-
-def test_error_of_few_cycles_counts_in_the_next_minute(tmp_path: Path) -> None:
-    """Ten seconds of a minute are calm; their error of 1 µm is judged with those of the next.
-
-    In the third minute the stage rests. Its error is not judged.
-    """
-    observer = Observer(10.0, tmp_path, MODEL)
-    observer.disturbed(20 * NS_PER_S)  # calm 30 s later
-    for t_s in range(181):
-        command_um = min(t_s, 120) / 100
-        error_um = 0.0 if 60 < t_s <= 120 else 1.0
-        moving = record(State.RUN, 0, t_s)
-        axis = moving.axes[0]._replace(command_um=command_um, position_um=command_um - error_um)
-        observer.take(moving._replace(axes=(axis,)))
-    first, second, third = observer.rows
-
-    assert isnan(first.error_rms_pct)
-    assert second.error_rms_pct == pytest.approx(10.0 * sqrt(10 / 70))
-    assert second.error_max_pct == pytest.approx(10.0)
-    assert isnan(third.error_rms_pct)
-
-
-@pytest.mark.parametrize(("wrong_s", "found"), [(5, False), (6, True)])
-def test_error_counts_after_some_motion(tmp_path: Path, wrong_s: int, found: bool) -> None:
-    """A stage rests for a minute after a disturbance, and then shows what it was taught."""
-    observer = Observer(10.0, tmp_path, MODEL)
-    observer.disturbed(0)
-    for t_s in range(121):
-        command_um = max(t_s - 60, 0) / 100
-        error_um = 1.0 if 60 < t_s <= 60 + wrong_s else 0.0
-        moving = record(State.RUN, 0, t_s, command_um)
-        axis = moving.axes[0]._replace(position_um=command_um - error_um)
-        observer.take(moving._replace(axes=(axis,)))
-
-    assert (observer.rows[-1].error_max_pct > 0.0) == found
-
-
 def rows(count: int, **changed: float) -> list[Row]:
     """Return quiet minutes; a given field rises to its value in the last one."""
     quiet = Row(0.0, 200.0, 20, 4, 10, 1.0, 1000, 5.0, 0.1, 0.3, 0.9, 0, 1, 0, 2.5, 0.0)
@@ -245,26 +164,3 @@ def test_growth_is_found(changed: dict[str, float], says: list[str]) -> None:
 
     assert len(found) == len(says)
     assert all(part in text for part, text in zip(says, found, strict=True))
-
-
-@pytest.mark.usefixtures("layout")
-def test_chart_has_every_minute() -> None:
-    """Each line of the chart has one point for each minute, gaps included."""
-    figure = soak_figure(
-        rows(30, error_rms_pct=nan, error_max_pct=nan, drift_pct=nan), "title", 1.0
-    )
-
-    lines = [line for axes in figure.axes for line in axes.lines]
-    points = [np.asarray(line.get_xdata()).size for line in lines]
-    assert points.count(30) == len(Row._fields) - 4  # without hour, files_mb, blocks, run_share
-
-
-def test_exception_in_the_log_is_found() -> None:
-    """The daemon goes on after an exception in its housekeeping; the soak does not pass."""
-    trace = "".join(traceback.format_exception(OSError("no space")))
-    trace = f"Traceback (most recent call last):\n{trace}"
-
-    assert logged("fault: driver failed\n") == []
-    assert logged(f"one\n{trace}two\n{trace}") == [
-        "the log has 2 tracebacks, the first with OSError: no space"
-    ]

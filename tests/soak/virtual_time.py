@@ -106,9 +106,7 @@ class AtOnce(ThreadPoolExecutor):
 def run_virtually(main: Coroutine[Any, Any, T], pass_ns: Callable[[int | None], None]) -> T:
     """Run a coroutine like `asyncio.run`.
 
-    Args:
-        main: The coroutine.
-        pass_ns: Lets at most this time pass, in ns; None for any time.
+    `pass_ns` lets at most a time pass, in ns, or any time if that is None.
     """
 
     def make() -> asyncio.AbstractEventLoop:

@@ -28,11 +28,7 @@ class Write(NamedTuple):
 
 
 class InstalledStage:
-    """The stage, its rig as another service, and two users, of whom one may move the stage.
-
-    Args:
-        machine: The machine, with piezod installed.
-    """
+    """The stage, its rig as another service, and two users, of whom one may move the stage."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine

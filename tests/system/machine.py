@@ -35,12 +35,7 @@ def why_not() -> str:
 
 
 class Machine:
-    """The machine, running while its context is entered.
-
-    Args:
-        wheel: The wheel that is installed in it.
-        log: File for the output of its boot.
-    """
+    """The machine, running while its context is entered."""
 
     def __init__(self, wheel: Path, log: Path) -> None:
         self._name = f"pz-machine-{os.getpid()}"
@@ -83,21 +78,13 @@ class Machine:
         )
 
     def root(self, command: str) -> str:
-        """Run a shell command as root; return its output.
-
-        Raises:
-            AssertionError: If it fails.
-        """
+        """Run a shell command as root; return its output."""
         ended = self.run(command)
         assert ended.returncode == 0, (command, ended.stdout, ended.stderr)
         return ended.stdout.strip()
 
     def wait_until(self, condition: str, within_s: int = 60) -> None:
-        """Wait until a shell command succeeds; the loop runs in the machine, which costs less.
-
-        Raises:
-            AssertionError: If the time is over.
-        """
+        """Wait until a shell command succeeds; the loop runs in the machine, which costs less."""
         self.root(f"timeout {within_s} sh -c 'until {condition}; do sleep 0.1; done'")
 
     def write(self, path: str, text: str) -> None:

@@ -17,6 +17,13 @@ HAMMER = Path(__file__).with_name("hammer.py")
 KEPT = CAPACITY - 1  # the place of the record after the newest is not to be relied on
 
 
+def write(shared: SharedMap, count: int) -> None:
+    """Write records with the times from 1 on."""
+    writer = RingWriter(shared)
+    for number in range(1, count + 1):
+        writer.append(fields_of(number))
+
+
 def test_record_is_read_as_written(shared: SharedMap) -> None:
     """Every field of the cycle and of each axis has its value, one by one and in an array."""
     reader = RingReader(shared)
@@ -45,9 +52,8 @@ def test_empty_ring_has_no_record(shared: SharedMap) -> None:
 
 def test_newest_records_are_read_in_order(shared: SharedMap) -> None:
     """No more records are read than the ring holds; the oldest comes first."""
-    reader, writer = RecordReader(shared), RingWriter(shared)
-    for number in range(1, 2 * CAPACITY + 1):
-        writer.append(fields_of(number))
+    reader = RecordReader(shared)
+    write(shared, 2 * CAPACITY)
 
     assert [record["t_ns"] for record in reader.last(2)] == [2 * CAPACITY - 1, 2 * CAPACITY]
     assert len(reader.last(10**6)) == KEPT
@@ -93,9 +99,8 @@ def test_each_record_is_read_once_or_counted_as_lost(
 
 def test_overwritten_records_are_counted(shared: SharedMap) -> None:
     """A late reader gets the newest records and the number of lost ones."""
-    reader, writer = RingReader(shared), RingWriter(shared)
-    for number in range(1, 3 * CAPACITY + 1):
-        writer.append(fields_of(number))
+    reader = RingReader(shared)
+    write(shared, 3 * CAPACITY)
 
     records, lost = reader.read(10**6)
 
@@ -106,9 +111,8 @@ def test_overwritten_records_are_counted(shared: SharedMap) -> None:
 
 def test_last_does_not_change_the_position(shared: SharedMap) -> None:
     """`last` returns records without reading them."""
-    reader, writer = RingReader(shared), RingWriter(shared)
-    for number in range(1, 11):
-        writer.append(fields_of(number))
+    reader = RingReader(shared)
+    write(shared, 10)
 
     assert list(reader.last(3)["t_ns"]) == [8, 9, 10]
     assert len(reader.last(10**6)) == 10
@@ -117,9 +121,8 @@ def test_last_does_not_change_the_position(shared: SharedMap) -> None:
 
 def test_half_written_record_is_not_returned(shared: SharedMap) -> None:
     """A record with different numbers at its ends is dropped."""
-    reader, writer = RingReader(shared), RingWriter(shared)
-    for number in (1, 2, 3):
-        writer.append(fields_of(number))
+    reader = RingReader(shared)
+    write(shared, 3)
     size = len(shared.part("ring")) // CAPACITY
     shared.part("ring").cast("q")[2 * size // 8] = 99  # as if its writer had just started a record
 
@@ -136,8 +139,9 @@ def test_new_writer_continues_the_numbers(shared: SharedMap) -> None:
     assert RingWriter(shared).append(fields_of(2)) == 2
 
 
-def hammered(shared: SharedMap, count: int) -> tuple[int, int]:
-    """Read while another process writes without a pause; return the read and lost records."""
+@pytest.mark.parametrize("count", [80_000, pytest.param(20_000_000, marks=pytest.mark.stress)])
+def test_readers_never_see_a_torn_record(shared: SharedMap, count: int) -> None:
+    """No reader gets halves of two records from a writer that never pauses."""
     reader = RingReader(attach(shared.path))
     read = lost = 0
     with subprocess.Popen([sys.executable, HAMMER, shared.path, str(count)]) as process:
@@ -151,19 +155,5 @@ def hammered(shared: SharedMap, count: int) -> tuple[int, int]:
             assert np.all(records["seq"] == numbers)
             read, lost = read + len(records), lost + more
             assert read + lost == count or not ended
-    return read, lost
 
-
-def test_readers_never_see_a_torn_record(shared: SharedMap) -> None:
-    """No reader gets halves of two records from a writer that never pauses."""
-    read, lost = hammered(shared, 80_000)
-
-    assert read + lost == 80_000
-
-
-@pytest.mark.stress
-def test_readers_never_see_a_torn_record_for_long(shared: SharedMap) -> None:
-    """The same holds for 20 million records."""
-    read, lost = hammered(shared, 20_000_000)
-
-    assert read + lost == 20_000_000
+    assert read + lost == count

@@ -150,17 +150,6 @@ def test_memory_does_not_advance_while_writes_are_refused() -> None:
     assert np.max(np.abs(apart_v)) < 1e-9  # a memory that advanced would be 12 V off
 
 
-def test_stage_taken_over_outside_its_range_returns_at_the_slew_rate() -> None:
-    """A voltage of 155 V at the start falls by 2 V per cycle."""
-    axis = compensated(lambda _: 10.0, SLOW, in_force_v=155.0)
-    drives_v = []
-    for k in range(4):
-        drives_v.append(axis.update(START_NS + k * MS, AT_REST).drive_v)
-        axis.applied(drives_v[-1])
-
-    assert drives_v == pytest.approx([153.0, 151.0, 150.0, 150.0])
-
-
 def test_reference_that_is_not_a_number_holds_the_drive() -> None:
     """A reference that becomes NaN moves nothing."""
     axis = compensated(lambda t_s: 5.0 if t_s < 3e-3 else math.nan)

@@ -132,15 +132,6 @@ def test_refused_drive_leaves_no_trace(kind: Kind, commands: list[float]) -> Non
     assert refused.step(0.5, 0.0, 1.0, kind.weights) == reference.step(0.5, 0.0, 1.0, kind.weights)
 
 
-def test_stage_that_creeps_is_inverted_exactly(kind: Kind) -> None:
-    """Over loops of many sizes, with creep, the stage is where it was commanded to be."""
-    commands = wander(5.0)
-
-    _, positions = driven(kind, compensator(kind), MadeUpStage(kind=kind), commands)
-
-    np.testing.assert_allclose(positions, commands, rtol=0, atol=1e-9)
-
-
 @given(cycles=CYCLES)
 def test_expected_displacement_is_that_of_the_stage(
     kind: Kind, cycles: list[tuple[float, tuple[float, float], bool, Mode]]

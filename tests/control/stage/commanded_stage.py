@@ -54,11 +54,7 @@ in s."""
 
 
 class CommandedStage(FaultyStage):
-    """A stage of one axis with two people, a lease and an amplifier that may fail.
-
-    Args:
-        model: Its model, see `surface_rig`.
-    """
+    """A stage of one axis with two people, a lease and an amplifier that may fail."""
 
     def __init__(self, model: str = "stops") -> None:
         config = with_model(quick_config(), model)
@@ -206,11 +202,7 @@ class CommandedStage(FaultyStage):
         """Check a voltage against the range, and against the one of the cycle before.
 
         The rig judges whether it is near the output.
-
-        Args:
-            drive_v: The voltage that was written, in V.
-            first: Number of writes before it.
-            output_v: Output of the rig before it, in V.
+        `first` is the number of writes before it.
         """
         assert isfinite(drive_v)
         before_ns, (before_v,) = self.channels.writes[first - 1] if first else (-1, (output_v,))

@@ -75,9 +75,7 @@ def test_play_gets_its_instant() -> None:
 
 def test_play_that_cannot_be_ready_is_refused() -> None:
     """The ramp to the first voltage takes longer than there is time."""
-    stage = RigStage(plays=PlayedByHand())
-    stage.cycle()
-    stage.do(rq.Arm())
+    stage = RigStage(plays=PlayedByHand()).armed()
     answer = stage.ask(PLAY.model_copy(update={"start_s": stage.t_ns / 1e9 + 0.1}))
 
     assert "the axis needs 0.4 s to go to the beginning" in answer.why

@@ -159,6 +159,7 @@ def test_amplifier_that_is_lost_after_the_sensor_is_blind() -> None:
 
 
 @pytest.mark.fault("B5")
+@pytest.mark.fault("S5")
 def test_missing_replies_hold_once_and_can_be_resumed() -> None:
     """The missing sample is detected before the bus fault, and does not hold a second time."""
     stage = SwingingStage()

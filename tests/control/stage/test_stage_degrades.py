@@ -13,14 +13,14 @@ from piezod.config.states import State
 from piezod.config.trim import TrimConfig
 from piezod.control.faults.detection import Detection
 from piezod.control.watch.loop import CycleTiming
-from piezod.devices.interface import Device, Sample
+from piezod.devices.interface import Sample
 from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
 from tests.control.fault_cases import SwingingStage
-from tests.control.rig_stage import RigStage, cycles_until, quick_config
+from tests.control.rig_stage import FaultyStage, RigStage, cycles_until, quick_config, with_axis
 from tests.control.surface_rig import CLASSES, with_model
 
 PUNCTUAL = CycleTiming(0, 0, 10_000, 0, 0)
@@ -77,8 +77,8 @@ def test_loop_that_is_often_late_leads_to_a_warning() -> None:
 class LaggingSensor(FaultyDevice):
     """A rig whose samples can be twelve periods older than their time stamps."""
 
-    def __init__(self, device: Device) -> None:
-        super().__init__(cast("SensorAmplifier", device))
+    def __init__(self, device: SensorAmplifier) -> None:
+        super().__init__(device)
         self.lags = False
         self._last = deque([Sample(0, 0.0, False)] * LAG_CYCLES, LAG_CYCLES)
 
@@ -92,21 +92,14 @@ class LaggingSensor(FaultyDevice):
 
 def trimmed_stage(model: str) -> tuple[RigStage, LaggingSensor]:
     """Return a stage that rests at 12 µm, with a trim that is stable unless the sensor lags."""
-    config, built = with_model(quick_config(), model), list[LaggingSensor]()
-
-    def lagging(device: Device) -> Device:
-        built.append(LaggingSensor(device))
-        return built[0]
-
+    config = with_model(quick_config(), model)
     trim = TrimConfig(gain_per_s=270.0, authority_pct=2.0)
-    axis = config.axes["x"].model_copy(update={"trim": trim})
-    quick = {"axes": {"x": axis}, "rate_hz": 1000.0}
-    stage = RigStage(config.model_copy(update=quick), lagging)
-    stage.cycle()
-    stage.do(rq.Arm(), rq.SelectMode(mode=Mode.TRIMMED), rq.Goto(position_um=12.0))
+    quick = with_axis(config, trim=trim).model_copy(update={"rate_hz": 1000.0})
+    stage = FaultyStage(quick, faulty=LaggingSensor)
+    stage.armed(rq.SelectMode(mode=Mode.TRIMMED), rq.Goto(position_um=12.0))
     stage.run(0.5)
     assert stage.faults() == []
-    return stage, built[0]
+    return stage, cast("LaggingSensor", stage.device)
 
 
 @pytest.mark.fault("D6")

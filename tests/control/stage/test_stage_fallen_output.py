@@ -65,7 +65,7 @@ def test_ramp_starts_where_the_output_has_fallen() -> None:
     assert max(drive_v for _, (drive_v,) in stage.channels.writes) < 0.8
 
 
-@pytest.mark.parametrize("off_v", [30.0, nan])
+@pytest.mark.parametrize("off_v", [30.0, -4.0, nan])
 def test_no_ramp_starts_with_a_step_up(off_v: float) -> None:
     """A single wrong read-back, or a missing one, does not change the start of the ramp."""
     stage = SwingingStage()

@@ -9,7 +9,7 @@ from piezod.config.channels import InputConfig, LineCalibration
 from piezod.config.daemon import DaemonConfig
 from piezod.messages.requests import Arm, Follow, Goto, Hold, Resume, Stream
 from piezod.testing.injections import Injection, InjectionKind
-from tests.control.rig_stage import FaultyStage, RigStage, shipped_config
+from tests.control.rig_stage import FaultyStage, RigStage, shipped_config, with_axis
 
 KNOB = 1  # second input of the rig
 
@@ -20,8 +20,7 @@ def commanded(**command: Any) -> DaemonConfig:
     source = InputConfig(
         device="rig", channel="knob", calibration=LineCalibration(gain=2.0), **command
     )
-    axis = config.axes["x"].model_copy(update={"command_input": source})
-    return config.model_copy(update={"axes": {"x": axis}})
+    return with_axis(config, command_input=source)
 
 
 class KnobStage(FaultyStage):
@@ -130,9 +129,7 @@ def test_another_movement_ends_following() -> None:
 )
 def test_axis_without_an_input_cannot_follow(axis: str | None, why: str) -> None:
     """The answer names the missing key; nothing starts."""
-    stage = RigStage()
-    stage.until("SAFE")
-    stage.do(Arm())
+    stage = RigStage().armed()
     answer = stage.ask(Follow(axis=axis))
 
     assert not answer.accepted

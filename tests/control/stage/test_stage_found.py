@@ -15,16 +15,9 @@ from tests.control.rig_stage import FaultyStage, RigStage
 
 def running() -> RigStage:
     """Return a stage that holds a position."""
-    stage = RigStage()
-    stage.cycle()
-    stage.do(rq.Arm(), rq.Goto(position_um=12.0))
+    stage = RigStage().armed(rq.Goto(position_um=12.0))
     stage.run(0.5)
     return stage
-
-
-def output_v(stage: RigStage) -> float:
-    """Return the voltage at the output."""
-    return stage.channels.read_back(stage.t_ns)[0]
 
 
 def test_refusal_says_how_the_state_came_about() -> None:
@@ -67,7 +60,7 @@ def test_voltage_of_a_killed_daemon_is_ramped_down(left_v: float, cycles_before:
     stage.until("FAULT")
     stage.run(0.1)
 
-    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+    assert stage.output_v == pytest.approx(0.0, abs=0.5)
     assert bool(stage.channels.writes) is (left_v > 0.0)
     assert all(
         first_v == pytest.approx(left_v, abs=0.5) for _, (first_v,) in stage.channels.writes[:1]
@@ -109,7 +102,7 @@ def test_amplifier_that_answers_late_is_ramped_down() -> None:
     stage.until("FAULT", 20.0)
 
     assert lost == "BLIND"
-    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+    assert stage.output_v == pytest.approx(0.0, abs=0.5)
 
 
 @pytest.mark.fault("P2")

@@ -19,7 +19,7 @@ from piezod.hysteresis import even_thresholds
 from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
-from tests.control.rig_stage import FaultyStage, RigStage, shipped_config
+from tests.control.rig_stage import FaultyStage, RigStage, shipped_config, with_axis
 from tests.control.surface_rig import CLASSES, with_model
 
 RANGE_UM = 31.3
@@ -34,16 +34,12 @@ def with_compensator(compensator: dict[str, Any], rate_hz: float = 500.0) -> Dae
     """
     config = shipped_config()
     settings = CompensatorConfig.model_validate({"learned_pct": 30.0, **compensator})
-    axis = config.axes["x"].model_copy(update={"compensator": settings})
-    return config.model_copy(update={"axes": {"x": axis}, "rate_hz": rate_hz})
+    return with_axis(config, compensator=settings).model_copy(update={"rate_hz": rate_hz})
 
 
 def running(config: DaemonConfig, mode: Mode = Mode.ADAPTIVE) -> RigStage:
     """Return a stage in RUN."""
-    stage = RigStage(config)
-    stage.until("SAFE")
-    stage.do(rq.Arm(), rq.SelectMode(mode=mode))
-    return stage
+    return RigStage(config).armed(rq.SelectMode(mode=mode))
 
 
 def error_um(stage: RigStage, position_um: float) -> float:
@@ -92,8 +88,7 @@ def test_lms_is_refused_with_the_thresholds_of_an_adopted_model() -> None:
     config = with_compensator({"identifier": "lms"})
     file = config.axes["x"].model
     assert file is not None
-    graded, axis = load_model(file), config.axes["x"].model_copy(update={"model": None})
-    stage = RigStage(config.model_copy(update={"axes": {"x": axis}}))
+    graded, stage = load_model(file), RigStage(with_axis(config, model=None))
     stage.until("SAFE")
     even = tuple(even_thresholds(19).tolist())
 

@@ -51,9 +51,7 @@ def test_adaptive_stage_does_not_ring_its_mode(
     tmp_path: Path, rate_hz: float, mode: FirstModeConfig, wave_hz: float
 ) -> None:
     """While it learns from a wave, the position has less than 0.1 µm at the mode."""
-    stage = RigStage(prompt_stage(tmp_path, rate_hz, mode))
-    stage.until("SAFE")
-    stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE))
+    stage = RigStage(prompt_stage(tmp_path, rate_hz, mode)).armed(rq.SelectMode(mode=Mode.ADAPTIVE))
     wave = Sine(kind="sine", low=8, high=14, frequency_hz=wave_hz)
     stage.do(rq.Wave(command_um={"x": wave}, duration_s=2.0))
     stage.run(0.6)

@@ -15,7 +15,7 @@ from piezod.devices.interface import Device, Sample
 from piezod.messages import requests as rq
 from piezod.testing.faulty import SensorAmplifier
 from piezod.units import s_to_ns
-from tests.control.rig_stage import RigStage, quick_config, shipped_config
+from tests.control.rig_stage import RigStage, quick_config, shipped_config, with_axis
 
 SLEW_V_PER_S, RATE_HZ, TOLERANCE_V = 400.0, 200, 0.75
 STEP_V = SLEW_V_PER_S / RATE_HZ
@@ -28,11 +28,8 @@ Values = Callable[[float], float]
 class Unruly:
     """A rig whose output and read-back obey or not, and which traces both.
 
-    Attributes:
-        obeys: Whether the output takes the writes; the last one, as soon as it does again.
-        reads: What is read back for the voltage in force.
-        output_v: The voltage in force.
-        steps_v: Distance of each write from the voltage in force before it.
+    When it obeys again, its output takes the last write. `steps_v` has the distance of each write
+    from the voltage in force before it.
     """
 
     def __init__(self, inner: SensorAmplifier) -> None:
@@ -78,18 +75,12 @@ class UnrulyStage(RigStage):
         config: DaemonConfig | None = None,
         slew_v_per_s: float = SLEW_V_PER_S,
     ) -> None:
-        axis = (config or shipped_config()).axes["x"]
-        slow = axis.limits.model_copy(update={"slew_v_per_s": slew_v_per_s})
+        config = config or shipped_config()
+        slow = config.axes["x"].limits.model_copy(update={"slew_v_per_s": slew_v_per_s})
         conditioning = quick_config().axes["x"].conditioning
-        axes = {"x": axis.model_copy(update={"limits": slow, "conditioning": conditioning})}
-        built: list[Unruly] = []
-
-        def wrapped(device: Device) -> Device:
-            built.append(Unruly(cast("SensorAmplifier", device)))
-            return built[0]
-
-        super().__init__((config or shipped_config()).model_copy(update={"axes": axes}), wrapped)
-        (self.rig,) = built
+        config = with_axis(config, limits=slow, conditioning=conditioning)
+        super().__init__(config, lambda device: cast("Device", Unruly(cast("Any", device))))
+        (self.rig,) = cast("tuple[Unruly]", self.wrapped)
         self.cycle()
         if position_um:
             self.do(rq.Arm(), rq.Goto(position_um=position_um))

@@ -61,13 +61,7 @@ class PlayedByHand:
 class SilentDevice(DeviceWrapper):
     """A device whose read-back may be missing.
 
-    Args:
-        device: The device.
-        lag_ns: Time by which its read-back may be late, in ns.
-
-    Attributes:
-        silent: Whether it is missing.
-        false_v: What is read back instead, in V; NaN for what is right.
+    `false_v` is read back instead of what is right, unless it is NaN.
     """
 
     def __init__(self, device: Device, lag_ns: int) -> None:
@@ -91,11 +85,7 @@ class SilentDevice(DeviceWrapper):
 class PlayingStage(RigStage):
     """A stage that has begun a play.
 
-    Args:
-        reads_back: Whether the amplifier reports its voltage.
-        start_s: Instant at which the play begins, in s; None for as soon as possible.
-        lag_s: Time by which the read-back may be late, in s.
-        config: Its configuration; the one in the repository if None.
+    `start_s` is the instant at which the play begins; None is as soon as possible.
     """
 
     def __init__(
@@ -284,9 +274,7 @@ def test_unknown_voltage_is_not_driven() -> None:
 )
 def test_table_beyond_a_limit_is_refused(request_: rq.Play, why: str) -> None:
     """A table is refused as a whole, before anything moves."""
-    stage = RigStage(plays=PlayedByHand())
-    stage.cycle()
-    stage.do(rq.Arm())
+    stage = RigStage(plays=PlayedByHand()).armed()
     answer = stage.ask(request_)
 
     assert why in answer.why
@@ -295,9 +283,7 @@ def test_table_beyond_a_limit_is_refused(request_: rq.Play, why: str) -> None:
 
 def test_play_is_refused_where_it_cannot_be() -> None:
     """A stage without a player, in shadow, disarmed or moving says why it plays nothing."""
-    plain = RigStage()
-    plain.cycle()
-    plain.do(rq.Arm())
+    plain = RigStage().armed()
     shadow, moving = RigStage(plays=PlayedByHand()), RigStage(plays=PlayedByHand())
     shadow.cycle()
     moving.cycle()

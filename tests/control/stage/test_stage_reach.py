@@ -13,7 +13,7 @@ from piezod.control.assembly import check_stage, stage_warnings
 from piezod.errors import ModelError
 from piezod.hysteresis import LearnedModel
 from piezod.messages import requests as rq
-from tests.control.rig_stage import RigStage, quick_config
+from tests.control.rig_stage import RigStage, quick_config, with_axis
 from tests.control.surface_rig import EACH_MODEL, with_model
 
 WIDE_UM = (-5.0, 260.0)
@@ -26,17 +26,12 @@ def with_range(
 ) -> DaemonConfig:
     """Return a configuration with another range of commands, or none."""
     config = with_model(quick_config(), model)
-    axis = config.axes["x"].model_copy(update={"command_range_um": range_um})
-    axis = axis.model_copy(update={"limits": limits or axis.limits})
-    return config.model_copy(update={"axes": {"x": axis}})
+    return with_axis(config, command_range_um=range_um, limits=limits or config.axes["x"].limits)
 
 
 def armed(config: DaemonConfig, mode: Mode = Mode.FEEDFORWARD) -> RigStage:
     """Return a stage in READY."""
-    stage = RigStage(config)
-    stage.until("SAFE")
-    stage.do(rq.Arm(), rq.SelectMode(mode=mode))
-    return stage
+    return RigStage(config).armed(rq.SelectMode(mode=mode))
 
 
 def sine(low_um: float, high_um: float) -> rq.Wave:

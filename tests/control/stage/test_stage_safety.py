@@ -18,7 +18,14 @@ from piezod.devices.status import DeviceFlag
 from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
 from tests.conftest import Reaction
-from tests.control.rig_stage import CONFIG, FaultyStage, RigStage, cycles_until, shipped_config
+from tests.control.rig_stage import (
+    CONFIG,
+    FaultyStage,
+    RigStage,
+    cycles_until,
+    shipped_config,
+    with_axis,
+)
 
 PAUSE = CycleTiming(0, 400, 10_000, 0, 0)
 
@@ -26,9 +33,7 @@ PAUSE = CycleTiming(0, 400, 10_000, 0, 0)
 def config_with(**limits: float) -> DaemonConfig:
     """Return the configuration of the repository with other limits."""
     config = shipped_config()
-    axis = config.axes["x"]
-    changed = axis.model_copy(update={"limits": axis.limits.model_copy(update=limits)})
-    return config.model_copy(update={"axes": {"x": changed}})
+    return with_axis(config, limits=config.axes["x"].limits.model_copy(update=limits))
 
 
 def brought_to(stage: RigStage, drive_v: float) -> RigStage:
@@ -41,16 +46,9 @@ def brought_to(stage: RigStage, drive_v: float) -> RigStage:
 
 def running(position_um: float = 12.0) -> RigStage:
     """Return a stage that holds a position."""
-    stage = RigStage()
-    stage.cycle()
-    stage.do(rq.Arm(), rq.Goto(position_um=position_um))
+    stage = RigStage().armed(rq.Goto(position_um=position_um))
     stage.run(0.5)
     return stage
-
-
-def output_v(stage: RigStage) -> float:
-    """Return the voltage at the output."""
-    return stage.channels.read_back(stage.t_ns)[0]
 
 
 def first_v(stage: RigStage) -> float:
@@ -61,23 +59,24 @@ def first_v(stage: RigStage) -> float:
 @pytest.mark.parametrize("slew_v_per_s", [500.0, 20_000.0])
 @pytest.mark.parametrize("there_v", [30.0, 100.0, 149.0])
 def test_first_write_is_the_voltage_in_force(slew_v_per_s: float, there_v: float) -> None:
-    """This holds for a slow slew rate and for the earliest `arm`."""
+    """It is held. This is so for a slow slew rate and for the earliest `arm`."""
     stage = RigStage(config_with(slew_v_per_s=slew_v_per_s))
     stage.channels.write([there_v], 0)
     stage.t_ns += 50_000_000  # the output settles before the first cycle
     stage.cycle()
     stage.channels.writes.clear()
     stage.do(rq.Arm())
+    stage.run(0.1)
 
+    assert stage.state == State.READY
     assert first_v(stage) == pytest.approx(there_v, abs=0.5)
+    assert {drive_v for _, (drive_v,) in stage.channels.writes} == {first_v(stage)}
 
 
 @pytest.mark.fault("A7")
 def test_recovered_amplifier_is_taken_over_at_its_present_voltage() -> None:
     """It is lost at 100 V and returns at 0 V: nothing near 100 V is written."""
-    stage = FaultyStage(config_with(slew_v_per_s=500.0))
-    stage.cycle()
-    stage.do(rq.Arm(), rq.Goto(position_um=18.0))
+    stage = FaultyStage(config_with(slew_v_per_s=500.0)).armed(rq.Goto(position_um=18.0))
     stage.run(2.0)
     stage.fail(InjectionKind.REFUSED, 50)
     stage.run(0.1)
@@ -107,7 +106,7 @@ def test_arming_again_changes_nothing() -> None:
 
     assert (refused.accepted, refused_too.accepted) == (False, False)
     assert stage.channels.writes == []
-    assert output_v(real) == pytest.approx(0.0, abs=0.5)
+    assert real.output_v == pytest.approx(0.0, abs=0.5)
 
 
 def test_voltage_in_force_is_taken_over_after_shadow() -> None:
@@ -129,10 +128,8 @@ def test_amplifier_that_cannot_be_cut_is_ramped(
     """Deactivating it would leave its output as it is."""
     config = shipped_config()
     cutting = config.axes["x"].safety.model_copy(update={"estop": "cut"})
-    axis = config.axes["x"].model_copy(update={"safety": cutting})
-    stage = FaultyStage(config.model_copy(update={"axes": {"x": axis}}), holds=True)
-    stage.cycle()
-    stage.do(rq.Arm(), rq.Goto(position_um=12.0))
+    stage = FaultyStage(with_axis(config, safety=cutting), holds=True)
+    stage.armed(rq.Goto(position_um=12.0))
     stage.run(0.5)
     if request_ is None:
         stage.fail(InjectionKind.FLAGGED, flag=DeviceFlag.OVER_TEMPERATURE)
@@ -141,7 +138,7 @@ def test_amplifier_that_cannot_be_cut_is_ramped(
     stage.run(3.0)
 
     assert stage.state == State.FAULT
-    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+    assert stage.output_v == pytest.approx(0.0, abs=0.5)
 
 
 def test_voltage_outside_the_range_returns_at_the_slew_rate() -> None:
@@ -198,9 +195,7 @@ def test_nothing_is_written_while_the_voltage_is_unknown() -> None:
 @pytest.mark.fault("A1")
 def test_amplifier_without_read_back_for_some_cycles_is_lost() -> None:
     """Its acknowledgements alone are not sufficient."""
-    stage = SilentStage()
-    stage.cycle()
-    stage.do(rq.Arm(), rq.Goto(position_um=12.0))
+    stage = SilentStage().armed(rq.Goto(position_um=12.0))
     stage.run(0.5)
     stage.silent = True
     stage.run(0.1)
@@ -211,9 +206,7 @@ def test_amplifier_without_read_back_for_some_cycles_is_lost() -> None:
 @pytest.mark.fault("S2")
 def test_requested_hold_does_not_extend_the_hold_of_a_fault() -> None:
     """After two seconds the stage ramps; the adaptive axis is in feedforward."""
-    stage = FaultyStage()
-    stage.cycle()
-    stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=12.0))
+    stage = FaultyStage().armed(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=12.0))
     stage.run(0.5)
     stage.fail(InjectionKind.REPLACED, value=nan)
     stage.run(0.1)
@@ -280,15 +273,13 @@ def test_exception_in_watching_or_in_a_request_holds_the_voltage(
     assert held == State.HOLD
     assert {record.axes[0].drive_v for record in broken_too} == {before_v}
     assert stage.state in {State.SAFE, State.FAULT}
-    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+    assert stage.output_v == pytest.approx(0.0, abs=0.5)
 
 
 @pytest.mark.fault("A3")
 def test_ramp_that_does_not_arrive_ends_in_a_reported_fault() -> None:
     """An offset within the tolerance is accepted; a larger one is A3."""
-    stage = FaultyStage()
-    stage.cycle()
-    stage.do(rq.Arm())
+    stage = FaultyStage().armed()
     stage.run(0.1)
     stage.do(rq.Stop())
     stage.fail(InjectionKind.READ_BACK_OFFSET, value=0.7)

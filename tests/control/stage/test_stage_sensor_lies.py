@@ -16,11 +16,11 @@ from piezod.control.faults.cases import DOUBTING
 from piezod.control.faults.detection import Detection
 from piezod.control.law.learned_models import ModelDrift
 from piezod.control.law.model_files import read_model
-from piezod.devices.interface import Device, Sample
+from piezod.devices.interface import Sample
 from piezod.hysteresis import LearnedModel
 from piezod.messages import requests as rq
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
-from tests.control.rig_stage import RigStage, quick_config
+from tests.control.rig_stage import FaultyStage, RigStage, quick_config
 from tests.control.surface_rig import CLASSES, with_model
 
 RANGE_UM = 31.3
@@ -48,8 +48,8 @@ NEAR: dict[str, Lie] = {
 class LyingRig(FaultyDevice):
     """A rig whose sensor may lie."""
 
-    def __init__(self, device: Device) -> None:
-        super().__init__(cast("SensorAmplifier", device))
+    def __init__(self, device: SensorAmplifier) -> None:
+        super().__init__(device)
         self._lie: Lie | None = None
         self._since_ns = 0
 
@@ -66,18 +66,12 @@ class LyingRig(FaultyDevice):
         return [sample._replace(position_um=shown_um)]
 
 
-class LyingStage(RigStage):
+class LyingStage(FaultyStage):
     """A stage that moves in a mode, on a rig whose sensor may lie."""
 
     def __init__(self, config: DaemonConfig, mode: Mode = Mode.ADAPTIVE) -> None:
-        built = list[LyingRig]()
-
-        def lying(device: Device) -> Device:
-            built.append(LyingRig(device))
-            return built[0]
-
-        super().__init__(config, lying)
-        (self.rig,) = built
+        super().__init__(config, faulty=LyingRig)
+        self.rig = cast("LyingRig", self.device)
         self.move(mode)
         file = config.axes["x"].model
         assert file is not None

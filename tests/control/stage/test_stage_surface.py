@@ -13,7 +13,7 @@ from piezod.hysteresis.everett_bounds import least_surface_slope
 from piezod.messages import requests as rq
 from piezod.records.figures.run import mode_figure
 from piezod.records.recording.reader import read_telemetry
-from tests.control.rig_stage import RigStage, quick_config, shipped_config
+from tests.control.rig_stage import RigStage, quick_config, shipped_config, with_axis
 from tests.control.surface_rig import surface_file, with_model
 from tests.recorded import new_stage, run_modes, sine, write_recording
 
@@ -60,11 +60,7 @@ def test_conditioned_stage_is_where_its_model_allows(model: str) -> None:
     """A decaying swing leaves the rest of a path below that of full cycles: this is no S9."""
     config = with_model(shipped_config().model_copy(update={"rate_hz": 200.0}), model)
     swing = config.axes["x"].conditioning.model_copy(update={"frequency_hz": 5.0})
-    axis = config.axes["x"].model_copy(update={"conditioning": swing})
-    stage = RigStage(config.model_copy(update={"axes": {"x": axis}}))
-    stage.until("SAFE")
-
-    stage.do(rq.Arm(), rq.Condition())
+    stage = RigStage(with_axis(config, conditioning=swing)).armed(rq.Condition())
     stage.until("READY")
     stage.run(1.0)
     rest_um = stage.x.position_um
@@ -102,9 +98,8 @@ def test_surface_needs_recursive_least_squares() -> None:
     """LMS learns weights of stops; the answer names the identifier to use."""
     config = shipped_config()
     settings = CompensatorConfig.model_validate({"identifier": "nlms"})
-    even = config.axes["x"].model_copy(update={"compensator": settings, "model": None})
-    blank = config.model_copy(update={"axes": {"x": even}, "rate_hz": 500.0, "mode": "feedforward"})
-    stage = RigStage(blank)
+    blank = with_axis(config, compensator=settings, model=None)
+    stage = RigStage(blank.model_copy(update={"rate_hz": 500.0, "mode": "feedforward"}))
     stage.until("SAFE")
 
     answer = stage.ask(rq.AdoptModel(axis="x", model=surface_file()))

@@ -12,7 +12,7 @@ from piezod.config.trim import TrimConfig
 from piezod.control.assembly import check_stage
 from piezod.errors import ModelError
 from piezod.messages import requests as rq
-from tests.control.rig_stage import RigStage, shipped_config
+from tests.control.rig_stage import RigStage, shipped_config, with_axis
 
 GREEDY = {"gain_per_s": 5000.0, "authority_pct": 20.0}
 REFUSED = r"^axis x: a trim gain of 5000 1/s is not safe: .*; use at most \d+ 1/s$"
@@ -20,9 +20,8 @@ REFUSED = r"^axis x: a trim gain of 5000 1/s is not safe: .*; use at most \d+ 1/
 
 def with_trim(trim: dict[str, Any], rate_hz: float, mode: Mode = Mode.FEEDFORWARD) -> DaemonConfig:
     """Return the shipped configuration with this trim."""
-    config = shipped_config()
-    axis = config.axes["x"].model_copy(update={"trim": TrimConfig.model_validate(trim)})
-    return config.model_copy(update={"axes": {"x": axis}, "rate_hz": rate_hz, "mode": mode})
+    config = with_axis(shipped_config(), trim=TrimConfig.model_validate(trim))
+    return config.model_copy(update={"rate_hz": rate_hz, "mode": mode})
 
 
 def test_unsafe_gain_is_told_at_the_start() -> None:
@@ -85,12 +84,12 @@ def test_mode_of_an_adopted_model_counts_if_the_axis_has_none(
     trim: dict[str, Any], accepted: bool
 ) -> None:
     """A given gain is refused for it, one that is not given becomes smaller; moves are longer."""
-    config = with_trim(trim, 1000.0, Mode.TRIMMED)
-    axis = config.axes["x"].model_copy(update={"first_mode": None})
-    assert axis.model is not None
+    config = with_axis(with_trim(trim, 1000.0, Mode.TRIMMED), first_mode=None)
+    file = config.axes["x"].model
+    assert file is not None
     sharp = FoundModeConfig(frequency_hz=100.0, damping=0.005)
-    found = load_model(axis.model).model_copy(update={"first_mode": sharp})
-    stage = RigStage(config.model_copy(update={"axes": {"x": axis}}))
+    found = load_model(file).model_copy(update={"first_mode": sharp})
+    stage = RigStage(config)
     stage.until("SAFE")
     before_s = stage.stage.axes[0].motion_limits.shortest_s
 

@@ -57,15 +57,7 @@ class Unread:
 
 
 class TwinStage(RigStage):
-    """Such a stage, driven; its outputs and read-backs obey or not.
-
-    Args:
-        unread_y: Whether the amplifier of y has no read-back.
-
-    Attributes:
-        rigs: The rigs of x and y.
-        faulty: The same rigs, each of which may be lost.
-    """
+    """Such a stage, driven; its outputs and read-backs obey or not."""
 
     def __init__(self, *, unread_y: bool = False) -> None:
         self.rigs: list[Unruly] = []

@@ -10,31 +10,21 @@ from piezod.config.states import State
 from piezod.config.waveforms.shapes import Setpoint, Sine
 from piezod.messages import requests as rq
 from piezod.testing.injections import InjectionKind
-from tests.control.rig_stage import FaultyStage, RigStage, quick_config, shipped_config
+from tests.control.rig_stage import FaultyStage, RigStage, quick_config, shipped_config, with_axis
 
 TARGETS_UM = st.lists(st.floats(0.0, 26.0), min_size=1, max_size=3)
 
 
 def open_loop(config: DaemonConfig | None = None) -> DaemonConfig:
     """Return a configuration without its sensor."""
-    config = config or quick_config()
-    axis = config.axes["x"].model_copy(update={"sensor": None})
-    return config.model_copy(update={"axes": {"x": axis}})
-
-
-def armed(config: DaemonConfig) -> RigStage:
-    """Return an armed stage."""
-    stage = RigStage(config)
-    stage.cycle()
-    stage.do(rq.Arm())
-    return stage
+    return with_axis(config or quick_config(), sensor=None)
 
 
 @given(targets_um=TARGETS_UM, mode=st.sampled_from([Mode.FEEDFORWARD, Mode.UNCOMPENSATED]))
 @settings(max_examples=10)
 def test_cycle_is_that_of_a_stage_with_a_sensor(targets_um: list[float], mode: Mode) -> None:
     """Modes that do not need the sensor write the same voltages, to the last bit."""
-    stages = armed(quick_config()), armed(open_loop())
+    stages = RigStage(quick_config()).armed(), RigStage(open_loop()).armed()
     for stage in stages:
         stage.do(rq.SelectMode(mode=mode))
         for target_um in targets_um:
@@ -48,7 +38,7 @@ def test_cycle_is_that_of_a_stage_with_a_sensor(targets_um: list[float], mode: M
 
 def test_stage_without_sensor_has_no_fault_of_a_sensor() -> None:
     """It conditions, moves, follows a waveform and ramps down; its position is not available."""
-    stage = armed(open_loop())
+    stage = RigStage(open_loop()).armed()
     sine = Sine(kind="sine", low=2.0, high=20.0, frequency_hz=5.0)
     stage.do(rq.Condition())
     stage.until("READY")
@@ -79,7 +69,7 @@ def test_stage_without_sensor_has_no_fault_of_a_sensor() -> None:
 )
 def test_requests_that_need_a_sensor_are_refused(request_: rq.Request, what: str) -> None:
     """It is refused, and nothing moves."""
-    stage = armed(open_loop())
+    stage = RigStage(open_loop()).armed()
     answer = stage.ask(request_)
 
     assert not answer.accepted
@@ -91,7 +81,7 @@ def test_axis_beside_it_may_adapt() -> None:
     """Only the axes that a request names must have a sensor."""
     one = quick_config()
     config = one.model_copy(update={"axes": {"x": one.axes["x"], "z": open_loop().axes["x"]}})
-    stage = armed(config)
+    stage = RigStage(config).armed()
     everything = stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE))
     stage.run(0.1)
     stage.do(rq.SelectMode(mode=Mode.ADAPTIVE, axis="x"))
@@ -103,9 +93,7 @@ def test_axis_beside_it_may_adapt() -> None:
 @pytest.mark.fault("A7")
 def test_without_a_sensor_a_collapsed_read_back_is_not_believed() -> None:
     """Nothing else shows the fall, so that the voltage is unknown: nothing is written."""
-    stage = FaultyStage(open_loop(shipped_config()))
-    stage.cycle()
-    stage.do(rq.Arm(), rq.Goto(position_um=18.0))
+    stage = FaultyStage(open_loop(shipped_config())).armed(rq.Goto(position_um=18.0))
     stage.run(0.5)
     stage.channels.writes.clear()
     stage.fail(InjectionKind.READ_BACK_OFFSET, value=-stage.x.drive_v)

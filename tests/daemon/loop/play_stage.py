@@ -101,9 +101,6 @@ class PlayStage(RigStage):
     """A stage that is armed, with an emulated player behind a reconnecting wrapper and a worker.
 
     In each cycle the worker ends its rounds, unless the test blocks them.
-
-    Args:
-        name: Name of its configuration.
     """
 
     def __init__(self, name: str) -> None:

@@ -12,7 +12,7 @@ from piezod.daemon.stage.status import STATES
 from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.shared_map import attach
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import REPOSITORY, Daemon
+from tests.daemon.daemons import EXAMPLE, Daemon, device_configuration
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import Emulated, emulated
 
@@ -31,14 +31,12 @@ CYCLES_UNDER_WAY = 2 * RATE_HZ
 @pytest.fixture
 def player(start: StartDaemon, tmp_path: Path) -> Iterator[tuple[Daemon, Emulated, Path]]:
     """Yield a daemon that is armed, its emulated device, and the trace of the outputs."""
-    text = (REPOSITORY / "config" / "devices" / "pi-gcs2.yaml").read_text(encoding="utf-8")
-    text = text.replace("../models/", f"{REPOSITORY}/config/models/")
-    text = text.replace("rate_hz: 150", f"rate_hz: {RATE_HZ}")
-    text = text.replace("timeout_ms: 30", "timeout_ms: 5000\n      wave_end: holds")
-    path, trace = tmp_path / "stage.yaml", tmp_path / "trace.csv"
+    trace = tmp_path / "trace.csv"
+    changes = {"timeout_ms: 30": "timeout_ms: 5000\n      wave_end: holds"}
+    changes["rate_hz: 150"] = f"rate_hz: {RATE_HZ}"
     with emulated("pi-gcs2", arguments=("--trace", str(trace))) as far:
-        path.write_text(text.replace("/dev/serial/by-id/EXAMPLE", far.where[0]), encoding="utf-8")
-        daemon = start(path).up()
+        changes[EXAMPLE] = far.where[0]
+        daemon = start(device_configuration(tmp_path, "pi-gcs2", changes)).up()
         daemon.do("arm")
         daemon.until("READY")
         yield daemon, far, trace

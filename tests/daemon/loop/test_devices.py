@@ -12,12 +12,7 @@ from piezod.testing.fake_clock import FakeClock
 
 
 class FakeChannels:
-    """Implements the methods of channels that the thread uses.
-
-    Args:
-        absent: How often opening fails.
-        wrong: Exception that a driver raises when it is closed.
-    """
+    """Implements the methods of channels that the thread uses."""
 
     def __init__(self, absent: int, wrong: Exception | None = None) -> None:
         self.absent, self.wrong = absent, wrong

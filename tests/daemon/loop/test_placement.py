@@ -27,14 +27,7 @@ US = 1_000
 
 
 class TimedLink(FakeLink):
-    """A device whose exchanges have a known duration.
-
-    Args:
-        clock: The clock that they advance.
-        read_us: Duration of a read.
-        read_back_us: Duration of a read-back.
-        able: Capabilities that differ from the usual ones.
-    """
+    """A device whose exchanges have a known duration."""
 
     def __init__(
         self, clock: FakeClock, read_us: float, read_back_us: float = 0.0, **able: object

@@ -73,21 +73,6 @@ def test_identities_are_stored(resting: LoopChild) -> None:
     assert (name, who.model) == ("rig", "simulated stack")
 
 
-@pytest.mark.fault("H1")
-def test_stage_without_supervisor_comes_back_by_itself(child: LoopChild) -> None:
-    """If the supervisor is silent, the loop ramps down and ends."""
-    child.ask(Arm())
-    child.ask(Goto(position_um=5.0))
-    eventually(lambda: child.latest()["axes"][0]["drive_v"] > 1.0)
-
-    child.silent.set()
-
-    assert child.ended() == 0
-    [left] = read_last_output(child.runtime / "output.map")
-    assert left.drive_v == pytest.approx(0.0, abs=0.1)
-    assert "H1" in {event.fault for event in child.events}
-
-
 def test_signals_are_for_the_supervisor(resting: LoopChild) -> None:
     """The loop ignores Ctrl-C, which a terminal sends to all its processes."""
     cycles = resting.shared.words[Word.HEALTHY_CYCLES]

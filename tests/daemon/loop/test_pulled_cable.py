@@ -16,7 +16,7 @@ from piezod.telemetry.arrays import RingReader
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import REPOSITORY, Daemon
+from tests.daemon.daemons import EXAMPLE, Daemon, device_configuration
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import Emulated, emulated
 
@@ -35,22 +35,12 @@ sensor:
 
 def configured(folder: Path, port: str, laser: str = "") -> Path:
     """Write the configuration of a stage at an E-816, measured by the E-816 or by a laser."""
-    text = (REPOSITORY / "config" / "devices" / "pi-e816.yaml").read_text(encoding="utf-8")
-    text = text.replace("/dev/serial/by-id/EXAMPLE", port)
-    text = text.replace("timeout_ms: 50", "timeout_ms: 200")
-    text = text.replace("rate_hz: 50", f"rate_hz: {RATE_HZ:g}")
-    text = text.replace("../models/", f"{REPOSITORY}/config/models/")
+    changes = {EXAMPLE: port, "timeout_ms: 50": "timeout_ms: 200"}
+    changes["rate_hz: 50"] = f"rate_hz: {RATE_HZ:g}"
     if laser:
-        text = text.replace("\naxes:\n", LASER % laser + "\naxes:\n")
-        text = text.replace("sensor: {device: controller, channel: A}", AT_LASER)
-    path = folder / "stage.yaml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def present(daemon: Daemon) -> set[str]:
-    """Return the ids of the faults that are present or latched."""
-    return {fault["id"] for fault in daemon.status()["faults"]}
+        changes["\naxes:\n"] = LASER % laser + "\naxes:\n"
+        changes["sensor: {device: controller, channel: A}"] = AT_LASER
+    return device_configuration(folder, "pi-e816", changes)
 
 
 def cycles_until_blind(daemon: Daemon) -> int:
@@ -87,18 +77,18 @@ def test_a_cable_that_is_pulled_and_plugged_in_again(start: StartDaemon, tmp_pat
     with high_up(start, tmp_path) as (daemon, far):
         far.faults(f"disconnect:now:{AWAY_S:g}")
         daemon.until("BLIND")
-        blind, cycles = present(daemon), cycles_until_blind(daemon)
+        blind, cycles = daemon.faults(), cycles_until_blind(daemon)
         before_skipped = daemon.status()["skipped_cycles"]
         refused = daemon.ask("POST", "goto", {"position_um": 1.0}).status_code
         daemon.until("FAULT")
         status = daemon.status()
-        latched = present(daemon)
+        latched = daemon.faults()
         with (tmp_path / "trace.csv").open(encoding="ascii") as file:
             rows = [(int(row["t_ns"]), float(row["x_v"])) for row in csv.DictReader(file)]
         eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
         daemon.until("SAFE")
         daemon.driven(5.0, above_v=15.0)
-        after_reset = present(daemon)
+        after_reset = daemon.faults()
         daemon.process.terminate()
         assert daemon.exit_code() == 0
 
@@ -122,7 +112,7 @@ def test_another_device_at_the_cable_is_not_driven(start: StartDaemon, tmp_path:
     with high_up(start, tmp_path) as (daemon, far):
         far.faults("wrong-identity:now:0.5")
         daemon.until("BLIND")
-        eventually(lambda: "S10" in present(daemon))
+        eventually(lambda: "S10" in daemon.faults())
         written = (tmp_path / "trace.csv").read_text(encoding="ascii").count("\n")
         words = attach(daemon.paths.loop_map).words
         first = words[Word.NEWEST_RECORD]
@@ -160,18 +150,15 @@ def test_a_device_that_falls_silent_does_not_end_the_loop(
     start: StartDaemon, tmp_path: Path
 ) -> None:
     """The loop runs on without the device, and ramps it down when it answers again."""
-    text = (REPOSITORY / "config" / "devices" / "lc400.yaml").read_text(encoding="utf-8")
-    text = text.replace("../models/", f"{REPOSITORY}/config/models/")
-    text = text.replace("timeout_ms: 30", "timeout_ms: 150").replace("rate_hz: 200", "rate_hz: 20")
-    path = tmp_path / "stage.yaml"
+    slow = {"timeout_ms: 30": "timeout_ms: 150", "rate_hz: 200": "rate_hz: 20"}
     with emulated("lc400") as far:
-        path.write_text(text.replace("/dev/serial/by-id/EXAMPLE", far.where[0]), encoding="utf-8")
+        path = device_configuration(tmp_path, "lc400", {EXAMPLE: far.where[0], **slow})
         daemon = start(path).up()
         daemon.driven(8.0, above_v=30.0)
         words = attach(daemon.paths.loop_map).words
         far.faults("lost")
         daemon.until("BLIND")
-        eventually(lambda: "B1" in present(daemon))
+        eventually(lambda: "B1" in daemon.faults())
         first, skipped = words[Word.HEALTHY_CYCLES], words[Word.SKIPPED_CYCLES]
         eventually(lambda: words[Word.HEALTHY_CYCLES] > first + RATE_HZ)
         delayed = words[Word.SKIPPED_CYCLES] - skipped

@@ -24,13 +24,7 @@ BUSY_NS = 100 * MS
 
 
 class GatedLink(FakeLink):
-    """A device whose rounds end one by one, and whose output may be stuck.
-
-    Attributes:
-        begun: Number of rounds that have begun.
-        writes: Voltages that were written, in V.
-        sticks: Whether its output stays where it is.
-    """
+    """A device whose rounds end one by one, and whose output may be stuck."""
 
     def __init__(self) -> None:
         super().__init__()

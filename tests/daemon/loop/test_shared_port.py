@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.loop.test_pulled_cable import configured, high_up, present
+from tests.daemon.loop.test_pulled_cable import configured, high_up
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import emulated
 
@@ -47,11 +47,11 @@ def test_a_program_that_takes_the_port_of_a_lost_device_is_named(
     with high_up(start, tmp_path) as (daemon, far):
         far.faults("lost")
         daemon.until("BLIND")
-        eventually(lambda: "B1" in present(daemon))
-        before = present(daemon)
+        eventually(lambda: "B1" in daemon.faults())
+        before = daemon.faults()
         with held(far.where[0]) as pid:
             far.faults()
-            eventually(lambda: "B14" in present(daemon))
+            eventually(lambda: "B14" in daemon.faults())
             eventually(lambda: f"process {pid})" in daemon.text)
             state, log = daemon.status()["state"], daemon.text
         daemon.until("FAULT")
@@ -61,7 +61,7 @@ def test_a_program_that_takes_the_port_of_a_lost_device_is_named(
         assert "B14" not in before
         assert state == "BLIND"
         assert f"controller: {far.where[0]} is held by another program (python" in log
-        assert "B14" not in present(daemon)
+        assert "B14" not in daemon.faults()
 
 
 @pytest.mark.fault("B14")

@@ -21,14 +21,7 @@ STUCK = frozenset({DeviceFlag.STUCK})
 
 
 class SlowLink(FakeLink):
-    """A device whose exchanges last as long as a test wants.
-
-    Attributes:
-        free: Whether an exchange ends at once.
-        held: Number of exchanges that wait now.
-        sent: Values that were written, in order.
-        breaks: Exception that its driver raises instead of reading.
-    """
+    """A device whose exchanges last as long as a test wants."""
 
     def __init__(self) -> None:
         super().__init__()

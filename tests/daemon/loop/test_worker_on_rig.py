@@ -24,12 +24,7 @@ MS = 1_000_000
 
 
 class BlockingDevice(DeviceWrapper):
-    """A device that is open, and whose reads last as long as a test wants.
-
-    Attributes:
-        free: Whether a read ends at once.
-        blocked: Whether a read waits now.
-    """
+    """A device that is open, and whose reads last as long as a test wants."""
 
     def __init__(self, device: Device) -> None:
         self._identity = device.open()

@@ -1,23 +1,11 @@
 """Detection of a loop that did not leave its stage at the safe voltage."""
 
 from math import nan
-from pathlib import Path
 
 import pytest
 
-from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
-from piezod.daemon.loop import accept
 from tests.daemon.bench import Bench
-
-
-@pytest.fixture
-def bench(tmp_path: Path, rig_file: Path) -> Bench:
-    """Return a stage whose safe voltage is 0 V."""
-    config: DaemonConfig = accept.load(rig_file)
-    bench = Bench(tmp_path, config)
-    bench.link.stage_audit.close()
-    return bench
 
 
 def test_loop_that_never_ran_is_safe(bench: Bench) -> None:

@@ -20,9 +20,7 @@ from tests.daemon.fake_amplifier import FakeAmplifier, plugin_of, stage_of
 class Bench:
     """Amplifiers, made before the driver is asked for them, and a clock.
 
-    Args:
-        monkeypatch: Replaces the registry of drivers.
-        **axes: Amplifier and safe voltage of each axis.
+    Each axis is given by its amplifier and its safe voltage.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **axes: tuple[str, float]) -> None:

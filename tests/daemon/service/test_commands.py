@@ -1,7 +1,6 @@
 import httpx
 import pytest
 
-from piezod.config.modes import Mode
 from piezod.messages import requests
 from piezod.messages.endpoints import Endpoint, Role
 from piezod.messages.requests import TABLE
@@ -46,13 +45,6 @@ def test_lists_are_taken_by_strict_models(served: Served, client: httpx.Client) 
     request = served.stage.requests[0]
     assert isinstance(request, requests.Wave)
     assert request.command_um["x"].model_dump()["points"] == ((0.0, 1.0), (1.0, 2.0))
-
-
-def test_mode_is_a_name(served: Served, client: httpx.Client) -> None:
-    """A mode has the same name as in configuration files."""
-    client.post("mode", json={"mode": "trimmed"})
-
-    assert served.stage.requests == [requests.SelectMode(mode=Mode.TRIMMED)]
 
 
 @pytest.mark.fault("C13")

@@ -13,7 +13,7 @@ from piezod.daemon.service.access import GroupRoles
 from piezod.daemon.service.connection import Credentials
 from piezod.daemon.service.route import ROUTES
 from piezod.daemon.service.routes import router
-from piezod.messages.endpoints import LOOK, Role
+from piezod.messages.endpoints import Role
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 
@@ -31,34 +31,6 @@ def test_every_route_is_in_the_table() -> None:
     }
 
     assert found == ROUTES.keys()
-
-
-def test_the_table_gives_these_rights() -> None:
-    """A right changes only together with this list."""
-    post = {row.path: row.access for row in ROUTES.values() if row.method == "POST"}
-    others = {row.name for row in ROUTES.values() if row.method == "GET" and row.access != LOOK}
-
-    assert {path for path, access in post.items() if access.role is Role.ENGINEER} == {
-        *(
-            "condition",
-            "identify",
-            "play",
-            "model",
-            "params/load",
-            "params/restore",
-            "reload",
-            "shutdown",
-        )
-    }
-    assert {path for path, access in post.items() if access.role is Role.VIEWER} == {"estop"}
-    assert {path for path, access in post.items() if access.urgent} == {
-        *("hold", "stop", "estop", "disarm")
-    }
-    assert {path for path, access in post.items() if not access.lease} == {
-        *("hold", "stop", "estop", "disarm", "params/save", "shutdown"),
-        *("recordings/start", "recordings/stop", "recordings/keep"),
-    }
-    assert others == {"audit"}
 
 
 @pytest.mark.fault("C6")

@@ -1,7 +1,6 @@
 """The learned parameters of a stage: saved, loaded, and kept across an exchange of the loop."""
 
 import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,29 +11,13 @@ from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.control.faults.table import mask
 from piezod.control.stage.answer import Answer
-from piezod.daemon.loop import accept
 from piezod.daemon.stage.errors import NotNowError, UnknownNameError
 from piezod.messages.requests import (
     AdoptModel,
 )
 from piezod.telemetry.learned_writer import LearnedWriter
-from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from tests.control.surface_rig import surface_file
 from tests.daemon.bench import PEER, Bench
-
-
-@pytest.fixture
-def config(rig_file: Path) -> DaemonConfig:
-    """Return the configuration of a simulated stage."""
-    return accept.load(rig_file)
-
-
-@pytest.fixture
-def bench(tmp_path: Path, config: DaemonConfig) -> Iterator[Bench]:
-    """Return a link to test."""
-    bench = Bench(tmp_path, config)
-    yield bench
-    bench.link.stage_audit.close()
 
 
 def _learn(bench: Bench, zero_um: float) -> list[float]:
@@ -84,28 +67,6 @@ def test_parameters_that_the_loop_refuses_are_not_in_use(bench: Bench) -> None:
 
 
 @pytest.mark.fault("D8")
-def test_corrupt_parameters_are_skipped_and_reported(bench: Bench) -> None:
-    """Older parameters are loaded, and the answer names the rejected files."""
-    _learn(bench, zero_um=0.0)
-    for _ in range(2):
-        bench.do(lambda link: link.save_params(PEER))
-    newest = max(bench.paths.parameters.glob("*.json"))
-    newest.write_bytes(newest.read_bytes()[:-9])
-
-    loaded = bench.do(lambda link: link.load_params(None, PEER))
-
-    assert (loaded.sequence, loaded.copy) == (1, "number 1")
-    assert [each.file for each in loaded.rejected] == [newest.name]
-
-
-def _reported(bench: Bench) -> list[Fault]:
-    """Return the faults that the supervisor reports to the loop."""
-    bench.link.report_faults()
-    bits = bench.loop.shared.words[Word.SUPERVISOR_FAULTS]
-    return [fault for place, fault in enumerate(SUPERVISOR_FAULTS) if bits >> place & 1]
-
-
-@pytest.mark.fault("D8")
 @pytest.mark.parametrize("damaged", [1, 2])
 def test_damaged_parameters_are_a_fault_at_the_start(bench: Bench, damaged: int) -> None:
     """D8 is reported until the loop has latched it, whether or not an older file can be used."""
@@ -116,10 +77,10 @@ def test_damaged_parameters_are_a_fault_at_the_start(bench: Bench, damaged: int)
         path.write_bytes(path.read_bytes()[:-9])
 
     bench.do(lambda link: link.restore_params())
-    before = _reported(bench)
+    before = bench.reported()
     bench.record(State.SAFE, latched=mask([Fault.D8]))
 
-    assert (before, _reported(bench)) == ([Fault.D8], [])
+    assert (before, bench.reported()) == ([Fault.D8], [])
     assert len(bench.requests) == 2 - damaged
 
 
@@ -132,24 +93,18 @@ def test_parameters_that_the_loop_refuses_at_the_start_are_a_fault(bench: Bench)
     lost = bench.do(lambda link: link.restore_params(), Answer(False, "its gain is not safe"))
 
     assert lost == ["the saved parameters: axis x: its gain is not safe"]
-    assert _reported(bench) == [Fault.D8]
+    assert bench.reported() == [Fault.D8]
 
 
 def test_no_parameters_at_the_start_are_no_fault(bench: Bench) -> None:
     """A stage whose parameters were never saved begins with the models of its configuration."""
     assert bench.do(lambda link: link.restore_params()) == []
-    assert _reported(bench) == []
+    assert bench.reported() == []
     assert bench.requests == []
 
 
 class Exchange:
-    """A bench whose loop is exchanged for another one.
-
-    Args:
-        bench: The bench.
-        model_changed: Whether the file has another model for the new loop.
-        answer: Answer of the new loop to every request; None to accept.
-    """
+    """A bench whose loop is exchanged for another one."""
 
     def __init__(
         self, bench: Bench, *, model_changed: bool = False, answer: Answer | None = None
@@ -208,7 +163,7 @@ def test_parameters_that_the_new_loop_refuses_are_reported_lost(bench: Bench) ->
 
     remedy = "`piezod params load` loads the saved ones"
     assert exchange.lost == [f"axis x: its gain is not safe; {remedy}"]
-    assert _reported(bench) == [Fault.D8]
+    assert bench.reported() == [Fault.D8]
 
 
 def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConfig) -> None:

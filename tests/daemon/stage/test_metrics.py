@@ -1,8 +1,6 @@
 """The metrics of a stage, read with the parsers of the Prometheus client."""
 
-from collections.abc import Iterator
 from math import nan
-from pathlib import Path
 
 import pytest
 from prometheus_client import Metric
@@ -12,7 +10,6 @@ from prometheus_client.parser import text_string_to_metric_families as plain_tex
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.daemon.loop import accept
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.cycle_counts import CycleCounter
@@ -25,14 +22,6 @@ from tests.daemon.bench import PEER, Bench
 
 LATE_NS = 500_000
 PARSERS = {True: openmetrics, False: plain_text}
-
-
-@pytest.fixture
-def bench(tmp_path: Path, rig_file: Path) -> Iterator[Bench]:
-    """Return a stage with one axis."""
-    bench = Bench(tmp_path, accept.load(rig_file))
-    yield bench
-    bench.link.stage_audit.close()
 
 
 def families(

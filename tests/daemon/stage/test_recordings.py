@@ -3,7 +3,6 @@
 import asyncio
 import json
 import time
-from collections.abc import Iterator
 from itertools import chain, repeat
 from pathlib import Path
 
@@ -12,22 +11,12 @@ import pytest
 from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.states import State
-from piezod.daemon.loop import accept
 from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
 from piezod.records.recording.reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.record import StageEvent
 from tests.daemon.bench import PEER, Bench
-from tests.daemon.daemons import REPOSITORY
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    """Return a link without devices, for the shipped stage."""
-    bench = Bench(tmp_path, accept.load(REPOSITORY / "config" / "simulated.yaml"))
-    yield bench
-    bench.link.stage_audit.close()
 
 
 def test_a_recording_has_everything_to_understand_it(bench: Bench, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The stage as the HTTP service sees it, with a loop without devices."""
 
 import asyncio
-from collections.abc import Iterator
 from functools import partial
 from math import nan
 from pathlib import Path
@@ -13,7 +12,6 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
 from piezod.control.stage.answer import Answer
-from piezod.daemon.loop import accept
 from piezod.daemon.stage import running_stage
 from piezod.daemon.stage.errors import BadValueError, NotNowError, UnavailableError
 from piezod.daemon.stage.peer import AuditEntry
@@ -33,20 +31,6 @@ from piezod.messages.stores import Reloaded
 from piezod.telemetry.stream import StreamReader
 from piezod.telemetry.words import Word
 from tests.daemon.bench import PEER, Bench
-
-
-@pytest.fixture
-def config(rig_file: Path) -> DaemonConfig:
-    """Return the configuration of a simulated stage."""
-    return accept.load(rig_file)
-
-
-@pytest.fixture
-def bench(tmp_path: Path, config: DaemonConfig) -> Iterator[Bench]:
-    """Return a link to test."""
-    bench = Bench(tmp_path, config)
-    yield bench
-    bench.link.stage_audit.close()
 
 
 def test_status_before_the_first_cycle_has_no_numbers(bench: Bench) -> None:

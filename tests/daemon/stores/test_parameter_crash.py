@@ -53,15 +53,17 @@ def numbers_until_gone(lines: IO[str]) -> list[int]:
     return [int(line) for line in iter(lines.readline, "gone\n")]
 
 
-def check_kills(folder: Path, kills: int) -> None:
-    """Kill a saving process at random moments, and check the store each time."""
+@pytest.mark.fault("P8")
+@pytest.mark.parametrize("kills", [20, pytest.param(200, marks=pytest.mark.stress)])
+def test_kills_at_random_moments(tmp_path: Path, kills: int) -> None:
+    """After each kill the last acknowledged save is loaded, or the one in progress."""
     moments = random.Random(4)  # noqa: S311 - no secret
     last = 0
-    with saver(folder) as process:
+    with saver(tmp_path) as process:
         for _ in range(kills):
             number = kill_while_saving(process, moments.randrange(4), moments.uniform(0, 3e-3))
             last = max(last, number)
-            loaded = ParameterStore(folder, "rig 1").load()
+            loaded = ParameterStore(tmp_path, "rig 1").load()
             if last == 0 and loaded.document is None:
                 continue
             assert loaded.document is not None
@@ -69,19 +71,6 @@ def check_kills(folder: Path, kills: int) -> None:
             assert loaded.document.sequence in (last, last + 1)
             assert loaded.document.axes == parameters(float(loaded.document.sequence))
             last = loaded.document.sequence
-
-
-@pytest.mark.fault("P8")
-def test_kills_at_random_moments(tmp_path: Path) -> None:
-    """After each of 20 kills the last acknowledged save is loaded, or the one in progress."""
-    check_kills(tmp_path, 20)
-
-
-@pytest.mark.stress
-@pytest.mark.fault("P8")
-def test_two_hundred_kills_at_random_moments(tmp_path: Path) -> None:
-    """After each of 200 kills the last acknowledged save is loaded, or the one in progress."""
-    check_kills(tmp_path, 200)
 
 
 def log_of_a_save(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Folder, list[Op]]:
@@ -142,18 +131,3 @@ def test_power_loss_at_each_step(
     assert found[:3] == [{1.0}, {1.0}, {1.0}]
     assert found[3] == {1.0, 2.0}
     assert found[4:] == [{2.0}] * (len(log) - 3)
-
-
-@pytest.mark.fault("P8")
-@pytest.mark.parametrize("left_out", ["sync", "sync-folder"])
-def test_model_of_the_disk_finds_what_is_not_synced(
-    left_out: str,
-    tmp_path: Path,
-    new_folder: Callable[[], Path],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A store without one of the syncs would lose acknowledged parameters."""
-    before, log = log_of_a_save(tmp_path / "store", monkeypatch)
-    careless = [op for op in log if op.kind != left_out]
-
-    assert 1.0 in zeros_found(before, careless, new_folder)

@@ -181,7 +181,7 @@ def test_nothing_is_recorded_on_a_full_disk(recorder: Recorder, disk: Disk) -> N
 def test_recording_ends_before_the_disk_is_full(
     recorder: Recorder, ring: FakeRing, disk: Disk
 ) -> None:
-    """If the free space gets too small, the recording ends cleanly, with the reason."""
+    """If the free space gets too small, it ends cleanly; `stop` returns the reason once."""
     recorder.start(header())
     ring.run(100)
     disk.why = "12 MB are free"
@@ -189,23 +189,12 @@ def test_recording_ends_before_the_disk_is_full(
 
     assert recorder.status == Recording(False, recorder.status.name, 100, 0, "12 MB are free", True)
     assert read(recorder).cycles["seq"].size == 100
+    first, second = recorder.stop(), recorder.stop()
+    assert (first.records, first.why, first.disk_full) == (100, "12 MB are free", True)
+    assert (second.records, second.why, second.disk_full) == (100, "", False)
     disk.why = ""
     assert recorder.start(header()) == recorder.status.name
     assert not recorder.status.disk_full
-
-
-@pytest.mark.fault("P6")
-def test_end_by_itself_is_returned_once(recorder: Recorder, ring: FakeRing, disk: Disk) -> None:
-    """`stop` after the end returns the reason; then it is known."""
-    recorder.start(header())
-    ring.run(100)
-    disk.why = "12 MB are free"
-    eventually(lambda: not recorder.status.recording)
-
-    first, second = recorder.stop(), recorder.stop()
-
-    assert (first.records, first.why, first.disk_full) == (100, "12 MB are free", True)
-    assert (second.records, second.why, second.disk_full) == (100, "", False)
 
 
 @pytest.mark.fault("P6")

@@ -12,7 +12,7 @@ import httpx
 from piezod.daemon.lock import Lock
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.supervisor.run import run_stage
-from piezod.daemon.supervisor.signals import noted_signals
+from piezod.daemon.supervisor.signals import Signals, noted_signals
 from piezod.daemon.supervisor.terms import RunOptions
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
@@ -42,14 +42,19 @@ class Rig(NamedTuple):
             finally:
                 self.end()
 
-        self.paths.make_folders()
-        with Lock(self.paths.lock), ThreadPoolExecutor(1) as beside:
+        with ThreadPoolExecutor(1) as beside, noted_signals() as signals:
             doing = beside.submit(then_end)
             try:
-                with noted_signals() as signals:
-                    return run_stage(self.config, RunOptions(), self.paths, signals)
+                return self.start(signals)
             finally:
                 doing.result()
+
+    def start(self, signals: Signals | None = None, *, require_device: bool = False) -> bool:
+        """Run the stage until it ends by itself, or because of the signals."""
+        self.paths.make_folders()
+        with Lock(self.paths.lock):
+            options = RunOptions(require_device=require_device)
+            return run_stage(self.config, options, self.paths, signals or Signals())
 
     def up(self) -> None:
         """Wait for the first healthy cycle."""

@@ -39,13 +39,7 @@ def _fake_loops(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Exchanged:
-    """The result of a reload.
-
-    Args:
-        folder: Folder for the files of the stage.
-        source: The configuration file.
-        text: Its contents when it is read again.
-    """
+    """The result of a reload."""
 
     def __init__(self, folder: Path, source: Path, text: str) -> None:
         self.runs: list[LoopRun] = []

@@ -7,7 +7,6 @@ import time
 from dataclasses import replace
 from datetime import datetime, timedelta
 from math import nan
-from pathlib import Path
 
 import h5py
 import pytest
@@ -15,8 +14,7 @@ import pytest
 from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.lean_structlog import structlog
-from piezod.daemon.logging import MAX_LINES, WINDOW_S, EventRateLimit, set_up_logging
-from piezod.daemon.loop import accept
+from piezod.daemon.logging import MAX_LINES, WINDOW_S, EventRateLimit
 from piezod.daemon.stage import recordings
 from piezod.daemon.stage.errors import NotNowError
 from piezod.daemon.stores import recorder
@@ -29,20 +27,6 @@ from piezod.units import NS_PER_S
 from tests.daemon.bench import PEER, Bench
 from tests.daemon.waiting import eventually
 from tests.records.killed import killed
-
-
-@pytest.fixture
-def log() -> io.StringIO:
-    """Return the log, in the form for people."""
-    stream = io.StringIO()
-    set_up_logging(stream, {})
-    return stream
-
-
-@pytest.fixture
-def bench(tmp_path: Path, rig_file: Path) -> Bench:
-    """Return a stage."""
-    return Bench(tmp_path, accept.load(rig_file))
 
 
 def test_housekeeping_without_a_fault_makes_no_header(
@@ -119,13 +103,13 @@ def test_recording_that_the_disk_ends_is_a_fault(
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     eventually(lambda: not bench.link.stage_recordings.running_name)
 
-    before = _reported(bench)
+    before = bench.reported()
     stopped = bench.do(lambda link: link.stop_recording(PEER))
 
     assert before == [Fault.P6]
     assert (stopped.name, stopped.disk_full) == (name, True)
     assert "0 MB are free" in stopped.why
-    assert _reported(bench) == []
+    assert bench.reported() == []
     with pytest.raises(NotNowError, match="nothing is being recorded"):
         bench.do(lambda link: link.stop_recording(PEER))
     asyncio.run(Housekeeping(bench.link).close())
@@ -141,7 +125,7 @@ def test_recording_that_loses_cycles_is_a_fault(
     for name, lost in [("one", 0), ("one", 7), ("one", 7), ("one", 9), ("two", 3), ("two", 3)]:
         now = replace(status, name=name, lost=lost)
         monkeypatch.setattr(recorder.Recorder, "status", now)
-        found.append(_reported(bench))
+        found.append(bench.reported())
 
     assert found == [[], [Fault.P7], [], [Fault.P7], [Fault.P7], []]
 
@@ -155,15 +139,15 @@ def test_flood_of_events_is_a_fault(bench: Bench, monkeypatch: pytest.MonkeyPatc
     event = StageEvent(5, "warning", "fault", "spike", "S4", "x", nan, nan)
     for _ in range(MAX_LINES + 1):
         EventWriter(bench.loop.shared).append(event)
-        found.append(_reported(bench))
+        found.append(bench.reported())
         housekeeping.log_events()
-    flooded = _reported(bench)
+    flooded = bench.reported()
     after_s = time.monotonic() + WINDOW_S
     monkeypatch.setattr(log_limit(), "_now_s", lambda: after_s)
 
     assert found == [[]] * (MAX_LINES + 1)
     assert flooded == [Fault.P15]
-    assert _reported(bench) == []
+    assert bench.reported() == []
     asyncio.run(housekeeping.close())
 
 
@@ -175,7 +159,7 @@ def test_changed_configuration_file_is_a_fault(bench: Bench) -> None:
     found = []
     for _ in range(3):
         asyncio.run(bench.link.look_at_config())
-        found.append(_reported(bench))
+        found.append(bench.reported())
 
     assert found == [[], [Fault.P11], []]
 
@@ -202,12 +186,6 @@ def test_housekeeping_reports_faults(bench: Bench) -> None:
 
     assert bench.loop.shared.words[Word.SUPERVISOR_FAULTS] == 1 << SUPERVISOR_FAULTS.index(Fault.D8)
     asyncio.run(Housekeeping(bench.link).close())
-
-
-def _reported(bench: Bench) -> list[Fault]:
-    bench.link.report_faults()
-    bits = bench.loop.shared.words[Word.SUPERVISOR_FAULTS]
-    return [fault for place, fault in enumerate(SUPERVISOR_FAULTS) if bits >> place & 1]
 
 
 def test_recording_on_request(bench: Bench) -> None:

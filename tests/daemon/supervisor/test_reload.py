@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, Daemon, configuration, is_alive, latched
+from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, configuration, is_alive, latched
 from tests.daemon.waiting import eventually
 
 
@@ -17,7 +17,7 @@ def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) ->
     daemon = start(configuration(tmp_path)).up()
     first = daemon.loop_pid
     daemon.do("zero")
-    zero_um = eventually(lambda: _zero_um(daemon))
+    zero_um = eventually(daemon.zero_um)
 
     configuration(tmp_path, speed_um_per_s="150", rate_hz="0")
     invalid = daemon.ask("POST", "reload", {})
@@ -36,7 +36,7 @@ def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) ->
     assert in_ready.status_code == 409
     assert (kept[0], kept[1]["rate_hz"]) == (first, 20)
     assert swapped.json() == {"changes": ["axes.x.speed_um_per_s", "rate_hz"], "lost": []}
-    assert _zero_um(daemon) == zero_um
+    assert daemon.zero_um() == zero_um
     assert daemon.ask("GET", "realtime").json()["rate_hz"] == 25
     assert daemon.loop_pid != first
     assert not is_alive(first)
@@ -48,7 +48,7 @@ def test_reload_keeps_what_is_not_in_the_file(start: StartDaemon, tmp_path: Path
     """Latched faults and the sensor zero outlive a reload, with and without a change."""
     daemon = start(configuration(tmp_path)).up()
     daemon.do("zero")
-    zero_um = eventually(lambda: zero_of(daemon))
+    zero_um = eventually(daemon.zero_um)
     daemon.do("estop")
     daemon.until("FAULT")
     first = daemon.loop_pid
@@ -64,7 +64,7 @@ def test_reload_keeps_what_is_not_in_the_file(start: StartDaemon, tmp_path: Path
     assert changed["changes"] == ["axes.x.speed_um_per_s"]
     assert daemon.loop_pid != first
     assert latched(daemon.status()) == ["E1"]
-    assert eventually(lambda: zero_of(daemon)) == zero_um
+    assert eventually(daemon.zero_um) == zero_um
     eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
     daemon.until("SAFE")
 
@@ -77,27 +77,16 @@ def test_edited_model_file_is_reported_until_it_is_loaded(
     model = tmp_path / "model.yaml"
     model.write_bytes((SHIPPED.parent / "models" / "simulated-stack.yaml").read_bytes())
     daemon = start(configuration(tmp_path, model="model.yaml")).up()
-    before = shown(daemon)
+    before = daemon.faults()
 
     model.write_text(model.read_text("utf-8") + "# edited\n", encoding="utf-8")
-    eventually(lambda: "P11" in shown(daemon))
+    eventually(lambda: "P11" in daemon.faults())
     loaded = daemon.do("reload")
     daemon.until("SAFE")
-    eventually(lambda: "P11" not in shown(daemon))
+    eventually(lambda: "P11" not in daemon.faults())
 
     assert "P11" not in before
     assert loaded["changes"] == ["axes.x.model"]
-
-
-def shown(daemon: Daemon) -> set[str]:
-    """Return the ids of the faults in the status."""
-    return {fault["id"] for fault in daemon.status()["faults"]}
-
-
-def zero_of(daemon: Daemon) -> float:
-    """Return the sensor zero of axis x, in µm; 0 while it is unknown."""
-    axes = daemon.ask("GET", "params").json().get("axes")
-    return float(axes["x"]["zero_um"]) if axes else 0.0
 
 
 @pytest.mark.fault("P11")
@@ -115,12 +104,6 @@ def test_service_manager_may_reload(start: StartDaemon, tmp_path: Path) -> None:
         _next(manager, b"RELOADING=1")
         _next(manager, b"READY=1")
         assert daemon.ask("GET", "config").json()["axes"]["x"]["speed_um_per_s"] == 150
-
-
-def _zero_um(daemon: Daemon) -> float:
-    """Return the sensor zero, 0 before it is known."""
-    axes = daemon.ask("GET", "params").json().get("axes")
-    return float(axes["x"]["zero_um"]) if axes else 0.0
 
 
 def _next(manager: socket.socket, beginning: bytes) -> None:

@@ -12,13 +12,10 @@ import pytest
 from piezod.config.states import State
 from piezod.control.in_force import OUTPUT_WAIT_S
 from piezod.daemon.durations import ramp_s, ramped_down_within_s
-from piezod.daemon.lock import Lock
 from piezod.daemon.loop import accept
 from piezod.daemon.supervisor import processes
-from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals
-from piezod.daemon.supervisor.terms import RunOptions
-from piezod.errors import ConfigError, DeviceUnavailableError, PiezodError, StillDrivenError
+from piezod.errors import DeviceUnavailableError, PiezodError, StillDrivenError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import HUNG, Word
 from tests.conftest import Reaction
@@ -57,17 +54,13 @@ def test_signal_ends_it_in_order(rig: Rig) -> None:
 
 
 @pytest.mark.fault("P1")
-def test_signal_before_the_loop_answers_ends_it_in_order(
-    rig: Rig,
-) -> None:
+def test_signal_before_the_loop_answers_ends_it_in_order(rig: Rig) -> None:
     """A loop that has touched no device is killed, without a wait or a ramp."""
     rig.loop_code[:] = ["import time; time.sleep(600)"]
     signals = Signals()
     signals.receive(signal.SIGTERM)
-    rig.paths.make_folders()
 
-    with Lock(rig.paths.lock):
-        assert run_stage(rig.config, RunOptions(), rig.paths, signals)
+    assert rig.start(signals)
 
     assert (len(rig.loops), rig.rescues) == (1, [])
     assert not rig.paths.running.exists()
@@ -83,8 +76,8 @@ def test_signal_while_an_earlier_run_is_ramped_down(rig: Rig, left: list[str]) -
     rig.paths.make_folders()
     rig.paths.running.touch()
 
-    with Lock(rig.paths.lock), refused(left):
-        assert run_stage(rig.config, RunOptions(), rig.paths, signals)
+    with refused(left):
+        assert rig.start(signals)
 
     assert rig.rescues == ["ramp", "end"]
     assert rig.loops[0].wait() == -signal.SIGKILL
@@ -151,10 +144,8 @@ def _kill_and_wait(rig: Rig, number: int) -> None:
 
 def test_device_that_must_be_there(rig: Rig) -> None:
     """With --require-device an absent device is an error, and the end is orderly."""
-    rig.paths.make_folders()
-
-    with Lock(rig.paths.lock), pytest.raises(DeviceUnavailableError, match="absent"):
-        run_stage(rig.config, RunOptions(require_device=True), rig.paths, Signals())
+    with pytest.raises(DeviceUnavailableError, match="absent"):
+        rig.start(require_device=True)
 
     assert not rig.paths.running.exists()
 
@@ -209,25 +200,10 @@ def test_loop_that_cannot_be_started_touches_nothing(
         raise BlockingIOError(11, "no process left")
 
     monkeypatch.setattr(processes, "start", none_left)
-    rig.paths.make_folders()
 
-    with Lock(rig.paths.lock), pytest.raises(BlockingIOError):
-        run_stage(rig.config, RunOptions(), rig.paths, Signals())
+    with pytest.raises(BlockingIOError):
+        rig.start()
 
-    assert not rig.paths.running.exists()
-
-
-@pytest.mark.fault("P10")
-def test_bad_configuration_starts_nothing(rig: Rig) -> None:
-    """The process that reads the configuration ends, and no mark is made."""
-    configuration(rig.config.parent, rate_hz="0")
-    rig.paths.make_folders()
-
-    with Lock(rig.paths.lock), pytest.raises(ConfigError, match="rate_hz"):
-        run_stage(rig.config, RunOptions(), rig.paths, Signals())
-
-    [process] = rig.loops
-    assert process.poll() is not None
     assert not rig.paths.running.exists()
 
 
@@ -235,10 +211,8 @@ def test_bad_configuration_starts_nothing(rig: Rig) -> None:
 def test_loop_that_ends_before_its_first_cycle_leaves_no_mark(rig: Rig) -> None:
     """It has driven nothing, so that the next start need not be checked by an operator."""
     configuration(rig.config.parent, title="broken")
-    rig.paths.make_folders()
 
-    with Lock(rig.paths.lock):
-        assert not run_stage(rig.config, RunOptions(), rig.paths, Signals())
+    assert not rig.start()
 
     assert rig.rescues == ["ramp", "end"]
     assert not rig.paths.running.exists()
@@ -253,8 +227,8 @@ def test_start_that_fails_leaves_the_mark_as_it_was(rig: Rig, unclean: bool) -> 
     if unclean:
         rig.paths.running.touch()
 
-    with Lock(rig.paths.lock), pytest.raises(FileExistsError):
-        run_stage(rig.config, RunOptions(), rig.paths, Signals())
+    with pytest.raises(FileExistsError):
+        rig.start()
 
     assert rig.loops[0].poll() == -signal.SIGKILL
     assert rig.paths.running.exists() is unclean
@@ -265,10 +239,9 @@ def test_copy_that_cannot_be_written_is_named(rig: Rig) -> None:
     """The loop process reports the file of the error, and no mark is made."""
     error = '{"failed": [28, "No space left on device", "config-a/rig.yaml"]}'
     rig.loop_code[:] = [f"print({error!r})"]
-    rig.paths.make_folders()
 
-    with Lock(rig.paths.lock), pytest.raises(OSError, match=r"config-a/rig\.yaml"):
-        run_stage(rig.config, RunOptions(), rig.paths, Signals())
+    with pytest.raises(OSError, match=r"config-a/rig\.yaml"):
+        rig.start()
 
     assert not rig.paths.running.exists()
 
@@ -277,9 +250,8 @@ def test_loop_of_another_version_is_refused(rig: Rig) -> None:
     """After an upgrade a reload would start one, which reads the shared memory in another way."""
     answer = '{"accepted": {}, "named_files": {}, "version": "999.0"}'
     rig.loop_code[:] = [f"print({answer!r})"]
-    rig.paths.make_folders()
 
-    with Lock(rig.paths.lock), pytest.raises(PiezodError, match="restart the daemon"):
-        run_stage(rig.config, RunOptions(), rig.paths, Signals())
+    with pytest.raises(PiezodError, match="restart the daemon"):
+        rig.start()
 
     assert not rig.paths.running.exists()

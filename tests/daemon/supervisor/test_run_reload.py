@@ -8,43 +8,15 @@ from subprocess import Popen
 import httpx
 import pytest
 
-from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.daemon.supervisor import processes
 from piezod.telemetry.shared_map import attach
-from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
+from piezod.telemetry.words import Word
 from tests.daemon.daemons import configuration
 from tests.daemon.supervisor.run_rig import Rig
 from tests.daemon.waiting import eventually
 
 LEFT = "axis x: the voltage is UNKNOWN: no device; the voltage stays at 60.00 V"
-
-
-@pytest.mark.fault("P11")
-def test_reload_within_the_service(rig: Rig) -> None:
-    """A valid file is loaded, an invalid one is refused, and the service always answers.
-
-    The loop gets P11 until the file is loaded.
-    """
-    answers: list[httpx.Response] = []
-
-    def changed() -> bool:
-        bits = attach(rig.paths.loop_map).words[Word.SUPERVISOR_FAULTS]
-        return bool(bits >> SUPERVISOR_FAULTS.index(Fault.P11) & 1)
-
-    def reload() -> None:
-        configuration(rig.config.parent, rate_hz="25")
-        eventually(changed)
-        answers.append(rig.ask("POST", "reload", {}))
-        eventually(lambda: not changed())
-        configuration(rig.config.parent, rate_hz="0")
-        answers.append(rig.ask("POST", "reload", {}))
-        answers.append(rig.ask("GET", "config"))
-
-    assert rig.run(reload)
-    assert [answer.status_code for answer in answers] == [200, 422, 200]
-    assert answers[0].json()["changes"] == ["rate_hz"]
-    assert answers[2].json()["rate_hz"] == 25
 
 
 @pytest.mark.fault("P11")

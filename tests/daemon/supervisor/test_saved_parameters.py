@@ -10,17 +10,12 @@ def test_the_next_run_begins_with_the_saved_parameters(tmp_path: Path) -> None:
     """The sensor zero of a run is in force in the next one."""
     with Daemon(configuration(tmp_path)) as daemon:
         daemon.up().do("zero")
-        zero_um = eventually(lambda: _zero_um(daemon))
+        zero_um = eventually(daemon.zero_um)
         saved = daemon.do("params/save")
         daemon.do("shutdown")
         daemon.exit_code()
         daemon.start()
         daemon.up()
 
-        assert eventually(lambda: _zero_um(daemon)) == zero_um
+        assert eventually(daemon.zero_um) == zero_um
         assert daemon.ask("GET", "params").json()["sequence"] == saved["sequence"]
-
-
-def _zero_um(daemon: Daemon) -> float:
-    axes = daemon.ask("GET", "params").json().get("axes")
-    return float(axes["x"]["zero_um"]) if axes else 0.0

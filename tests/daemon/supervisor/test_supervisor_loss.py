@@ -13,21 +13,6 @@ from tests.daemon.supervisor.manager import waiting
 from tests.daemon.waiting import eventually
 
 
-@pytest.mark.fault("P3")
-def test_killed_loop_is_replaced_by_a_ramp_down(start: StartDaemon, rig_file: Path) -> None:
-    """The supervisor runs `piezod safe` and ends with code 1; the mark stays."""
-    daemon = start(rig_file).up()
-
-    os.kill(daemon.loop_pid, signal.SIGKILL)
-
-    assert daemon.exit_code() == 1
-    assert "loop gone" in daemon.text
-    assert "x: from" in daemon.text
-    assert "ramped down" in daemon.text
-    assert daemon.paths.running.exists()
-    assert not daemon.paths.api_socket.exists()
-
-
 @pytest.mark.fault("L3")
 def test_loop_that_hangs_is_killed_and_feeds_no_watchdog(
     start: StartDaemon, rig_file: Path, manager: socket.socket
@@ -73,12 +58,3 @@ def test_loop_without_a_supervisor_goes_to_safe_and_ends(
     assert daemon.ask("POST", "arm", {}).status_code == 409
     eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
     daemon.until("SAFE")
-
-
-def test_absent_device_may_be_an_error(start: StartDaemon, tmp_path: Path) -> None:
-    """With --require-device a stage without its device ends in order, with code 69."""
-    path = configuration(tmp_path, rig="{driver: emulated, options: {socket: nobody.sock}}")
-    daemon = start(path, "--require-device")
-
-    assert daemon.exit_code(90) == 69
-    assert not daemon.paths.running.exists()

@@ -25,9 +25,6 @@ class BeatMonitor(threading.Thread):
     """Counts how often in a row the same beat of the supervisor is seen.
 
     It counts looks, not time: if the machine pauses, the counting pauses too.
-
-    Args:
-        loop_map: The memory shared by supervisor and loop.
     """
 
     def __init__(self, loop_map: Path) -> None:

@@ -40,13 +40,7 @@ def why_not() -> str:
 
 
 class Guest:
-    """A running guest.
-
-    Args:
-        share: Folder that it can write to.
-        control: Connection for commands to the guest, and for its requests.
-        monitor: Monitor of QEMU.
-    """
+    """A running guest."""
 
     def __init__(self, share: Path, control: socket.socket, monitor: Monitor) -> None:
         self._share = share

@@ -13,11 +13,7 @@ _ANSWER_S: Final = 60.0
 
 
 class Monitor:
-    """The monitor of a machine.
-
-    Args:
-        wire: Connection to it; it is closed at the end of the context.
-    """
+    """The monitor of a machine."""
 
     def __init__(self, wire: socket.socket) -> None:
         wire.settimeout(_ANSWER_S)
@@ -74,11 +70,7 @@ class Monitor:
 
 
 def connected(process: "subprocess.Popen[bytes]", path: Path) -> socket.socket:
-    """Connect to a socket of QEMU as soon as it is there.
-
-    Raises:
-        AssertionError: If QEMU has ended.
-    """
+    """Connect to a socket of QEMU as soon as it is there."""
     eventually(lambda: path.exists() or process.poll() is not None)
     assert process.poll() is None, "QEMU does not start, see its errors above"
     wire = socket.socket(socket.AF_UNIX)

@@ -8,11 +8,7 @@ from tests.vm.guest.host import Host
 
 
 def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
-    """Return the facts and the functions that check them.
-
-    Args:
-        host: The host, which plugs and unplugs.
-    """
+    """Return the facts and the functions that check them."""
     return (
         ("install-service writes units that systemd accepts", install.service_is_installed),
         ("the unit starts, and the daemon reports that it is ready", service.unit_starts),

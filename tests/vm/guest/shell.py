@@ -31,11 +31,7 @@ def attempt(command: str, timeout_s: float = 600.0) -> "subprocess.CompletedProc
 
 
 def run(command: str, timeout_s: float = 600.0) -> str:
-    """Run a shell command as root; return its output.
-
-    Raises:
-        CheckError: If it fails.
-    """
+    """Run a shell command as root; return its output."""
     ended = attempt(command, timeout_s)
     need(not ended.returncode, f"`{command}` ended with {ended.returncode}: {ended.stderr.strip()}")
     return ended.stdout.strip()

@@ -17,10 +17,7 @@ _CONFIGURATIONS: Final = Path("/etc/piezod")
 class Stage:
     """A stage as a service.
 
-    Args:
-        name: Its name.
-        example: The example configuration that it has.
-        changes: Patterns in that text, and what replaces them; each must occur.
+    `changes` are patterns in the text of the example, and what replaces them; each must occur.
     """
 
     def __init__(self, name: str, example: str, changes: Sequence[tuple[str, str]]) -> None:
