@@ -31,7 +31,6 @@ SOAK: Final = {
     "error_rms_median_pct": "error in motion, rms of a minute, median, %",
     "error_rms_worst_pct": "the same, worst minute, %",
     "drift_worst_pct": "largest difference of the learned model, %",
-    "memory_mb": "growth of memory in the last four fifths, MB",
     "violations": "broken bounds",
 }
 """Numbers of `soak.json`, in the order of the table."""

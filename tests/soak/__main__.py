@@ -93,7 +93,6 @@ def document(result: Result) -> dict[str, Any]:
         "error_rms_median_pct": round(errors[len(errors) // 2], 2),
         "error_rms_worst_pct": round(errors[-1], 2),
         "drift_worst_pct": round(max(0.0, *(row.drift_pct for row in rows)), 1),
-        "memory_mb": round(rows[-1].rss_mb - rows[len(rows) // 5].rss_mb, 1),
         "violations": len(result.violations),
     }
 
