@@ -67,8 +67,8 @@ def steps_of(rows: Sequence[Row], known_after_s: float = 0.0) -> Iterator[Step]:
     """Yield the accepted writes of a trace, and the starts of plays, judged.
 
     A write may be as far from the voltage on the stage as the slew rate times the age of the last
-    read-back and one period, plus the tolerance. What the output has gone by itself since the
-    last read-back that the write can follow from does not count. A play can be started just after
+    read-back that it can follow from and one period, plus the tolerance. What the output has gone
+    by itself since that read-back does not count. A play can be started just after
     a read-back, so that one that is older than a period counts as one of a period before.
 
     Args:
@@ -96,18 +96,18 @@ def steps_of(rows: Sequence[Row], known_after_s: float = 0.0) -> Iterator[Step]:
             case "write" | "start":
                 known = [read.t_s for read in reads if read.t_s <= row.t_s - known_after_s]
                 since_s = known[-1] if known else row.t_s
+                age_s = row.t_s - since_s
                 if row.kind == "start":
                     since_s = max(since_s, row.t_s - PERIOD_S)
                 itself_v = sum(abs(o.after_v - o.before_v) for o in itself if o.t_s > since_s)
                 before = row._replace(position_um=position_um if sensed else nan)
-                yield _judged(before, reads[-1] if reads else row, itself_v, last_v)
+                yield _judged(before, reads[-1] if reads else row, age_s, itself_v, last_v)
                 last_v = row.written_v
         position_um = row.position_um
 
 
-def _judged(row: Row, read: Row, itself_v: float, last_v: float) -> Step:
-    """Return a write, judged by the last read-back."""
-    age_s = row.t_s - read.t_s
+def _judged(row: Row, read: Row, age_s: float, itself_v: float, last_v: float) -> Step:
+    """Return a write, judged by the last read-back and the age of the one that it follows from."""
     if row.kind == "start":
         age_s = min(age_s, PERIOD_S)
     return Step(
