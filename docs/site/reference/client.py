@@ -53,7 +53,7 @@ def _documented(thing: Any, heading: str, signature: inspect.Signature | None) -
         yield f"```python\n{_source(thing, signature)}\n```\n"
     about = docstring(thing)
     yield about.text
-    if is_dataclass(thing):
+    if isinstance(thing, type) and is_dataclass(thing):
         about.entries["Attributes"] = attributes(thing)
     for section, head in (("Args", "argument"), ("Attributes", "attribute"), ("Raises", "error")):
         entries = about.entries.get(section, {}).items()
