@@ -105,9 +105,7 @@ class PsjSession:
         """Return the values behind an index in a reply with a whole record."""
         fits = partial(codec.is_reply_to, name, index)
         request = self.command(name, None, index)
-        frame = self.conversation.ask(
-            request, codec.framed_record, timeout_ns=within_ns, fits=fits
-        )
+        frame = self.conversation.ask(request, codec.framed_record, timeout_ns=within_ns, fits=fits)
         return codec.values_of(codec.text_of(frame), name, index)
 
     def ask_slowly(
