@@ -128,9 +128,9 @@ class BaseDialogue:
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the faults that did not make an exchange fail. Real-time safe."""
-        noticed, self._noticed = self._noticed, set()
-        if self._notices is not None:
-            noticed |= self._notices.take_noticed()
+        noticed = set() if self._notices is None else self._notices.take_noticed()
+        if self._noticed:
+            noticed, self._noticed = noticed | self._noticed, set()
         return noticed
 
     def _ask_in_force(self) -> Sequence[float]:

@@ -2,10 +2,11 @@
 
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.bus.line import Line
 from piezod.devices.bus.playing_device import ExchangingPlayingBusDevice
-from piezod.devices.interface import DriverPlugin, Wiring, faults
+from piezod.devices.interface import DriverPlugin, Wiring
 from piezod_drivers.serial_line.gcs.channels import channels
 from piezod_drivers.serial_line.gcs.faults import SEES
 from piezod_drivers.serial_line.options import make_line
@@ -32,5 +33,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=SEES | faults("B13"),  # over TCP
+    sees=SEES | {Fault.B13},  # over TCP
 )
