@@ -5,7 +5,6 @@ import threading
 import time
 from pathlib import Path
 from tempfile import TemporaryFile
-from types import TracebackType
 from typing import Self
 
 from piezod.config.daemon import load_daemon
@@ -66,12 +65,7 @@ class LoopChild:
         """Return itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the process and the thread."""
         self.silent.set()
         self._beating.join()

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 import httpx
@@ -256,19 +255,14 @@ class Bench:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *about: object) -> None:
         if self._beside is not None:
             self._beside.kill()
         if self._daemon is not None:
             with suppress(Exception):  # whatever a case has left of it
                 self.shut_down()
             self.kill_all()
-            self._daemon.__exit__(kind, error, traceback)
+            self._daemon.__exit__(*about)
         self.amplifier.end()
 
 

@@ -13,7 +13,6 @@ import sysconfig
 import tempfile
 import zipfile
 from pathlib import Path
-from types import TracebackType
 from typing import Final, Self
 
 from tests.daemon.waiting import eventually
@@ -56,12 +55,7 @@ class Machine:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Switch it off, and remove its files."""
         self._end()
 

@@ -4,7 +4,6 @@ import json
 import socket
 import subprocess
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 from tests.daemon.waiting import eventually
@@ -26,12 +25,7 @@ class Monitor:
         """Return itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the connection."""
         self._lines.close()
         self._wire.close()
