@@ -26,12 +26,7 @@ from piezod.errors import ClientError, RefusedError
 
 
 class StageConnector(DeviceConnector):
-    """Connects a stage and its axes to the daemon.
-
-    Args:
-        link: The connection.
-        axes: The axes, by name.
-    """
+    """Connects a stage and its axes to the daemon."""
 
     def __init__(self, link: ConnectedStage, axes: dict[str, PiezoAxis]) -> None:
         self._link, self._axes = link, axes

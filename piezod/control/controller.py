@@ -41,12 +41,7 @@ class Learned(NamedTuple):
 
 
 class StageController:
-    """Runs a stage, cycle by cycle. All methods are real-time safe.
-
-    Args:
-        stage: The stage.
-        loop_watch: The watch of its loop.
-    """
+    """Runs a stage, cycle by cycle. All methods are real-time safe."""
 
     def __init__(self, stage: Stage, loop_watch: LoopWatch) -> None:
         self._stage = stage

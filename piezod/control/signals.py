@@ -104,11 +104,7 @@ class SlidingRange:
         self._part, self._filled = 0, 0
 
     def add(self, value: float) -> float:
-        """Take the value of this cycle; return the swing.
-
-        Args:
-            value: Finite.
-        """
+        """Take the value of this cycle; return the swing."""
         if self._filled == self._part_cycles:
             self._part = (self._part + 1) % len(self._lows)
             self._lows[self._part], self._highs[self._part] = inf, -inf

@@ -83,9 +83,6 @@ class BackgroundStream:
     """A stream for the log: lines are written in a thread, or dropped while nothing takes them.
 
     A terminal that was stopped by Ctrl-S, or a pipe that nobody reads, takes nothing.
-
-    Args:
-        stream: The stream.
     """
 
     def __init__(self, stream: TextIO) -> None:

@@ -26,9 +26,6 @@ class EventRateLimit:
 
     The first line after that has the number of dropped ones. A kind is an event with its fault id;
     there are few of them.
-
-    Args:
-        now_s: The clock, in s.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:

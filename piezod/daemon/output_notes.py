@@ -17,11 +17,7 @@ from piezod.devices.interface import Capabilities, Identity, is_same
 
 
 def rests_by_itself(able: Capabilities) -> bool:
-    """Return whether an amplifier goes to rest after it was closed, or may do so.
-
-    Args:
-        able: Its capabilities.
-    """
+    """Return whether an amplifier goes to rest after it was closed, or may do so."""
     return not able.holds or able.watchdog
 
 
@@ -81,9 +77,6 @@ class OutputNotes:
 
     def meet(self, channels: Channels) -> None:
         """Note the identities of open devices, and forget what does not concern their outputs.
-
-        Args:
-            channels: The devices.
 
         Raises:
             OSError: If the identities cannot be stored.

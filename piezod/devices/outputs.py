@@ -12,11 +12,7 @@ ANY_VALUE: Final = -inf, inf
 
 
 class CalibratedOutput:
-    """Converts the voltage at the actuator to the value of an output, and back.
-
-    Args:
-        calibration: Calibration from its value to V.
-    """
+    """Converts the voltage at the actuator to the value of an output, and back."""
 
     def __init__(self, calibration: Calibration) -> None:
         self._curve = curve_of(calibration)

@@ -191,11 +191,7 @@ class ReconnectingDevice(DeviceWrapper):
         self._hand_over(super().status(now_ns))
 
     def _hand_over(self, flags: Sequence[Flags]) -> None:
-        """Hand the device over to the thread.
-
-        Args:
-            flags: Its flags at the loss.
-        """
+        """Hand the device over to the thread."""
         self._lost_flags = [each & LOSING or frozenset({DeviceFlag.DISCONNECTED}) for each in flags]
         self._flags_at_loss, self._flags_while_lost = flags, self._lost_flags
         # The order matters: from here on the loop must not touch the device.

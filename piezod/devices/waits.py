@@ -8,12 +8,7 @@ LONGEST_WAIT_S: Final = 2.0
 
 
 def waits_s(first_s: float = FIRST_WAIT_S, longest_s: float = LONGEST_WAIT_S) -> Iterator[float]:
-    """Yield the wait before each further attempt, in s, endlessly; each is twice the one before.
-
-    Args:
-        first_s: First wait, in s.
-        longest_s: Longest wait, in s.
-    """
+    """Yield the wait before each further attempt, in s, endlessly; each is twice the one before."""
     wait_s = first_s
     while True:
         yield wait_s

@@ -21,11 +21,7 @@ class AnyDevice(Sensor, Amplifier, Exchanges, TellsStatus, Protocol):
 
 
 class DeviceWrapper:
-    """Implements the roles of a device by forwarding every call.
-
-    Args:
-        device: The device, open.
-    """
+    """Implements the roles of a device by forwarding every call."""
 
     def __init__(self, device: Device) -> None:
         self._device = cast("AnyDevice", device)

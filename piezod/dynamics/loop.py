@@ -117,10 +117,6 @@ def _held_mode(z: ComplexArray, rest_s: float, period_s: float, mode: Resonance)
 def free_motion(mode: Resonance, t_s: float) -> FloatArray:
     """Return the transition matrix of a free mode, shape (2, 2).
 
-    Args:
-        mode: The mode.
-        t_s: Duration, in s.
-
     Returns:
         Displacement and speed (per radian) after that time, from those before it.
     """

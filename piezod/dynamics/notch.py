@@ -35,12 +35,7 @@ class Notch(NamedTuple):
 
 
 def notch(mode: Resonance, period_s: float) -> Notch:
-    """Return the notch whose zeros are the poles of a mode, in samples.
-
-    Args:
-        mode: The mode.
-        period_s: Sample period, in s.
-    """
+    """Return the notch whose zeros are the poles of a mode, in samples."""
     b1, b2 = _roots(mode.frequency_hz * period_s, mode.damping)
     a1, a2 = _roots(mode.frequency_hz * period_s, POLE_DAMPING)
     gain = (1.0 + a1 + a2) / (1.0 + b1 + b2)

@@ -131,10 +131,6 @@ STATE: Final = np.dtype(
 def constants(parameters: PlantParameters, step_s: float) -> Any:
     """Return the constants of a plant for its kernel.
 
-    Args:
-        parameters: The plant.
-        step_s: Sub-step in s.
-
     Returns:
         (1,) record of `CONSTANTS`.
     """

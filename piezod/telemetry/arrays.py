@@ -25,11 +25,7 @@ def record_dtype(axes: int) -> np.dtype[np.void]:
 
 
 class RingReader:
-    """Follows the ring from its present position; any number of readers is possible.
-
-    Args:
-        shared: The memory.
-    """
+    """Follows the ring from its present position; any number of readers is possible."""
 
     def __init__(self, shared: SharedMap) -> None:
         self._words = shared.words

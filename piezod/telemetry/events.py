@@ -39,11 +39,7 @@ class EventWriter:
 
 
 class EventReader:
-    """Follows the events from the present one on; any number of readers is possible.
-
-    Args:
-        shared: The memory.
-    """
+    """Follows the events from the present one on; any number of readers is possible."""
 
     def __init__(self, shared: SharedMap) -> None:
         self._bytes, self._words = shared.part("events"), shared.words

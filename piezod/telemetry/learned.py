@@ -31,11 +31,7 @@ class LearnedAxis(NamedTuple):
 
 
 class LearnedReader:
-    """End of a reader; any number of readers is possible.
-
-    Args:
-        shared: The memory.
-    """
+    """End of a reader; any number of readers is possible."""
 
     def __init__(self, shared: SharedMap) -> None:
         part = shared.part("learned")

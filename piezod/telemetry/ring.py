@@ -55,11 +55,7 @@ class RingWriter:
 
 
 class RecordReader:
-    """Reads the newest records one by one; `arrays.RingReader` reads many, with numpy.
-
-    Args:
-        shared: The memory.
-    """
+    """Reads the newest records one by one; `arrays.RingReader` reads many, with numpy."""
 
     def __init__(self, shared: SharedMap) -> None:
         self._axes = len(shared.layout.axes)

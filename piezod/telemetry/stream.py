@@ -37,11 +37,7 @@ class StreamWriter:
 
 
 class StreamReader:
-    """End of the loop.
-
-    Args:
-        shared: The memory.
-    """
+    """End of the loop."""
 
     def __init__(self, shared: SharedMap) -> None:
         part = shared.part("streams")

@@ -144,12 +144,7 @@ class Connections:
 
 
 class StatusLink(DaemonLink):
-    """Sends its calls over the connections for emergency stops, which stay open by that.
-
-    Args:
-        connections: The connections.
-        name: Name of this server.
-    """
+    """Sends its calls over the connections for emergency stops, which stay open by that."""
 
     def __init__(self, connections: Connections, name: str) -> None:
         super().__init__(connections.socket, name)

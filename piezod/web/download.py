@@ -40,13 +40,7 @@ _FROM_DAEMON: Final = ("content-disposition", "content-length", "content-type")
 
 
 class DownloadAnswer(Response):
-    """The file of a recording as the daemon sends it, or its error document.
-
-    Args:
-        stages: All stages.
-        stage: Name of the stage.
-        name: Name of the recording.
-    """
+    """The file of a recording as the daemon sends it, or its error document."""
 
     def __init__(self, stages: Stages, stage: str, name: str) -> None:
         super().__init__()

@@ -36,11 +36,7 @@ def barriers() -> dict[str, str]:
 
 
 class Exports:
-    """Makes tables, one after the other: a long recording takes a processor and room on the disk.
-
-    Args:
-        stages: All stages.
-    """
+    """Makes tables, one after the other: a long recording takes a processor and room on the disk."""
 
     def __init__(self, stages: Stages) -> None:
         self._stages = stages
@@ -49,11 +45,6 @@ class Exports:
     @asynccontextmanager
     async def table(self, stage: str, name: str, ending: str) -> AsyncGenerator[Path, None]:
         """Yield the file of a table, which is removed afterwards.
-
-        Args:
-            stage: Name of the stage.
-            name: Name of the recording.
-            ending: Its format.
 
         Raises:
             PageError: If there is no such stage, recording or format, or it cannot be exported.

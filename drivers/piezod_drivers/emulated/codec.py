@@ -47,11 +47,7 @@ class RigReply(NamedTuple):
 
 
 class RigCodec:
-    """Packets for a number of axes. Real-time safe.
-
-    Args:
-        n_axes: Number of axes.
-    """
+    """Packets for a number of axes. Real-time safe."""
 
     def __init__(self, n_axes: int) -> None:
         self._n = n_axes

@@ -50,10 +50,6 @@ def axis_and_quantity(name: str, outputs: tuple[str, ...]) -> tuple[str, str]:
 def make_axis(options: SimulatedOptions, seed: np.random.SeedSequence) -> SimulatedAxis:
     """Draw a specimen of an axis, and calibrate its sensor.
 
-    Args:
-        options: Options of the rig.
-        seed: Seed of the axis.
-
     Raises:
         DeviceError: If the sensor cannot be calibrated.
     """

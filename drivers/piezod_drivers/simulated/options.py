@@ -161,9 +161,6 @@ class SimulatedOptions(ConfigModel):
     def plant(self, seed: np.random.SeedSequence) -> PlantParameters:
         """Draw a specimen of the variant and apply the configured values.
 
-        Args:
-            seed: Seed of the specimen.
-
         Raises:
             DeviceError: If the specimen's sensor cannot measure the travel.
         """

@@ -33,11 +33,7 @@ TOLERANCE: Final = 2.0
 
 
 class ModelDrift:
-    """Compares learned models with the identified one. Real-time safe.
-
-    Args:
-        model: The identified model.
-    """
+    """Compares learned models with the identified one. Real-time safe."""
 
     def __init__(self, model: StageModel) -> None:
         rise = np.linspace(0.0, 1.0, _LEVELS)

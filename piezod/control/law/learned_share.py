@@ -7,12 +7,7 @@ from piezod.hysteresis.memory import FloatArray
 
 
 def learned_share(settings: CompensatorConfig, form: ModelForm) -> float:
-    """Return k, the share of its error that the identifier removes in a sample at pace 1.
-
-    Args:
-        settings: Settings of the compensator.
-        form: Form of the model.
-    """
+    """Return k, the share of its error that the identifier removes in a sample at pace 1."""
     match form:
         case StopForm(bank):
             return _of_stops(settings, bank)

@@ -49,9 +49,6 @@ class StageModel:
 
         A stage is zeroed at rest before it is driven. Recorded data may have another zero.
 
-        Args:
-            rest_v: Voltage at rest, in V.
-
         Raises:
             DataError: If the model does not hold at the rest voltage.
         """

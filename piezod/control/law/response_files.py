@@ -8,9 +8,6 @@ def response_model(file: ResponseFile) -> ResponseModel:
     """Return the dynamics from a voltage at the output to the sample, without the hold.
 
     The static gain is one.
-
-    Args:
-        file: The response.
     """
     return ResponseModel(
         file.delay_s,

@@ -140,12 +140,7 @@ def rest_at(position_um: float) -> Motion:
 
 
 def moving_s(way_um: float, limits: MotionLimits) -> float:
-    """Return how long a movement from rest to rest takes, in s.
-
-    Args:
-        way_um: Its way, in µm.
-        limits: Limits of the motion.
-    """
+    """Return how long a movement from rest to rest takes, in s."""
     return max(_PEAK * abs(way_um) / limits.speed_um_per_s, limits.shortest_s)
 
 

@@ -40,10 +40,6 @@ class PreviewedReference:
     each cycle it evaluates the reference once, at the far end of its future. After `follow`, and
     after a skipped cycle, it evaluates the reference at the taps of the filter, and draws straight
     lines between them.
-
-    Args:
-        preview: The filter.
-        period_s: Period of the loop, in s.
     """
 
     def __init__(self, preview: PreviewFilter, period_s: float) -> None:

@@ -13,11 +13,7 @@ voltage to ramp to. A step with a table has no other entry."""
 
 
 class DriveSequence:
-    """Drives steps one after the other; axes without an entry in a step hold. Real-time safe.
-
-    Args:
-        play: Plays the tables.
-    """
+    """Drives steps one after the other; axes without an entry in a step hold. Real-time safe."""
 
     def __init__(self, play: StagePlay) -> None:
         self._play = play

@@ -31,11 +31,7 @@ segments in a row. The ringing after a step fades before that."""
 
 
 class Oscillation:
-    """Detects that one axis oscillates around a constant command. Fixed memory. Real-time safe.
-
-    Args:
-        period_ns: Period of the loop, in ns.
-    """
+    """Detects that one axis oscillates around a constant command. Fixed memory. Real-time safe."""
 
     def __init__(self, period_ns: int) -> None:
         self._segment_cycles = max(SEGMENT_NS // period_ns, SEGMENT_CYCLES)

@@ -22,9 +22,6 @@ class Plausible:
     """The positions that an identified stage can have, as a table that no learning changes.
 
     Real-time safe.
-
-    Args:
-        model: The identified model.
     """
 
     def __init__(self, model: StageModel) -> None:

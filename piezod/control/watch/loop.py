@@ -97,11 +97,7 @@ class LoopWatch:
 
 
 class _Tolerant:
-    """Finds lateness that lasts. A late cycle counts once, however many periods it lost.
-
-    Args:
-        period_ns: Period of the loop, in ns.
-    """
+    """Finds lateness that lasts. A late cycle counts once, however many periods it lost."""
 
     def __init__(self, period_ns: int) -> None:
         window = round(WINDOW_S * NS_PER_S / period_ns)
@@ -134,11 +130,7 @@ class _Tolerant:
 
 
 class _Strict:
-    """Finds each stall: several periods lost at once, several cycles in a row, or many over time.
-
-    Args:
-        period_ns: Period of the loop, in ns.
-    """
+    """Finds each stall: several periods lost at once, several cycles in a row, or many over time."""
 
     def __init__(self, period_ns: int) -> None:
         window = max(round(STRICT_WINDOW_S * NS_PER_S / period_ns), STRICT_WINDOW_CYCLES)

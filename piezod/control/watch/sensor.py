@@ -182,9 +182,6 @@ class SensorWatch:
     def allowed_um(self, drive_v: float) -> tuple[float, float]:
         """Return the range of positions that the stage can have at a voltage, whatever its past.
 
-        Args:
-            drive_v: The voltage, in V.
-
         Returns:
             Lowest and highest position, in µm; NaN without a model or a finite voltage.
         """

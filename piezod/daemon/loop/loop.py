@@ -170,11 +170,7 @@ class Loop:
 
 
 class SupervisorWatch:
-    """Detects, once, that the beat of the supervisor has stopped.
-
-    Args:
-        shared: The memory shared with it.
-    """
+    """Detects, once, that the beat of the supervisor has stopped."""
 
     def __init__(self, shared: SharedMap) -> None:
         self._words, self._period_ns = shared.words, shared.layout.period_ns

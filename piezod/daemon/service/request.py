@@ -19,11 +19,7 @@ from piezod.messages.requests import TABLE, Request
 
 
 class OpenStream:
-    """A stream in progress, until another request commands one of its axes.
-
-    Args:
-        axes: Names of its axes.
-    """
+    """A stream in progress, until another request commands one of its axes."""
 
     def __init__(self, axes: Iterable[str]) -> None:
         self.axes = frozenset(axes)

@@ -26,12 +26,7 @@ _POLL_S: Final = 0.01
 
 
 class SetpointStream:
-    """Follows one stream to its end.
-
-    Args:
-        context: The request.
-        connection: Its connection.
-    """
+    """Follows one stream to its end."""
 
     def __init__(self, context: RequestContext, connection: PeerProtocol) -> None:
         self._context, self._connection = context, connection

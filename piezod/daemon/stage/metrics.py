@@ -64,11 +64,7 @@ def metrics_text(facts: StageFacts, *, openmetrics: bool) -> bytes:
 
 
 class _Families(Collector):
-    """Makes the metrics; each has the label `stage`.
-
-    Args:
-        facts: The stage.
-    """
+    """Makes the metrics; each has the label `stage`."""
 
     def __init__(self, facts: StageFacts) -> None:
         self._facts, self._loop = facts, facts.loop

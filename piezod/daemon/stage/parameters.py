@@ -32,11 +32,7 @@ class _Kept(NamedTuple):
 
 
 class LearnedParameters:
-    """Saves the parameters that the loop has learned, and loads saved ones into it.
-
-    Args:
-        store: Stores them on the disk.
-    """
+    """Saves the parameters that the loop has learned, and loads saved ones into it."""
 
     def __init__(self, store: ParameterStore) -> None:
         self._store = store

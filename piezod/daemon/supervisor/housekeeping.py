@@ -12,11 +12,7 @@ _log = logger("loop")
 
 
 class Housekeeping:
-    """Handles the events of the loop, and writes what belongs on the disk.
-
-    Args:
-        link: The stage.
-    """
+    """Handles the events of the loop, and writes what belongs on the disk."""
 
     def __init__(self, link: RunningStage) -> None:
         self._link = link

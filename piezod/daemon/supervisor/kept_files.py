@@ -14,11 +14,7 @@ _log = logger("supervisor")
 
 
 class KeptFiles:
-    """Copies of the files; a mapped memory lives on without its file and is none of them.
-
-    Args:
-        folder: The runtime folder.
-    """
+    """Copies of the files; a mapped memory lives on without its file and is none of them."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -80,11 +80,7 @@ class NoticingLine(Protocol):
 
 
 class LineWrapper:
-    """Implements `Line` and `NoticingLine` by another line, except what a subclass changes.
-
-    Args:
-        line: The other line.
-    """
+    """Implements `Line` and `NoticingLine` by another line, except what a subclass changes."""
 
     def __init__(self, line: Line) -> None:
         self._line = line

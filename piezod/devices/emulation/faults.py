@@ -154,11 +154,7 @@ def _value(value: str, text: str) -> tuple[float, float]:
 
 
 class WireFaults:
-    """Faults of one wire; thread-safe.
-
-    Args:
-        faults: The faults.
-    """
+    """Faults of one wire; thread-safe."""
 
     def __init__(self, faults: Iterable[WireFault] = ()) -> None:
         self._random = random.Random(1)  # noqa: S311 - the faults must be reproducible

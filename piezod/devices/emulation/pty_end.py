@@ -23,9 +23,6 @@ class PtyEnd:
 
     The link may be opened and closed any number of times. Bytes that are sent while no client has
     it open are lost, as on a cable. One thread may receive while another one sends.
-
-    Args:
-        path: Path of the link.
     """
 
     def __init__(self, path: Path) -> None:

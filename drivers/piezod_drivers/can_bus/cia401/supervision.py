@@ -20,9 +20,6 @@ _MISSED_HEARTBEATS: Final = 3
 class Supervision:
     """Sends the host's heartbeats and keeps what the node reports by itself.
 
-    Args:
-        now_ns: The clock.
-
     Attributes:
         health: The state that the node reports.
         is_armed: Whether the node's watchdog is configured for this host.
@@ -62,9 +59,6 @@ class Supervision:
 
     def keep_alive(self, send: Callable[[Frame], None]) -> None:
         """Send a heartbeat if it is due, and check that the node keeps its setup. Real-time safe.
-
-        Args:
-            send: Sends a frame.
 
         Raises:
             LineFault: `DISCONNECTED` if the node has lost its setup, or any fault of `send`.

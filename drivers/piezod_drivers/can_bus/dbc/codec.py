@@ -67,11 +67,7 @@ class DbcMessage(NamedTuple):
 
 
 class SignalReader:
-    """Reads the value of one signal from the data of its frame.
-
-    Args:
-        message: The frame.
-    """
+    """Reads the value of one signal from the data of its frame."""
 
     def __init__(self, message: DbcMessage, signal: str) -> None:
         one = message.signals[signal]
@@ -96,11 +92,7 @@ class SignalReader:
 
 
 class SignalWriter:
-    """Writes the value of one signal into the data of its frame.
-
-    Args:
-        message: The frame.
-    """
+    """Writes the value of one signal into the data of its frame."""
 
     def __init__(self, message: DbcMessage, signal: str) -> None:
         one = message.signals[signal]

@@ -131,11 +131,7 @@ def array_reply(address: int, words: Sequence[int]) -> bytes:
 
 
 class Poll:
-    """The addresses that an exchange reads in addition to its tag.
-
-    Args:
-        addresses: The addresses, in order.
-    """
+    """The addresses that an exchange reads in addition to its tag."""
 
     def __init__(self, addresses: Sequence[int]) -> None:
         self._requests = b"".join(map(read, addresses))

@@ -33,11 +33,7 @@ class AbortCode(IntEnum):
 
 
 class AbortError(Exception):
-    """Raised if an access is refused.
-
-    Args:
-        code: The reason.
-    """
+    """Raised if an access is refused."""
 
     def __init__(self, code: AbortCode) -> None:
         super().__init__(code.name)
