@@ -138,7 +138,7 @@ class DiscreteCreep(NamedTuple):
 
 
 def creep(per_decade: float, step_s: float) -> DiscreteCreep:
-    """Approximate 1 + γ·log10(t / 0.1 s) from 10 ms to 3 hours, with two lags per decade of time."""
+    """Approximate 1 + γ·log10(t / 0.1 s) from 10 ms to 3 hours, with two lags per decade."""
     # Equal weights at time constants in equal ratios: the sum rises as the logarithm of time.
     times_s = 10.0 ** (np.arange(13) / 2 - 2)
     weights = np.full(len(times_s), per_decade / 2)

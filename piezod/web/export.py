@@ -36,7 +36,7 @@ def barriers() -> dict[str, str]:
 
 
 class Exports:
-    """Makes tables, one after the other: a long recording takes a processor and room on the disk."""
+    """Makes tables one by one: a long recording takes a processor and room on the disk."""
 
     def __init__(self, stages: Stages) -> None:
         self._stages = stages

@@ -130,7 +130,7 @@ class _Tolerant:
 
 
 class _Strict:
-    """Finds each stall: several periods lost at once, several cycles in a row, or many over time."""
+    """Finds each stall: several periods lost at once, cycles in a row, or many over time."""
 
     def __init__(self, period_ns: int) -> None:
         window = max(round(STRICT_WINDOW_S * NS_PER_S / period_ns), STRICT_WINDOW_CYCLES)

@@ -156,7 +156,7 @@ def place(
 
 
 def cost_ns(able: Capabilities, trips: RoundTrips) -> int:
-    """Return how much of a cycle a device takes that is read, written and read back in turn, in ns."""
+    """Return how long a device is read, written and read back in a cycle, in turn, in ns."""
     return trips.p90_ns + _write_ns(able, trips)
 
 
