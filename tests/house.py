@@ -6,7 +6,8 @@ count is within its limit.
 
 import ast
 import re
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -19,7 +20,9 @@ PRODUCT: Final = ("piezod", "drivers")
 EXAMPLE: Final = "follow"
 """The verb that CONTRIBUTING shows."""
 WAVEFORM: Final = "chirp"
-"""The waveform that stands for all others."""
+FAULT: Final = Fault.D11.value
+DEVICE: Final = "adam-4024"
+"""The waveform, the fault and the device that stand for all others."""
 VERB_ROOMS: Final = ("piezod/messages", "piezod/client", "piezod/cli", "piezod/daemon/service")
 """In these rooms a function with the name of a verb serves the verb; elsewhere names coincide."""
 
@@ -60,19 +63,53 @@ def files_of_a_verb(name: str = EXAMPLE) -> Measure:
 
 def files_of_a_waveform() -> Measure:
     """Count the product files that name a kind of waveform, scripts of the page included."""
+    return _files_with(WAVEFORM, "waveform", limit=3)
+
+
+def files_of_a_fault() -> Measure:
+    """Count the product files that name a fault which the loop finds."""
+    return _files_with(FAULT, "fault", limit=3)
+
+
+def files_of_a_device() -> Measure:
+    """Count the product files that name a device of a driver for many: profile and emulator."""
+    return _files_with(DEVICE, "device", limit=2)
+
+
+def _files_with(name: str, kind: str, limit: int) -> Measure:
     files = (
         file
         for folder in PRODUCT
         for ending in ("py", "js")
         for file in sorted((ROOT / folder).rglob(f"*.{ending}"))
     )
-    word = re.compile(rf"\b{WAVEFORM}\b")
+    word = re.compile(rf"\b{re.escape(name)}\b")
     found = tuple(
         str(each.relative_to(ROOT))
         for each in files
         if word.search(each.read_text(encoding="utf-8", errors="ignore"))
     )
-    return Measure(f"product files name the waveform {WAVEFORM!r}", found, limit=3)
+    return Measure(f"product files name the {kind} {name!r}", found, limit)
+
+
+def lines_of_product() -> Measure:
+    """Count the lines of Python that are installed, by room."""
+    return _lines("product", PRODUCT, limit=102_000)
+
+
+def lines_of_tests() -> Measure:
+    """Count the lines of the tests, by room."""
+    return _lines("tests", ("tests",), limit=110_000)
+
+
+def _lines(what: str, folders: Sequence[str], limit: int) -> Measure:
+    rooms = Counter[str]()
+    for folder in folders:
+        for file in (ROOT / folder).rglob("*.py"):
+            inside = file.relative_to(ROOT).parent
+            rooms["/".join(inside.parts[:2])] += len(file.read_text(encoding="utf-8").splitlines())
+    found = tuple(f"{room}: {lines}" for room, lines in rooms.most_common())
+    return Measure(f"lines of {what}", found, limit, in_places=rooms.total())
 
 
 def public_attributes_of_stage() -> Measure:
@@ -156,6 +193,10 @@ def words_of_docs() -> Measure:
 MEASURES: Final[tuple[Callable[[], Measure], ...]] = (
     files_of_a_verb,
     files_of_a_waveform,
+    files_of_a_fault,
+    files_of_a_device,
+    lines_of_product,
+    lines_of_tests,
     public_attributes_of_stage,
     fault_ids_as_texts,
     long_files,
