@@ -84,7 +84,7 @@ def write_recording(path: Path, stage: RigStage, weights: Sequence[float] = ()) 
             "model_x": dump_model(load_model(model)),
         },
         weights={"x": len(weights)} if len(weights) else {},
-        surfaces=("x",) if load_model(model).version == 2 else (),
+        surfaces=("x",) if load_model(model).is_surface else (),
         descriptions=descriptions(),
         bits=mask_bits(),
     )

@@ -122,14 +122,14 @@ def test_method_and_order(piezod: Command, data: Path) -> None:
 
 
 def test_surface(piezod: Command, data: Path, folder: Path) -> None:
-    """A surface is fitted without operators, and written as a file of version 2."""
+    """A surface is fitted without operators, and written as such."""
     code, out, _ = piezod("identify", data, "--method", "surface", "--out", "surface.yaml")
     refused = piezod("identify", data, "--method", "surface", "--order", 3)
     text = (folder / "surface.yaml").read_text(encoding="utf-8")
 
     assert code == 0
     assert "Model by surface, a smooth surface of loops, with creep." in " ".join(out.split())
-    assert "\nversion: 2\n" in text
+    assert "\nversion: 3\n" in text
     assert "surface_coefficients:" in text
     assert refused.code == 2
     assert "a surface has no operators" in refused.err

@@ -37,7 +37,7 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
     document = json.loads(piezod("identify", data, *options, "--json").out)
 
     file = load_model(folder / "model.yaml")
-    assert file.version == 2
+    assert file.is_surface
     assert file.fit.model_dump() == document["train"]
     assert isinstance(read_model(folder / "model.yaml")[0].form, SurfaceForm)
     assert piezod("check", "model.yaml").out == "model.yaml: ok, a model: a surface, by surface\n"

@@ -9,7 +9,8 @@ import typer
 from piezod.cli.options import JsonOption
 from piezod.cli.output import new_console, new_table, print_json
 from piezod.cli.stage_options import SocketOption, StageOption, connect
-from piezod.messages.answers import COLUMNS, STAGE, AxisStatus, Fault, Status
+from piezod.messages import answers
+from piezod.messages.answers import STAGE, AxisStatus, Fault, Status
 from piezod.messages.documents import Document
 from piezod.messages.shown import COLUMN
 
@@ -106,10 +107,10 @@ def _summary(found: Status) -> str:
 
 def axes_table(found: Status) -> "Table":
     """Return the table of the axes of a stage."""
-    table = new_table("axis", right=tuple(column.heading for column in COLUMNS))
+    table = new_table("axis", right=tuple(column.heading for column in answers.COLUMNS))
     table.add_column("")
     for name, axis in found.axes.items():
-        shown = (column.text(getattr(axis, column.name)) for column in COLUMNS)
+        shown = (column.text(getattr(axis, column.name)) for column in answers.COLUMNS)
         table.add_row(name, *shown, _remark(axis))
     return table
 
