@@ -57,7 +57,8 @@ class AmplifierProcess:
         self.tell("mark look")
         with self._trace.open("rb") as file:
             file.seek(max(0, os.fstat(file.fileno()).st_size - 200))
-            return float(file.read().splitlines()[-1].split(b";")[4])
+            *_, whole, _partial = file.read().split(b"\n")
+        return float(whole.split(b";")[4])
 
     def end(self) -> None:
         """End it."""

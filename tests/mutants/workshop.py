@@ -20,7 +20,7 @@ KILLED: Final = ("killed", "timeout")
 SETTINGS: Final = """
 [tool.mutmut]
 source_paths = [{path}]
-also_copy = ["piezod"]
+also_copy = ["piezod", "docs"]
 pytest_add_cli_args_test_selection = {tests}
 pytest_add_cli_args = {options}
 timeout_constant = {longest_s}
