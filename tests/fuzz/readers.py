@@ -71,7 +71,7 @@ def surface() -> Reader:
     stops = _of("piezod.config.model_file:load_model")(MODEL).model_dump()
     common = {key: value for key, value in stops.items() if "_stop_" not in key}
     coefficients = (0.8, *(0.005,) * 23)
-    fields = {"version": 2, "method": "surface", "surface_coefficients": coefficients}
+    fields = {"method": "surface", "surface_coefficients": coefficients}
     made = _of("piezod.config.model_file:ModelFile").model_validate(common | fields)
     good = _of("piezod.config.model_file:dump_model")(made).encode()
     return Reader(_of("piezod.control.law.model_files:read_model"), good, _refusals("ConfigError"))

@@ -14,13 +14,13 @@ from piezod.control.law.model_files import read_model
 from piezod.daemon import accepted_config
 from piezod.errors import DataError
 from piezod.experiment.replay.comparison import Comparison, replay_recording
-from piezod.records.figures.replay import replay_figure
-from piezod.records.figures.style import FORMATS, save_figure
 from piezod.records.recording.reader import RecordedTelemetry
 
 
 def figure_file(out: Path) -> Path:
     """Return the path of the figure, after a check that it can be written."""
+    from piezod.records.figures.style import FORMATS  # imports matplotlib, which is slow
+
     return checked_out(out, out, FORMATS)
 
 
@@ -72,6 +72,9 @@ def _recorded_axis(
 
 def draw(path: Path, recording: Path, axis: str, compared: Comparison) -> None:
     """Write the figure of errors and drives."""
+    from piezod.records.figures.replay import replay_figure
+    from piezod.records.figures.style import save_figure
+
     replayed = compared.replay
     judged = replayed.recorded.judged
     figure = replay_figure(

@@ -9,6 +9,7 @@ from piezod.config.axes import AxisConfig
 from piezod.config.first_mode import FirstModeConfig
 from piezod.control.law.creep import NO_CREEP, CreepLaw
 from piezod.control.law.first_mode import FirstMode
+from piezod.control.law.held_delay import delay_at
 from piezod.errors import DataError
 from piezod.hysteresis import AffineRange, ModelForm, StopForm
 from piezod.hysteresis.memory import FloatArray
@@ -27,8 +28,7 @@ class StageModel:
     weights: FloatArray  #: (form.size,) weights of the form.
     drive_v: AffineRange  #: Range of the drive that is [0, 1], paper eq. (28), in V.
     position_um: AffineRange  #: Range of the displacement without creep that is [0, 1], in µm.
-    #: Delay of the displacement behind the voltage, in s. The voltage counts as a straight line
-    #: from cycle to cycle, which is half of `held_s` later than what an amplifier holds.
+    #: Delay of the displacement behind the voltage, in s, where each is held for `held_s`.
     delay_s: float
     creep: CreepLaw = NO_CREEP  #: Creep, which adds to the displacement of the hysteresis.
     #: First mode, if the data showed one; the loop uses it if its configuration has none.
@@ -40,9 +40,9 @@ class StageModel:
 
     def at(self, period_s: float) -> "StageModel":
         """Return the model for a loop that holds each voltage for one period, in s."""
-        earlier_s = 0.0 if self.held_s is None else 0.5 * (period_s - self.held_s)
-        form, delay_s = self.form.sampled(period_s), self.delay_s - earlier_s
-        return replace(self, form=form, delay_s=delay_s, held_s=period_s)
+        held_s = period_s if self.held_s is None else self.held_s
+        delay_s = delay_at(self.delay_s, held_s, period_s)
+        return replace(self, form=self.form.sampled(period_s), delay_s=delay_s, held_s=period_s)
 
     def zeroed_at(self, rest_v: float) -> "StageModel":
         """Return the model with the displacement at rest as zero.

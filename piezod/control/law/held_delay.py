@@ -1,0 +1,51 @@
+"""The delay of a sample behind a voltage that is held from cycle to cycle, at any rate.
+
+The voltage counts as a straight line from cycle to cycle, and a sample is taken just before the
+next write. Of a slow ramp, whose every step shows as s(t), a sample after k cycles lacks
+Σ (1 - s(j T)), j = 1 to k. The sum times T is the delay: T/2 less than that of a continuous drive
+if the stage is slow against T, and none if it has settled within T.
+
+Amplifier and filter of the sensor are taken as two equal lags, whatever they are: for those of the
+simulated stack, delays at 1 kHz and 10 kHz agree within 0.01 ms. A negative delay comes from a mode
+that rings on from cycle to cycle: then the sum is near -1/2 at any rate.
+"""
+
+from math import exp
+
+
+def delay_at(delay_s: float, held_s: float, period_s: float) -> float:
+    """Return the delay in a loop with another period, in s.
+
+    Args:
+        delay_s: Delay where each voltage was held for `held_s`, in s.
+        held_s: That time, in s; 0 if the voltage changed evenly.
+        period_s: Period of the loop, in s.
+    """
+    if held_s == period_s:
+        return delay_s
+    if delay_s <= 0.0:
+        return delay_s * period_s / held_s if held_s else delay_s
+    return _sampled_s(_continuous_s(delay_s, held_s), period_s)
+
+
+def _continuous_s(delay_s: float, held_s: float) -> float:
+    """Return the delay behind a drive that changes evenly, in s."""
+    low_s, high_s = 0.0, delay_s + held_s  # a hold takes at most half of its time from the delay
+    for _ in range(60):  # to the last bit
+        middle_s = 0.5 * (low_s + high_s)
+        if _sampled_s(middle_s, held_s) < delay_s:
+            low_s = middle_s
+        else:
+            high_s = middle_s
+    return high_s
+
+
+def _sampled_s(continuous_s: float, period_s: float) -> float:
+    """Return the delay behind a voltage that is held for a period, in s."""
+    if continuous_s <= 0.0 or period_s == 0.0:
+        return continuous_s
+    # Two lags of time constant τ: 1 - s(t) = (1 + t/τ) exp(-t/τ).
+    periods = 2.0 * period_s / continuous_s
+    kept = exp(-periods)
+    left = 1.0 - kept
+    return period_s * kept * (1.0 + periods / left) / left
