@@ -152,6 +152,16 @@ def test_tripped_watchdog_waits_for_a_write(bench: RegisterBench) -> None:
     assert (tripped, bool(bench.register.unreachable)) == (False, True)
 
 
+def test_axes_are_blind_by_any_of_their_faults(bench: RegisterBench) -> None:
+    """Each fault adds its axes; a tripped watchdog makes its axis blind, too, but reachable."""
+    bench.cycle(Detection(Fault.A9, 0))
+    bench.cycles(CAUSE_CYCLES)
+    bench.cycle(Detection(Fault.B1, 1))
+
+    assert bench.register.blind == 0b11
+    assert bench.register.unreachable == 0b10
+
+
 def test_lateness_alone_needs_no_person(bench: RegisterBench) -> None:
     """Any other fault that stops the stage does, also after it is gone."""
     bench.cycle(Fault.L2)
