@@ -180,8 +180,11 @@ class CompensatedAxis:
         # force now.
         self._history.append(t_ns, self._in_force_v)
         limited, expected = self.compensator.limited, self.compensator.position
-        added = self._modal.advance(t_ns, expected, sample.t_ns) if self._modal else 0.0
-        self.identifier.learn(t_ns, sample, limited=limited, expected=expected, added=added)
+        if self._modal is not None:
+            self._modal.advance(t_ns, expected)
+        forced = self._forced_v == self._forced_v
+        follows = not (forced or not_applied)
+        self.identifier.learn(t_ns, sample, limited=limited, expected=expected, follows=follows)
         if self.bound is not None:
             self.bound.update()
         # Paper, section 3, switch turned off: copy the parameters once they have converged.
@@ -189,12 +192,11 @@ class CompensatedAxis:
             self.proof.restart(LearnedModel(self.identifier.weights))
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
-        forced = self._forced_v == self._forced_v
         # The error of a forced voltage, or of a write that was not applied, is no error of the
         # model.
         gate = self.identifier.gate
-        credible = gate.credible and not (gate.skipped or not_applied or forced)
-        if self.compensator.learns_in_use and not (forced or not_applied):
+        credible = gate.credible and follows and not gate.skipped
+        if self.compensator.learns_in_use and follows:
             self._prove_model(command_um)
         trim = 0.0
         if self.trim.active:

@@ -115,7 +115,8 @@ def compensated_axis(
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     pace = _pace(config, model.form, period_ns)
-    identifier = _identifier(config, model, creep, history, period_ns)
+    modal = _modal(dynamics, period_ns, creep.quick)
+    identifier = _identifier(config, model, creep, history, period_ns, modal)
     compensator = Compensator(
         model.form,
         model.weights,
@@ -142,12 +143,17 @@ def compensated_axis(
         proof=_proof(model, period_ns),
         bound=_bound(config, model, identifier.adaptation, period_ns),
         shaper=_shaper(config, dynamics, period_s),
-        modal=_modal(dynamics, period_ns, creep.quick),
+        modal=modal,
     )
 
 
 def _identifier(
-    config: AxisConfig, model: StageModel, creep: CreepState, history: DriveHistory, period_ns: int
+    config: AxisConfig,
+    model: StageModel,
+    creep: CreepState,
+    history: DriveHistory,
+    period_ns: int,
+    modal: ModalMotion | None,
 ) -> Identifier:
     pace = _pace(config, model.form, period_ns)
     adaptation = _adaptation(config, model.form, model.weights, pace, creep.path)
@@ -161,6 +167,7 @@ def _identifier(
         _convergence(model, period_ns),
         LearningGate(period_ns, latency_ns=s_to_ns(config.compensator.sensor_delay_s)),
         creep,
+        modal,
     )
 
 
@@ -258,7 +265,7 @@ def _proof(model: StageModel, period_ns: int) -> ModelProof:
     return ModelProof(
         LearnedModel(model.weights.copy()),
         window_cycles=_cycles(PROOF_WINDOW_S, period_ns),
-        lag_cycles=s_to_ns(model.delay_s) // period_ns + LAG_CYCLES,
+        lag_cycles=abs(s_to_ns(model.delay_s)) // period_ns + LAG_CYCLES,
     )
 
 

@@ -100,13 +100,12 @@ class ModalMotion:
         self._delay_ns, self._static = delay_ns, static
         self._past = DriveHistory(0.0, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
 
-    def advance(self, t_ns: int, static: float, sample_ns: int) -> float:
-        """Advance by one cycle; return the part that a sample shows. Call once per cycle.
+    def advance(self, t_ns: int, static: float) -> None:
+        """Advance by one cycle. Call once per cycle.
 
         Args:
             t_ns: Instant of the cycle, in ns.
             static: Static displacement that belongs to the voltage in force.
-            sample_ns: Time stamp of the sample, in ns.
         """
         change, self._static = static - self._static, static
         sum_added = 0.0
@@ -120,4 +119,7 @@ class ModalMotion:
             self._states[i] = added, speed
             sum_added += share * added
         self._past.append(t_ns, sum_added)
+
+    def shown(self, sample_ns: int) -> float:
+        """Return the part that a sample shows, by its time stamp in ns."""
         return self._past.at(sample_ns - self._delay_ns)

@@ -6,8 +6,9 @@ next write. Of a slow ramp, whose every step shows as s(t), a sample after k cyc
 if the stage is slow against T, and none if it has settled within T.
 
 Amplifier and filter of the sensor are taken as two equal lags, whatever they are: for those of the
-simulated stack, delays at 1 kHz and 10 kHz agree within 0.01 ms. A negative delay comes from a mode
-that rings on from cycle to cycle: then the sum is near -1/2 at any rate.
+simulated stack, delays at 1 kHz and 10 kHz agree within 0.01 ms. A negative delay of up to half a
+period comes from a mode that rings on from cycle to cycle: then the sum is near -1/2 at any rate.
+What is beyond that is a time by which samples are told early.
 """
 
 from math import exp
@@ -24,7 +25,8 @@ def delay_at(delay_s: float, held_s: float, period_s: float) -> float:
     if held_s == period_s:
         return delay_s
     if delay_s <= 0.0:
-        return delay_s * period_s / held_s if held_s else delay_s
+        rings_s = max(delay_s, -0.5 * held_s)
+        return (rings_s * period_s / held_s if held_s else 0.0) + delay_s - rings_s
     return _sampled_s(_continuous_s(delay_s, held_s), period_s)
 
 

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 from piezod.config.gate_reasons import GateReason
 from piezod.control.law.compensator import DriveHistory
 from piezod.control.law.creep import AT_REST, CreepState
+from piezod.control.law.dynamics import ModalMotion
 from piezod.control.signals import NoiseLevel, SlidingRange, StuckSensor, is_physical
 from piezod.devices.interface import Sample
 from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
@@ -127,9 +128,7 @@ class _Arrived(NamedTuple):
     sample: Sample  #: The sample.
     admitted: bool  #: Whether the gate was open.
     accurate: bool  #: Whether it is accurate.
-    comparable: bool  #: Whether it shows how well the stage follows.
-    expected: float  #: Displacement in the compensator's memory then, normalised.
-    added: float  #: Part of the displacement that was due to modes, normalised.
+    comparable: bool  #: Whether it shows how well the stage follows its command.
 
 
 class Identifier:
@@ -148,6 +147,7 @@ class Identifier:
         convergence: Criterion of convergence; None if a model is known already.
         gate: Decides which samples the identifier learns from.
         creep: Creep so far, and the displacement.
+        modal: Part of the displacement that the modes add; None if they are unknown.
     """
 
     def __init__(
@@ -161,8 +161,9 @@ class Identifier:
         convergence: Convergence | None,
         gate: LearningGate,
         creep: CreepState = AT_REST,
+        modal: ModalMotion | None = None,
     ) -> None:
-        self.adaptation, self.gate = adaptation, gate
+        self.adaptation, self.gate, self._modal = adaptation, gate, modal
         self._drive_v, self._position_um = drive_v, position_um
         self._history, self._delay_ns, self._convergence = history, delay_ns, convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
@@ -210,9 +211,10 @@ class Identifier:
     def zero(self, relaxing: float = 0.0) -> None:
         """Take the present displacement as zero, at rest; `relaxing` is what the path has left."""
         self._zeroed = float(self._creep.weights @ self._lags) + relaxing
+        self._waiting.clear()  # they count from the zero before
 
     def learn(
-        self, t_ns: int, sample: Sample, *, limited: bool, expected: float, added: float = 0.0
+        self, t_ns: int, sample: Sample, *, limited: bool, expected: float, follows: bool = True
     ) -> None:
         """Take the sample of this cycle, and learn if the gate is open. Call once per cycle.
 
@@ -221,7 +223,7 @@ class Identifier:
             sample: The sample.
             limited: Whether range or slew rate limited the drive in force.
             expected: Displacement in the compensator's memory, normalised.
-            added: Part of the displacement that is due to modes, normalised.
+            follows: Whether the drive in force follows the command.
         """
         gate = self.gate
         position = self._position_um.to_unit(sample.position_um)
@@ -232,27 +234,27 @@ class Identifier:
         admitted = gate.admits(
             valid=valid, age_ns=age_ns, limited=limited, drive=drive, position=position
         )
-        self._waiting.append(
-            _Arrived(sample, admitted, gate.accurate, gate.comparable, expected, added)
-        )
+        comparable = gate.comparable and follows
+        self._waiting.append(_Arrived(sample, admitted, gate.accurate, comparable))
         if len(self._waiting) <= self._cycles_early:
             return
         arrived = self._waiting.popleft()
-        self.compared = arrived.sample if arrived.comparable and gate.comparable else None
+        self.compared = arrived.sample if arrived.comparable and comparable else None
         # What closed the gate meanwhile may have spoilt the voltage that the sample waited for.
-        self._learn_from(arrived, arrived.admitted and admitted)
+        self._learn_from(arrived, arrived.admitted and admitted, expected)
 
     def _drive_of(self, sample: Sample) -> float:
         """Return the drive that a sample answers: the one in force one delay before it."""
         return self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
 
-    def _learn_from(self, arrived: _Arrived, learns: bool) -> None:
-        """Advance by a sample whose voltage is known.
+    def _learn_from(self, arrived: _Arrived, learns: bool, expected: float) -> None:
+        """Advance by a sample whose voltage is known, in force by now.
 
         If the sample is not accurate, the memory advances with the displacement that the
         compensator expects: the stage moves anyway, and a missed extremum would be wrong for long.
         """
-        crept = arrived.added + advance_creep(
+        added = 0.0 if self._modal is None else self._modal.shown(arrived.sample.t_ns)
+        crept = added + advance_creep(
             self._lags, self._creep.gains, self._creep.weights, self._quick
         )
         self._drive = drive = self._drive_of(arrived.sample)
@@ -264,7 +266,7 @@ class Identifier:
         position = self._position_um.to_unit(arrived.sample.position_um)
         without_creep = position + self._zeroed - crept / (1.0 + self.scale)
         if not arrived.accurate:
-            without_creep = (arrived.expected + self.offset) / (1.0 + self.scale)
+            without_creep = (expected + self.offset) / (1.0 + self.scale)
         # The error and its convergence follow paper eq. (30) and the criterion below it.
         convergence = self._convergence
         before = self.adaptation.position if convergence else 0.0

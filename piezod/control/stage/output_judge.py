@@ -256,10 +256,19 @@ class OutputJudge:
         self._take(index, found, read_back_v)
         return True
 
-    def doubt(self) -> str:
-        """Return why the stage may not be armed where it is; empty if nothing is against it."""
+    def doubt(self, ahead_s: float = 0.0) -> str:
+        """Return why the stage may not be driven from where it is; empty if nothing is against it.
+
+        Args:
+            ahead_s: Time by which the last write may be ahead: of a process that was killed, the
+                last one may not have arrived. If read-back and last write agree so far, that
+                decides.
+        """
         for i, axis in enumerate(self._axes):
-            tracked_v = axis.law.in_force_v
+            tracked_v, limits = axis.law.in_force_v, axis.law.limits
+            ahead_v = limits.slew_v_per_s * ahead_s + limits.read_back_tolerance_v
+            if ahead_s and abs(self._boundary.written_v[i] - tracked_v) <= ahead_v:
+                continue
             reads_back = self._boundary.reads_back[i]
             known = self._evidence(i, tracked_v if reads_back else nan, 0)
             if not reads_back:

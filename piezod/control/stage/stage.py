@@ -128,10 +128,12 @@ class Stage:
     def end_self_test(self, t_ns: int) -> None:
         """Leave BOOT if the self-test has ended. Real-time safe.
 
-        A voltage that the sensor contradicts is not ramped down: it stays until a person looks.
+        A voltage that last write or sensor contradict is not ramped down: it stays until a person
+        looks. Where the last write agrees, the sensor is not asked: its zero is not known yet.
         """
         blocked, away = bool(self.register.blocking), self.away()
-        doubt = self.judge.doubt() if self._self_test.ramps_first and away else ""
+        starts_driven = self._self_test.ramps_first and away
+        doubt = self.judge.doubt(ahead_s=self.period_ns / NS_PER_S) if starts_driven else ""
         event = self._self_test.end(
             at_safe=not away, blocked=blocked, output_known=self.output.known and not doubt
         )

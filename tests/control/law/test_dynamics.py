@@ -103,9 +103,10 @@ def test_modal_motion_shows_in_a_sample_after_the_delay() -> None:
     """A held step rings around its end, as much as the mode overshoots."""
     period_ns, delay_ns = 100_000, 250_000
     motion = ModalMotion([Resonance(500.0, 0.02)], period_ns, delay_ns, 0.3)
-    added = [
-        motion.advance(k * period_ns, 0.3 if k < 5 else 1.3, k * period_ns) for k in range(2000)
-    ]
+    added = []
+    for k in range(2000):
+        motion.advance(k * period_ns, 0.3 if k < 5 else 1.3)
+        added.append(motion.shown(k * period_ns))
 
     assert added[:7] == pytest.approx([0.0] * 7)  # the step ends at cycle 5, the delay at 7.5
     assert min(added[:10]) == pytest.approx(-0.5, abs=0.5)

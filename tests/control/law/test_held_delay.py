@@ -53,6 +53,12 @@ def test_delay_of_a_ringing_mode_is_a_share_of_the_period() -> None:
     assert delay_at(-0.5e-3, 1e-3, 1e-4) == pytest.approx(-0.5e-4)
 
 
+def test_samples_that_are_told_early_stay_as_early() -> None:
+    """What no ringing can make is a fixed time."""
+    assert delay_at(-3.5e-3, 1e-3, 1e-4) == pytest.approx(-3.05e-3)
+    assert delay_at(-2.0e-3, 0.0, 1e-3) == -2.0e-3
+
+
 def test_delays_of_the_simulated_stack_agree() -> None:
     """Those that fits of records at 1 kHz and at 10 kHz have found."""
     assert delay_at(0.2810e-3, 1e-3, 1e-4) == pytest.approx(0.6918e-3, abs=1e-5)

@@ -88,6 +88,18 @@ def test_early_sample_is_not_learned_from_if_the_gate_closes_before_its_voltage_
     assert subject.compared is None
 
 
+def test_samples_that_wait_do_not_count_from_a_zero_of_later() -> None:
+    """They are dropped when the present displacement becomes zero."""
+    lms = RecordingIdentifier(errors=[0.0] * 3)
+    subject = identifier(lms, -MS // 2)
+
+    learn(subject)
+    subject.zero()
+    learn(subject)
+
+    assert lms.pairs == []
+
+
 def test_age_of_a_sample_counts() -> None:
     """A sample that was taken before the cycle is paired with an earlier voltage."""
     lms, gate = RecordingIdentifier(), FakeGate()

@@ -10,6 +10,7 @@ from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.creep import AT_REST
 from piezod.control.law.model_files import read_model
 from piezod.devices.interface import Sample
+from piezod.hysteresis import LearnedModel
 from tests.control.rig_stage import shipped_config
 
 PERIOD_NS = 1_000_000
@@ -33,3 +34,23 @@ def test_axis_with_a_negative_delay_follows_its_command(delay_s: float) -> None:
 
     assert np.all(np.isfinite(drives_v))
     assert drives_v[-1] > 10.0
+
+
+@pytest.mark.parametrize("delay_s", [3e-3, -3e-3, -0.02])
+def test_worse_model_is_found_with_any_delay(delay_s: float) -> None:
+    """The motion within the delay excuses an error, and no more."""
+    config = shipped_config().axes["x"]
+    assert config.model is not None
+    model = replace(read_model(config.model)[0], delay_s=delay_s, held_s=None)
+    start = Start(0, PERIOD_NS, 0.0)
+    proof = compensated_axis(config, model, AT_REST, Mode.ADAPTIVE, lambda _t_s: 8.0, start).proof
+
+    learned = LearnedModel(model.weights.copy())
+    commands = 0.5 + 0.3 * np.sin(2 * np.pi * np.arange(3000) / 1000)
+    errors = [0.05, -0.05] * 1500
+    worse = [
+        proof.add(float(command), error, 0.001, learned)
+        for command, error in zip(commands, errors, strict=True)
+    ]
+
+    assert any(worse)

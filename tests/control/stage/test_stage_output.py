@@ -297,6 +297,23 @@ def test_false_read_back_of_a_killed_daemon_is_not_taken_for_the_safe_voltage() 
     assert "last write 60 V" in stage.texts()
 
 
+@pytest.mark.parametrize(("noted_v", "offset_um"), [(0.0, 0.0), (0.0, 20.0), (1.9, 0.0)])
+def test_new_loop_ramps_where_read_back_and_last_write_agree(
+    noted_v: float, offset_um: float
+) -> None:
+    """The last write may not have arrived; the zero of the sensor is not known yet."""
+    stage = UnrulyStage(position_um=8.0)
+    read = stage.rig.inner.read
+    stage.rig.read = lambda now_ns: [  # type: ignore[attr-defined] # in place of that of the rig
+        sample._replace(position_um=sample.position_um + offset_um) for sample in read(now_ns)
+    ]
+    stage.stage.boundary.written_v = [stage.rig.output_v + noted_v]
+    stage.kill_loop()
+    stage.run(5.0)
+
+    assert stage.rig.output_v == pytest.approx(0.0, abs=TOLERANCE_V)
+
+
 def test_stop_in_fault_says_what_helps_while_a_voltage_stays() -> None:
     """Nothing is driven in FAULT; the emergency stop ramps down."""
     stage = UnrulyStage()
