@@ -10,10 +10,10 @@ from piezod.devices import registry
 from piezod.units import NS_PER_S
 
 ENDS = {
-    Latch.L0: "itself",
-    Latch.L1: "resume",
-    Latch.L2: "reset",
-    Latch.L3: "engineer",
+    Latch.ITSELF: "itself",
+    Latch.RESUME: "resume",
+    Latch.RESET: "reset",
+    Latch.ENGINEER: "engineer",
 }
 """Words of the page for what ends a fault."""
 

@@ -86,18 +86,19 @@ late or only noisy is no lie; it was left out when it came."""
 
 def _single_rule(rule: FaultRule) -> FaultRule:
     """Return the rule for a single event: it is shown, without a reaction."""
-    return rule._replace(reaction=Reaction.NONE, latch=Latch.L0, severity="info", escalation=None)
+    quiet = rule._replace(reaction=Reaction.NONE, latch=Latch.ITSELF, escalation=None)
+    return quiet._replace(severity="info")
 
 
 def _sensor_rule(rule: FaultRule) -> FaultRule:
     """Return the rule for a device that only measures: hold, then ramp from the known voltage."""
-    escalation = Escalation(0, NS_PER_S, Reaction.RAMP, Latch.L2)
-    return rule._replace(reaction=Reaction.HOLD, latch=Latch.L1, escalation=escalation)
+    escalation = Escalation(0, NS_PER_S, Reaction.RAMP, Latch.RESET)
+    return rule._replace(reaction=Reaction.HOLD, latch=Latch.RESUME, escalation=escalation)
 
 
 def _strict_rule(fault: Fault, reaction: Reaction) -> FaultRule:
     """Return the rule with `loop.strict_rt`: a person ends the fault."""
-    return FAULTS[INDEX[fault]]._replace(reaction=reaction, latch=Latch.L1)
+    return FAULTS[INDEX[fault]]._replace(reaction=reaction, latch=Latch.RESUME)
 
 
 _OTHER_CASES: Final = {
@@ -106,7 +107,7 @@ _OTHER_CASES: Final = {
         "device has no such register or command",
         Source.BUS,
         Reaction.HOLD,
-        Latch.L3,
+        Latch.ENGINEER,
         "error",
         "check registers, channels and unit address in the configuration",
     ),
@@ -115,7 +116,7 @@ _OTHER_CASES: Final = {
         "device or gateway repeatedly busy",
         Source.BUS,
         Reaction.HOLD,
-        Latch.L1,
+        Latch.RESUME,
         "error",
         "lower rate_hz; look for another program that uses the same device",
     ),
@@ -124,7 +125,7 @@ _OTHER_CASES: Final = {
         "amplifier is not the configured device",
         Source.SENSOR,
         Reaction.BLIND,
-        Latch.L3,
+        Latch.ENGINEER,
         "error",
         "connect the amplifier that the configuration names, or configure this one",
     ),

@@ -111,17 +111,17 @@ class FaultRegister:
     @property
     def blocking(self) -> int:
         """Bit mask of the latched faults that stop the stage and that only `reset` ends."""
-        return self._select(self.latched, Latch.L2)
+        return self._select(self.latched, Latch.RESET)
 
     @property
     def stopping(self) -> int:
         """Bit mask of the present and latched faults that stop the stage."""
-        return self._select(self.present | self.latched, Latch.L0)
+        return self._select(self.present | self.latched, Latch.ITSELF)
 
     @property
     def needs_person(self) -> bool:
         """Whether one of the faults that stop the stage does not end by itself."""
-        return bool(self._select(self.present | self.latched, Latch.L1))
+        return bool(self._select(self.present | self.latched, Latch.RESUME))
 
     @property
     def no_entry(self) -> str:
@@ -130,10 +130,10 @@ class FaultRegister:
 
     def resume(self) -> str:
         """Drop the faults that `resume` ends and that are gone; return why not, empty if done."""
-        stopping = self._select(self.present, Latch.L0) | self.blocking
+        stopping = self._select(self.present, Latch.ITSELF) | self.blocking
         if not stopping:
             for index in _positions(self.latched & ~self.present):
-                if self._rules[index].latch is Latch.L1:
+                if self._rules[index].latch is Latch.RESUME:
                     self._drop(index)
         return self._describe_worst(stopping)
 
@@ -150,11 +150,11 @@ class FaultRegister:
         for index in _positions(before):
             latch = self._rules[index].latch
             # `resume` would have ended these after GOOD_CYCLES, so `reset` does not wait longer.
-            wait = GOOD_CYCLES if latch is Latch.L1 else self._reset_after_cycles
+            wait = GOOD_CYCLES if latch is Latch.RESUME else self._reset_after_cycles
             gone = self._cycle - self._seen_cycle[index] >= wait
-            if gone and (latch < Latch.L3 or engineer):
+            if gone and (latch < Latch.ENGINEER or engineer):
                 self._drop(index)
-        stopping = self._select(self.latched, Latch.L1)
+        stopping = self._select(self.latched, Latch.RESUME)
         return self._describe_worst(stopping or (self.latched if self.latched == before else 0))
 
     def restore(self, latched: int, *, stopped: bool) -> None:
@@ -286,7 +286,7 @@ class FaultRegister:
         rule = self._rules[index]
         if self.present >> index & 1:
             return f"{rule.id} is present: {rule.name}; {rule.remedy}"
-        reset = "`piezod reset --engineer`" if rule.latch is Latch.L3 else "`piezod reset`"
+        reset = "`piezod reset --engineer`" if rule.latch is Latch.ENGINEER else "`piezod reset`"
         return (
             f"{rule.id} was found: {rule.name}; {rule.remedy}; "
             f"{reset} ends it once it has been gone for a second"

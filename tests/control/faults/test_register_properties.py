@@ -38,7 +38,7 @@ def test_reset_after_a_second_without_faults_ends_all(
 
     assert bench.register.latched & present == present
     if wait >= SECOND:
-        assert left <= (set() if engineer else {Latch.L3})
+        assert left <= (set() if engineer else {Latch.ENGINEER})
 
 
 @given(found=FOUND)

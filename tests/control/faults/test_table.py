@@ -105,8 +105,8 @@ def test_each_rule_is_consistent(rule: FaultRule) -> None:
     assert rule.source is {**letter, "D": Source.ADAPTATION}.get(rule.id[0], Source.PROCESS)
     assert (rule.severity == "error") >= (rule.reaction >= Reaction.HOLD)
     ends_by_itself = rule.id is Fault.L2 and rule.reaction is Reaction.HOLD
-    assert (rule.latch >= Latch.L1 or ends_by_itself) >= (rule.reaction >= Reaction.HOLD)
-    assert (rule.severity != "info") >= (rule.latch >= Latch.L1)
+    assert (rule.latch >= Latch.RESUME or ends_by_itself) >= (rule.reaction >= Reaction.HOLD)
+    assert (rule.severity != "info") >= (rule.latch >= Latch.RESUME)
     assert "|" not in rule.name + rule.remedy
     assert rule.name
     assert rule.remedy
