@@ -4,7 +4,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.machine import Machine
+from tests.browser.machine import Machine, expect_reached
 
 pytestmark = pytest.mark.browser
 
@@ -102,9 +102,9 @@ def test_stage_moves_by_keyboard(page: Page) -> None:
     up = page.get_by_role("button", name="One step up")
     up.focus()
     page.keyboard.press("Shift+ArrowUp")
-    expect(page.get_by_text("10.000 µm, reached")).to_be_visible()
+    expect_reached(page, 10.0)
     page.keyboard.press("ArrowLeft")
-    expect(page.get_by_text("9.000 µm, reached")).to_be_visible()
+    expect_reached(page, 9.0)
 
     page.keyboard.press("Escape")
     page.keyboard.press("Escape")

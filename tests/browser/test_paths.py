@@ -6,7 +6,7 @@ import signal
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from tests.browser.machine import EMULATED, SIMULATED, Machine
+from tests.browser.machine import EMULATED, SIMULATED, Machine, expect_reached
 from tests.daemon.waiting import eventually
 
 pytestmark = pytest.mark.browser
@@ -46,7 +46,7 @@ def test_a_set_point_is_dragged_and_a_wave_follows_in_another_mode(
     expect(page.locator("#state")).to_contain_text("RUN")
     wanted_um = float(slider.input_value())
     assert 5.0 < wanted_um < 20.0
-    expect(page.get_by_text(f"{wanted_um:.3f} µm, reached")).to_be_visible()
+    expect_reached(page, wanted_um)
 
     page.get_by_role("radio", name="adaptive").check()
     page.get_by_role("button", name="Start the wave").click()
