@@ -59,6 +59,10 @@ class Limits(NamedTuple):
         """Allowed difference between read-back and written voltage, in V."""
         return read_back_tolerance_v(self.drive_min_v, self.drive_max_v)
 
+    def reach_v(self, elapsed_s: float) -> float:
+        """Return how far an output may have gone after a time, with the tolerance, in V."""
+        return self.slew_v_per_s * elapsed_s + self.read_back_tolerance_v
+
     def window(self, previous_v: float, elapsed_s: float) -> Window:
         """Return the drives that may follow a voltage after a time. Real-time safe.
 
@@ -112,9 +116,7 @@ class Guard:
         self, limits: Sequence[Limits], longest_s: float, amplifiers: Sequence[Hashable] = ()
     ) -> None:
         self._limits, self._longest_s = tuple(limits), longest_s
-        self._fresh_v = [
-            each.slew_v_per_s * longest_s + each.read_back_tolerance_v for each in limits
-        ]
+        self._fresh_v = [each.reach_v(longest_s) for each in limits]
         owners = amplifiers or [None] * len(limits)
         self._beside = [[i for i, other in enumerate(owners) if other == one] for one in owners]
 

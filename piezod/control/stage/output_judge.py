@@ -181,11 +181,9 @@ class OutputJudge:
 
     def _jumps(self, index: int, read_back_v: float, t_ns: int) -> bool:
         """Return whether a false read-back jumps, so that it may be right from now on."""
-        limits, before_v = self._axes[index].law.limits, self._false[index]
-        elapsed_s = (t_ns - self._since_ns[index]) / NS_PER_S
-        reach_v = limits.slew_v_per_s * elapsed_s + limits.read_back_tolerance_v
+        before_v, elapsed_s = self._false[index], (t_ns - self._since_ns[index]) / NS_PER_S
         self._false[index] = read_back_v
-        jumps = abs(read_back_v - before_v) > reach_v
+        jumps = abs(read_back_v - before_v) > self._axes[index].law.limits.reach_v(elapsed_s)
         if jumps:
             del self._false[index]
         return jumps
@@ -266,14 +264,14 @@ class OutputJudge:
         """
         for i, axis in enumerate(self._axes):
             tracked_v, limits = axis.law.in_force_v, axis.law.limits
-            ahead_v = limits.slew_v_per_s * ahead_s + limits.read_back_tolerance_v
-            if ahead_s and abs(self._boundary.written_v[i] - tracked_v) <= ahead_v:
+            off_v = abs(self._boundary.written_v[i] - tracked_v)
+            if ahead_s and off_v <= limits.reach_v(ahead_s):
                 continue
             reads_back = self._boundary.reads_back[i]
             known = self._evidence(i, tracked_v if reads_back else nan, 0)
             if not reads_back:
                 known = known._replace(written=self._claim(i, tracked_v))
-            found = voltage_in_force(known, axis.law.limits.read_back_tolerance_v)
+            found = voltage_in_force(known, limits.read_back_tolerance_v)
             if not found.proven:
                 return (
                     f"axis {axis.name}: {found.doubt}: check read-back, output and sensor; bring "

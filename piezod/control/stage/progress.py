@@ -178,8 +178,7 @@ def _is_near_writes(stage: Stage, read_back_v: Sequence[float]) -> bool:
     """Return whether the outputs are where one cycle leads: an output may settle after a play."""
     period_s = stage.period_ns / NS_PER_S
     return not any(
-        abs(drive_v - written_v)
-        > axis.law.limits.slew_v_per_s * period_s + axis.law.limits.read_back_tolerance_v
+        abs(drive_v - written_v) > axis.law.limits.reach_v(period_s)
         for axis, drive_v, written_v in zip(
             stage.axes, read_back_v, stage.boundary.written_v, strict=True
         )

@@ -358,10 +358,9 @@ class Stage:
         The guard then writes nothing before it is known which of them is in force. A process that
         was killed may have died between noting a voltage and writing it, one step away.
         """
+        period_s = self.period_ns / NS_PER_S
         for axis, written_v in zip(self.axes, self.boundary.written_v, strict=True):
-            limits = axis.law.limits
-            step_v = limits.slew_v_per_s * self.period_ns / NS_PER_S
-            if abs(written_v - axis.law.in_force_v) > limits.read_back_tolerance_v + step_v:
+            if abs(written_v - axis.law.in_force_v) > axis.law.limits.reach_v(period_s):
                 axis.law.applied(written_v)
 
     def _facts(self) -> Facts:

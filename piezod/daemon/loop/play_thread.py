@@ -49,8 +49,7 @@ class AxisPlayer(NamedTuple):
     @property
     def near_v(self) -> float:
         """How far the first point may be from the output, in V: as far as a write of the loop."""
-        slew_v = self.limits.slew_v_per_s * self.period_ns / NS_PER_S
-        return slew_v + self.limits.read_back_tolerance_v
+        return self.limits.reach_v(self.period_ns / NS_PER_S)
 
 
 class PlayThreads:
