@@ -37,7 +37,6 @@ _FORM_KEYS = {
 """Keys that files of one version only have."""
 SURFACE_COEFFICIENTS = 24
 """Number of coefficients of a surface."""
-_NO_HELD = {1: "no held_s", 2: "no held_s", 3: "held_s, in s: 1 / rate_hz of the loop that drove"}
 
 
 class SourceConfig(ConfigModel):
@@ -186,12 +185,13 @@ class ModelFile(ConfigModel):
         yield from _broken_side("left", self.left_stop_thresholds, self.left_stop_weights)
 
     def _broken_form(self) -> Iterator[BrokenRule]:
+        form, surface = f"a file of version {self.version}", self.version == 2
         if (self.held_s is None) == (self.version == 3):
-            yield ("held_s",), f"a file of version {self.version} has {_NO_HELD[self.version]}"
-        surface = self.version == 2 or (self.version == 3 and self.is_surface)
-        form = f"a file of version {self.version}" + (
-            f" with {'a surface' if surface else 'stops'}" if self.version == 3 else ""
-        )
+            what = "held_s, in s: 1 / rate_hz of the loop that drove"
+            yield ("held_s",), f"{form} has {what if self.version == 3 else 'no held_s'}"
+        if self.version == 3:
+            surface = self.is_surface
+            form += " with a surface" if surface else " with stops"
         needed, got = SURFACE_COEFFICIENTS if surface else 0, len(self.surface_coefficients)
         # The texts name the key, because a missing one has no place in the file.
         if got != needed:

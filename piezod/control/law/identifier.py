@@ -239,15 +239,17 @@ class Identifier:
         if len(self._waiting) <= self._cycles_early:
             return
         arrived = self._waiting.popleft()
+        if self._cycles_early:
+            drive = self._drive_of(arrived.sample)  # which was not known when it arrived
         self.compared = arrived.sample if arrived.comparable and comparable else None
         # What closed the gate meanwhile may have spoilt the voltage that the sample waited for.
-        self._learn_from(arrived, arrived.admitted and admitted, expected)
+        self._learn_from(arrived, drive, arrived.admitted and admitted, expected)
 
     def _drive_of(self, sample: Sample) -> float:
         """Return the drive that a sample answers: the one in force one delay before it."""
         return self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
 
-    def _learn_from(self, arrived: _Arrived, learns: bool, expected: float) -> None:
+    def _learn_from(self, arrived: _Arrived, drive: float, learns: bool, expected: float) -> None:
         """Advance by a sample whose voltage is known, in force by now.
 
         If the sample is not accurate, the memory advances with the displacement that the
@@ -257,7 +259,7 @@ class Identifier:
         crept = added + advance_creep(
             self._lags, self._creep.gains, self._creep.weights, self._quick
         )
-        self._drive = drive = self._drive_of(arrived.sample)
+        self._drive = drive
         if self.gain_halved and learns:
             # Half of the samples halve the gain of any algorithm.
             self._skipped_last = not self._skipped_last
