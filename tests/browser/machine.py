@@ -10,8 +10,6 @@ from pathlib import Path
 from shutil import copytree
 from typing import Final
 
-from playwright.sync_api import Page, expect
-
 from tests.daemon.waiting import eventually
 
 ROOT: Final = Path(__file__).parents[2]
@@ -121,10 +119,3 @@ class Machine:
                 process.wait()
             if process.stdout is not None:
                 process.stdout.close()
-
-
-def expect_reached(page: Page, target_um: float) -> None:
-    """Expect the details to show that the stage is on a target, in µm."""
-    details = page.get_by_role("region", name="Details")
-    expect(details).to_contain_text(re.compile(rf"target\s*{target_um:.3f} µm"))
-    expect(details).to_contain_text(re.compile(r"on target\s*yes"))

@@ -4,7 +4,8 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.machine import Machine, expect_reached
+from tests.browser.details import expect_reached
+from tests.browser.machine import Machine
 
 pytestmark = pytest.mark.browser
 

@@ -6,7 +6,8 @@ import signal
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from tests.browser.machine import EMULATED, SIMULATED, Machine, expect_reached
+from tests.browser.details import expect_reached
+from tests.browser.machine import EMULATED, SIMULATED, Machine
 from tests.daemon.waiting import eventually
 
 pytestmark = pytest.mark.browser
