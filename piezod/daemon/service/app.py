@@ -12,7 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, cast
 
-import pydantic.dataclasses  # noqa: F401 - the first document needs it; an upgrade may come before
+import pydantic.dataclasses
+import pydantic.root_model  # noqa: F401 - the first document needs both; an upgrade may come before
 import uvicorn
 from fastapi import FastAPI
 
