@@ -46,6 +46,9 @@ class SourceConfig(ConfigModel):
     sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")] = Field(
         description="SHA-256 of the file, in hexadecimal."
     )
+    read_as: Annotated[str, StringConstraints(min_length=1, max_length=10_000)] | None = Field(
+        default=None, description="How its columns were understood; none for a plain CSV file."
+    )
 
 
 class FitConfig(ConfigModel):

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.reading.opened import damage_is_an_error, open_recording
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import axis_names
-from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.recording.events import read_events
 from piezod.records.recording.layout import stage_entry
 from piezod.records.recording.marks import LATE_PART

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.errors import DataError
-from piezod.records.csv_checks import MAX_STEP_PERIODS
+from piezod.reading.checks import MAX_STEP_PERIODS
 from piezod.records.csv_file import MIN_SAMPLES, read_csv, write_csv
 
 HEADER = "t_s,drive_v,position_um"
