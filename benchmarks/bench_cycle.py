@@ -123,7 +123,7 @@ def move(case: Case, loop: "VirtualLoop") -> None:
     from piezod.messages import requests  # noqa: PLC0415 - likewise
 
     sine = Sine(kind="sine", low=2.0, high=20.0, frequency_hz=2.0)
-    waves = {axis.name: sine for axis in loop.controller.axes}
+    waves: dict[str, Any] = {axis.name: sine for axis in loop.controller.axes}
     for request, seconds in (
         (requests.Arm(), 0.3),
         (requests.SelectMode(mode=Mode(case.mode)), 0.0),

@@ -28,6 +28,9 @@ from piezod.units import NS_PER_S
 PUNCTUAL: Final = CycleTiming(0, 0, 0, 0, 0)
 """The timing of a cycle in virtual time."""
 
+_RUN: Final = State.RUN
+_RANGE: Final = DriveLimit.RANGE
+_SLEW: Final = DriveLimit.SLEW
 _MEMORY_UNKNOWN, _ESTOP = Detection(Fault.D10), Detection(Fault.E1)
 
 
@@ -189,9 +192,10 @@ def _watch_axis(
 ) -> Sample:
     """Add the faults of one axis; return the sample that may be used."""
     # After a play the stage is where a drive of the device has left it.
-    driven = stage.state in DRIVEN and not stage.boundary.returned
+    state, boundary = stage.state, stage.boundary
+    driven = state in DRIVEN and not boundary.returned
     axis, watch = stage.axes[i], stage.watches[i]
-    closed = stage.state is State.RUN and axis.mode in SENSED
+    closed = state is _RUN and axis.mode in SENSED
     bus, sensor = watch.bus, watch.sensor
     if sensor_flags or amplifier_flags or bus.counting:  # most cycles: no flags, no counters
         detections += bus.check(sensor_flags, amplifier_flags)
@@ -201,7 +205,7 @@ def _watch_axis(
         sensor_flags,
         axis.law.in_force_v,
         axis.command_um,
-        driven=driven and not stage.boundary.shadow,
+        driven=driven and not boundary.shadow,
         needed=closed,
     ):
         # Missing samples (S5) are the consequence of a bus fault, which is reported already.
@@ -277,8 +281,8 @@ def _watch_write(
             drive_v[i],
             taken=written,
             refused=i in refused,
-            range_limited=limited is DriveLimit.RANGE,
-            slew_limited=limited is DriveLimit.SLEW or i in waits,
+            range_limited=limited is _RANGE,
+            slew_limited=limited is _SLEW or i in waits,
         )
 
 

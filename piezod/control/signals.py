@@ -71,10 +71,17 @@ class RecentRange:
             self._filled = 0
             self.swing = self.high - self.low
         self._filled += 1
-        if not self._low_now <= value <= self._high_now:
-            self._low_now, self._high_now = min(self._low_now, value), max(self._high_now, value)
-            self.low, self.high = min(self.low, value), max(self.high, value)
-            self.swing = self.high - self.low
+        # Comparisons in place of `min` and `max`: four of these run in each cycle.
+        if value < self._low_now:
+            self._low_now = value
+            if value < self.low:
+                self.low = value
+                self.swing = self.high - value
+        if value > self._high_now:
+            self._high_now = value
+            if value > self.high:
+                self.high = value
+                self.swing = value - self.low
 
     def forget(self) -> None:
         """Forget all values."""
@@ -110,11 +117,12 @@ class SlidingRange:
             self._low, self._high = min(self._lows), max(self._highs)
             self._filled = 0
         self._filled += 1
-        if value < self._lows[self._part]:
-            self._lows[self._part] = value
+        part = self._part
+        if value < self._lows[part]:
+            self._lows[part] = value
             self._low = min(self._low, value)
-        if value > self._highs[self._part]:
-            self._highs[self._part] = value
+        if value > self._highs[part]:
+            self._highs[part] = value
             self._high = max(self._high, value)
         return self._high - self._low
 
@@ -245,10 +253,9 @@ class NoiseLevel:
             return False
         variance = self.variance
         # Comparisons in place of `min` and `max`: this runs twice in each cycle.
-        clipped = _CLIP * variance
-        if square <= clipped:
-            clipped = square
-        after = variance + (clipped / _CLIP_MEAN - variance) / AVERAGED_CYCLES
+        most = _CLIP * variance
+        clipped = (square if square < most else most) / _CLIP_MEAN
+        after = variance + (clipped - variance) / AVERAGED_CYCLES
         self.variance = after = after if after > LEAST_VARIANCE else LEAST_VARIANCE
         if self._cycles < USUAL_CYCLES:  # at first the plain mean
             self._cycles += 1

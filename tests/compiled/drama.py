@@ -12,6 +12,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, Final, cast
 
+import yaml
+
 from benchmarks.virtual_loop import VirtualLoop
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.modes import Mode
@@ -47,8 +49,6 @@ _SCENE_CYCLES: Final = 250
 
 def config_of(scene: str, folder: Path) -> DaemonConfig:
     """Return the configuration of a scene."""
-    import yaml  # noqa: PLC0415 - like in the product, in few places only
-
     document = yaml.safe_load((CONFIG / "simulated.yaml").read_text(encoding="utf-8"))
     document["rate_hz"] = 1000
     axis: dict[str, Any] = document["axes"]["x"]
@@ -113,7 +113,7 @@ class Drama:
             rq.Identify(drive_v={"x": drive}, duration_s=0.1),
             rq.Arm(shadow=True),
         ]
-        up = [rq.Reset(engineer=True), rq.Arm(confirm_output=True), rq.Resume()]
+        up: list[rq.Request] = [rq.Reset(engineer=True), rq.Arm(confirm_output=True), rq.Resume()]
         chosen = moves if draw.random() < 0.8 else seldom
         return [*up, rq.SelectMode(mode=draw.choice(list(Mode))), draw.choice(chosen)]
 

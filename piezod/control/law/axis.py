@@ -228,7 +228,7 @@ class CompensatedAxis:
         self.in_force_v = drive_v
         self._write_pending = False
 
-    def record(
+    def record(  # noqa: D417 - arguments are described in groups
         self,
         sample: Sample,
         output: AxisOutput,

@@ -270,8 +270,9 @@ class Identifier:
     ) -> None:
         """Advance by a sample whose voltage is known, in force by now.
 
-        If the position is NaN, the sample is not accurate. Then the memory advances with the displacement that the
-        compensator expects: the stage moves anyway, and a missed extremum would be wrong for long.
+        If the position is NaN, the sample is not accurate. Then the memory advances with the
+        displacement that the compensator expects: the stage moves anyway, and a missed extremum
+        would be wrong for long.
         """
         crept = advance_creep(self._lags, self._creep_gains, self._creep_weights, self._quick)
         if self._modal is not None:

@@ -1,6 +1,7 @@
 """What an axis follows, and what its control law returns in a cycle."""
 
 from collections.abc import Callable
+
 from piezod.config.drive_limits import DriveLimit
 
 TimeFunction = Callable[[float], float]

@@ -114,8 +114,7 @@ class OutputJudge:
         expected_um = self._expected_um[index] = law.expected_um
         bound = law.bound
         learned_um = 0.0 if bound is None else bound.distance * sensor.width_um
-        if learned_um > self._learned_um[index]:
-            self._learned_um[index] = learned_um
+        self._learned_um[index] = max(self._learned_um[index], learned_um)
         if not watch.amplifier.follows:
             self._means[index] = self._means[index].with_one(position_um - expected_um)
             return

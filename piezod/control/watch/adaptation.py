@@ -64,15 +64,13 @@ class Oscillation:
         error = command - position
         self._command.add(command)
         limit, size = NOISE_SIGMAS * noise, abs(error)
-        if limit < LEAST_AMPLITUDE:
-            limit = LEAST_AMPLITUDE
+        limit = max(limit, LEAST_AMPLITUDE)
         if size > limit:
             # Only errors beyond the limit count, so noise around zero makes no alternations.
             if error * self._side < 0.0:
                 self._alternations += 1
             self._side = error
-        if size > self._largest:
-            self._largest = size
+        self._largest = max(self._largest, size)
         self._cycles += 1
         if self._cycles == self._segment_cycles:
             # A command that moves makes errors of both signs by itself: judge segments at rest
