@@ -14,7 +14,7 @@ from math import isfinite
 import numpy as np
 
 from piezod.control.law.creep import CreepState
-from piezod.control.law.kernel import BEYOND, COMMAND, NEXT, OUTSIDE, POSITION
+from piezod.control.law.kernel import BEYOND, CARRIED, COMMAND, CREPT, NEXT, OUTSIDE, POSITION
 from piezod.hysteresis.bank import advance_plays, evaluate_plays, new_bank_memory, weighted_sum
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, IntArray, Memory, clamp, locate
@@ -96,7 +96,7 @@ def step(  # noqa: D417 - arguments are described in groups
     Args:
         levels, values, now, last, counts: Arrays of a `Memory`.
         bank, plays: (2, 2 M) thresholds and gains of the stops; (2 M,) buffer for the plays.
-        carried: (5,) values that are carried from one step to the next.
+        carried: (6,) values that are carried from one step to the next.
         weights, target, share: (2 M,) weights in use; the weights that they approach; share of the
             remaining distance that they move in this step.
         lags, creep_gains, creep_weights: (K,) lags, gains and weights of the creep.
@@ -122,7 +122,7 @@ def step(  # noqa: D417 - arguments are described in groups
         position = _position(memory, bank, plays, weights, drive)
     carried[NEXT] = position
     carried[POSITION] = position if isfinite(position) else memory.last[SEEN]  # NaN: it stays
-    carried[COMMAND] = command
+    carried[COMMAND], carried[CREPT] = command, crept
     carried[BEYOND] = requested_drive - drive
     return drive
 
@@ -138,9 +138,10 @@ class StopKernel:
 
     def __init__(self, bank: FloatArray, weights: FloatArray, creep: CreepState) -> None:
         self._memory = new_bank_memory(bank)
-        self.carried: FloatArray = np.empty(5)
+        self.carried: FloatArray = np.empty(CARRIED)
         self.carried[[NEXT, COMMAND, POSITION]] = creep.quick
         self.carried[[BEYOND, OUTSIDE]] = 0.0
+        self.carried[CREPT] = float(creep.creep.weights @ creep.lags)
         # The arrays keep their identity, so that they are bound once. A partial function adds no
         # Python frame to the step.
         self.step: Callable[
