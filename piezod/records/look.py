@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from piezod.bounds import bound
 from piezod.errors import DataError
 from piezod.records.opened import LOOK_WITHIN_S, open_recording
+from piezod.resource_limits import bound
 
 MOST_BYTES: Final = 1_000_000_000
 """Most memory for a look."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import h5py
 
-from piezod import bounds
+from piezod import resource_limits
 from piezod.errors import DataError
 from piezod.given_file import open_given
 from piezod.records.hdf5_structure import check_structure
@@ -79,7 +79,7 @@ def open_recording(path: Path, **options: Any) -> h5py.File:
     in_progress = superblock[_WRITER_FLAGS:] not in {b"", b"\0"}
     if not is_hdf5(path):
         raise DataError(f"{path}: this is not an HDF5 file; needed is one that piezod wrote")
-    bounded = bounds.is_bounded()
+    bounded = resource_limits.is_bounded()
     if not bounded:
         _look(path)
     with damage_is_an_error(path), ExitStack() as stack:
