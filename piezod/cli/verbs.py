@@ -103,6 +103,7 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
         ("list", "look.list_stages:list_running", "List the running stages of this machine."),
         ("group status", "group.group", "List the stages of a group as `piezod list` does."),
         ("group arm", "group.group", "Arm all stages of a group."),
+        ("group goto", "group.waves", "Move stages to positions."),
         ("group wave", "group.waves", "Follow waveforms that begin together."),
         ("group play", "group.waves", "Play tables that begin together."),
         ("group hold", "group.group", "Hold the voltages of all stages."),

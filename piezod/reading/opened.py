@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import h5py
 
-from piezod import bounds
+from piezod import resource_limits
 from piezod.errors import DataError
 from piezod.given_file import open_given
 from piezod.reading.hdf5_magic import MOST_FILE_BYTES, superblock_of
@@ -65,7 +65,7 @@ def open_recording(path: Path, *, foreign: bool = False, **options: Any) -> h5py
     in_progress = superblock[_WRITER_FLAGS:] not in {b"", b"\0"}
     if begin is None:
         raise DataError(f"{path}: this is not an HDF5 file; needed is one that piezod wrote")
-    bounded = bounds.is_bounded()
+    bounded = resource_limits.is_bounded()
     if not bounded:
         _look(path, foreign=foreign)
     with damage_is_an_error(path), ExitStack() as stack:

@@ -176,7 +176,7 @@ def test_process_with_both_bounds_looks_itself(
 ) -> None:
     """A process with a bound of memory alone may still loop for ever."""
     found = dict.fromkeys((RLIMIT_AS, RLIMIT_CPU), (10**9, 10**9))
-    monkeypatch.setattr("piezod.bounds.resource.getrlimit", lambda kind: found[kind])
+    monkeypatch.setattr("piezod.resource_limits.resource.getrlimit", lambda kind: found[kind])
     both = looks_here()
     found[RLIMIT_CPU] = (RLIM_INFINITY, RLIM_INFINITY)
 
