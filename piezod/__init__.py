@@ -1,18 +1,21 @@
 """A daemon that moves a piezo stage along its command, hysteresis compensated.
 
-`piezod.__version__` is the version of the installed distribution.
+`piezod.__version__` is the version of the installed distribution. `piezod.load_model` opens a model
+file: voltages for positions, without a daemon.
 """
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import Any
 
-if TYPE_CHECKING:
-    __version__: str
-else:
+_MODELS = "piezod.inverse.loaded_model"
 
-    def __getattr__(name: str) -> str:
-        """Look the version up when asked: that costs more than importing the package."""
-        if name != "__version__":
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        from importlib.metadata import version  # noqa: PLC0415 - see above
 
-        return version("piezod")
+def __getattr__(name: str) -> Any:
+    """Look a name up when asked: that costs more than importing the package."""
+    # By name, because the package is imported by its rooms, and would import most of them. The
+    # types are in the stub file beside this one.
+    if name == "load_model":
+        return import_module(_MODELS).load_model
+    if name != "__version__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return import_module("importlib.metadata").version("piezod")

@@ -30,6 +30,16 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
         ),
         ("identify", "identify.identify", "Fit the inverse model to recorded data."),
         (
+            "voltages",
+            "inverse.voltages",
+            "Compute the voltages with which a stage follows a trajectory.",
+        ),
+        (
+            "export-code",
+            "inverse.export_code",
+            "Write the inverse of a model as one file of C or MATLAB, with a self-test.",
+        ),
+        (
             "response",
             "identify.response",
             "Measure the frequency response of an axis: gain, delay and modes.",

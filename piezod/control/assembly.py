@@ -165,7 +165,7 @@ def _build_axis(
     axis = with_found_mode(config.axes[name], model)
     law_model = model or _proportional_model(axis)
     mode = config.mode if model else Mode.UNCOMPENSATED
-    creep = _at_rest(law_model, period_ns / NS_PER_S)
+    creep = creep_at_rest(law_model, period_ns / NS_PER_S)
     start = Start(0, period_ns, in_force_v)
     law = compensated_axis(
         axis, law_model, creep, mode, lambda _t_s: law_model.position_um.low, start
@@ -195,7 +195,7 @@ def _sensor_watch(
     return SensorWatch(index, WatchedSensor.of(axis, model), period_ns)
 
 
-def _at_rest(model: StageModel, period_s: float) -> CreepState:
+def creep_at_rest(model: StageModel, period_s: float) -> CreepState:
     """Return the creep of a stage after a long rest."""
     rest = model.position_um.to_unit(0.0)
     lags = np.full(model.creep.weights.size, rest)

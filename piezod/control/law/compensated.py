@@ -109,7 +109,7 @@ def compensated_axis(
     """
     period_ns, period_s = start.period_ns, start.period_ns / NS_PER_S
     dynamics = known_dynamics(config, period_s)
-    model = _in_loop(model, dynamics, period_s)
+    model = in_loop(model, dynamics, period_s)
     delay_ns = s_to_ns(model.delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     # Long enough for the delay, so that no sample is paired with the oldest entry.
@@ -142,7 +142,7 @@ def compensated_axis(
         trim=_trim(config, model, period_ns),
         proof=_proof(model, period_ns),
         bound=_bound(config, model, identifier.adaptation, period_ns),
-        shaper=_shaper(config, dynamics, period_s),
+        shaper=shaper_of(config, dynamics, period_s),
         modal=modal,
     )
 
@@ -171,14 +171,17 @@ def _identifier(
     )
 
 
-def _in_loop(model: StageModel, dynamics: StageDynamics | None, period_s: float) -> StageModel:
+def in_loop(model: StageModel, dynamics: StageDynamics | None, period_s: float) -> StageModel:
     """Return a model for a loop with this period, in s."""
     model = model.at(period_s)
     # The delay of a response is more accurate: that of an identification is of slow motion only.
     return model if dynamics is None else replace(model, delay_s=dynamics.delay_s)
 
 
-def _shaper(config: AxisConfig, dynamics: StageDynamics | None, period_s: float) -> ReferenceShaper:
+def shaper_of(
+    config: AxisConfig, dynamics: StageDynamics | None, period_s: float
+) -> ReferenceShaper:
+    """Return what shapes the references of an axis for its modes."""
     first_mode_hz = config.first_mode.frequency_hz if config.first_mode else None
     preview = None
     if dynamics is not None and dynamics.modes:

@@ -1,0 +1,3 @@
+from piezod.inverse.loaded_model import load_model as load_model
+
+__version__: str

@@ -1,0 +1,2 @@
+#undef R
+#undef real
