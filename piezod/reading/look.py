@@ -9,12 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from piezod.errors import DataError
-<<<<<<< HEAD:piezod/reading/look.py
 from piezod.reading.opened import FOREIGN, LOOK_WITHIN_S, open_recording
-=======
-from piezod.records.opened import LOOK_WITHIN_S, open_recording
 from piezod.resource_limits import bound
->>>>>>> mirror:piezod/records/look.py
 
 MOST_BYTES: Final = 1_000_000_000
 """Most memory for a look."""

@@ -11,10 +11,10 @@ import pytest
 
 from piezod.errors import DataError
 from piezod.reading import opened
-from piezod.records.csv_file import LONGEST_LINE, MOST_COLUMNS, read_csv
-from piezod.records.experiment_file import read_hdf5
 from piezod.reading.hdf5_structure import MOST_CHUNK_BYTES
 from piezod.reading.opened import is_hdf5, open_recording
+from piezod.records.csv_file import LONGEST_LINE, MOST_COLUMNS, read_csv
+from piezod.records.experiment_file import read_hdf5
 from piezod.records.recording.reader import read_telemetry
 from piezod.records.recording.writer import TelemetryWriter
 from piezod.records.view import RecordingView
