@@ -35,6 +35,7 @@ class Shape(NamedTuple):
 
     width: int  #: Number of cells that most rows have.
     numeric: tuple[int, ...]  #: Which columns have numbers.
+    words: int = 0  #: How many columns have something else; empty ones do not count.
 
 
 def shape_of(rows: Sequence[Row], is_number: Callable[[str], bool]) -> Shape:
@@ -51,12 +52,14 @@ def shape_of(rows: Sequence[Row], is_number: Callable[[str], bool]) -> Shape:
         return Shape(0, ())
     width = max(widths, key=lambda each: (widths[each], each))
     usual = [row for row in sample if len(row) == width]
-    numeric = []
+    numeric, words = [], 0
     for column in range(width):
         cells = [row[column] for row in usual if row[column].lower() not in EMPTY]
         if cells and 2 * sum(map(is_number, cells)) > len(cells):
             numeric.append(column)
-    return Shape(width, tuple(numeric))
+        elif cells:
+            words += 1
+    return Shape(width, tuple(numeric), words)
 
 
 def layout_of(rows: Sequence[Row], shape: Shape, is_number: Callable[[str], bool]) -> Layout:
@@ -92,6 +95,12 @@ def _first_row(rows: Sequence[Row], shape: Shape, is_number: Callable[[str], boo
     def numbers(row: Row) -> int:
         return sum(column < len(row) and is_number(row[column]) for column in shape.numeric)
 
+    def begins(row: Row) -> bool:
+        return shape.numeric[0] < len(row) and is_number(row[shape.numeric[0]])
+
+    def are_names(row: Row) -> bool:
+        return _names_all(row, shape) and not numbers(row)
+
     def is_data(index: int) -> bool:
         row = rows[index]
         cells = [row[column] for column in shape.numeric if column < len(row)]
@@ -104,17 +113,11 @@ def _first_row(rows: Sequence[Row], shape: Shape, is_number: Callable[[str], boo
         if is_data(above) or (above > 0 and is_data(above - 1)):
             first = above
             continue
-        # A damaged first row still has its time; a row of names such as `x-axis,1,2` begins by one.
-        row, begin = rows[above], shape.numeric[0]
-        damaged = begin < len(row) and is_number(row[begin]) and any(map(_named, rows[:above]))
-        if not damaged:
-            break
+        damaged = begins(rows[above]) or any(map(are_names, rows[:above]))
+        if not (damaged and numbers(rows[above])):
+            break  # a row of names such as `x-axis,1,2` is the first of all
         first = above
     return first
-
-
-def _named(row: Row) -> bool:
-    return any(any(map(str.isalpha, cell)) for cell in row)
 
 
 def _names_all(row: Row, shape: Shape) -> bool:
@@ -151,13 +154,16 @@ def _keyed(rows: Sequence[Row], keys: Sequence[str]) -> Row | None:
 
 def _unit_above(rows: Sequence[Row], shape: Shape, column: int) -> str:
     """Return the unit of a column that a line of its own says, as scopes and LabVIEW write it."""
-    if column == shape.numeric[0]:
-        if cells := _keyed(rows, _UNITS_OF_TIME):
-            return cells[0]
-        dimension = _keyed(rows, ("x_dimension",))
-        return "s" if dimension and dimension[0].lower() == "time" else ""
+    if column not in shape.numeric:
+        return ""
+    place, with_x = shape.numeric.index(column), _keyed(rows, ("x_columns",))
+    if not with_x or with_x[0].lower() != "no":
+        if place == 0:
+            cells, dimension = _keyed(rows, _UNITS_OF_TIME), _keyed(rows, ("x_dimension",))
+            of_time = "s" if dimension and dimension[0].lower() == "time" else ""
+            return cells[0] if cells else of_time
+        place -= 1
     cells = _keyed(rows, _UNITS_OF_OTHERS) or ()
-    place = shape.numeric.index(column) - 1 if column in shape.numeric else len(cells)
     return cells[place] if place < len(cells) else ""
 
 

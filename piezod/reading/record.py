@@ -98,8 +98,10 @@ def _scaled(values: FloatArray, chosen: Chosen) -> FloatArray:
     # A decimal fraction divides exactly where its inverse does not multiply so: 5 ms is 0.005 s.
     inverse = 1.0 / chosen.factor
     if abs(chosen.factor) < 1.0 and abs(inverse - round(inverse)) < 1e-9 * abs(inverse):
-        return values / round(inverse) + chosen.offset
-    return values * chosen.factor + chosen.offset
+        values = values / np.float64(round(inverse))
+    else:
+        values = values * np.float64(chosen.factor)
+    return values + np.float64(chosen.offset)
 
 
 def _times_s(clock: Clock, columns: dict[str, FloatArray]) -> FloatArray:
@@ -130,10 +132,9 @@ def _check(columns: dict[str, FloatArray], place: Place, max_step_periods: float
             remedy = "cut the record there, or fill in the measured value"
             fail(place(int(infinite[0])), what, "allowed is any finite number", remedy)
     check_time(columns["t_s"], place, max_step_periods)
-    for name, values in columns.items():
-        if name != "t_s":
-            check_varies(name, values, place)
     if "drive_v" in columns and "position_um" in columns:
+        for name in ("drive_v", "position_um"):
+            check_varies(name, columns[name], place)
         check_unwrapped(columns["drive_v"], columns["position_um"], place)
 
 

@@ -54,7 +54,7 @@ def chosen_columns(
     known = [_known(table, number) for number in range(len(table.columns))]
     asked = _Asked(table, known, roles, choices, command)
     clock = _clock(table, choices)
-    found, chosen = {}, []
+    found: dict[str, int] = {}
     for role in roles:
         if role is TIME and choices.rate_hz is not None:
             continue
@@ -64,9 +64,7 @@ def chosen_columns(
         if len(numbers) != 1:
             asked.refuse(role, numbers, found)
         found[role.key] = numbers[0]
-    for role in roles:
-        if role.key in found:
-            chosen.append(asked.converted(role, found[role.key], found))
+    chosen = [asked.converted(role, found[role.key], found) for role in roles if role.key in found]
     return chosen, None if TIME.key in found else clock
 
 

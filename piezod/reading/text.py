@@ -30,6 +30,8 @@ _SEPARATORS: Final = (",", ";", "\t", "|", None)
 """Separators of cells, the likely ones first; None for any number of spaces."""
 _NAMES: Final = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", None: "spaces"}
 _PLAIN: Final = "CSV: UTF-8, separated by commas, names in line 1"
+_FEW: Final = 500
+"""Lines that are read one by one where the fast reader refuses them."""
 _GROUPED: Final = "thousands are grouped"
 
 
@@ -171,7 +173,7 @@ def _dialect(lines: Sequence[str]) -> tuple[Dialect, list[list[str]], Shape]:
     Raises:
         DataError: If quotation marks are not in pairs.
     """
-    best: tuple[tuple[int, float, int], Dialect, list[list[str]], Shape] | None = None
+    best: tuple[tuple[int, int, int], Dialect, list[list[str]], Shape] | None = None
     for separator in _SEPARATORS:
         if separator is not None and not any(separator in line for line in lines):
             continue
@@ -182,7 +184,7 @@ def _dialect(lines: Sequence[str]) -> tuple[Dialect, list[list[str]], Shape]:
             # As many numbers as possible, few other cells, and no more grouped ones than needed.
             other = "," if decimal == "." else "."
             grouped = sum(other in cell for cell in rows[-1])
-            score = (len(shape.numeric), len(shape.numeric) / max(shape.width, 1), -grouped)
+            score = (len(shape.numeric), -shape.words, -grouped)
             if best is None or score > best[0]:
                 best = score, dialect, rows, shape
     assert best is not None  # noqa: S101 - spaces are always tried
@@ -265,18 +267,26 @@ class _Text:
             plain = None if "." in text else text.replace(",", ".").split("\n")
         if plain is not None:
             try:
-                return np.loadtxt(
-                    plain,
-                    delimiter=self._dialect.separator,
-                    comments=None,
-                    usecols=wanted,
-                    ndmin=2,
-                )
+                return self._plain_numbers(plain, wanted)
             except ValueError:
-                pass  # cells in quotation marks, empty or grouped ones, or words
+                if len(lines) > _FEW:  # only those round an empty cell or a word are read slowly
+                    half = len(lines) // 2
+                    above = self._numbers(number, lines[:half], wanted)
+                    below = self._numbers(number + half, lines[half:], wanted)
+                    return np.concatenate((above, below))
         cells = self._dialect.cells
         rows = [[each[column] for column in wanted] for each in map(cells, lines)]
         return self._converted(number, rows, wanted)
+
+    def _plain_numbers(self, lines: Sequence[str], wanted: list[int]) -> FloatArray:
+        return np.loadtxt(
+            lines,
+            delimiter=self._dialect.separator,
+            quotechar='"',
+            comments=None,
+            usecols=wanted,
+            ndmin=2,
+        )
 
     def _converted(self, number: int, rows: list[list[str]], wanted: list[int]) -> FloatArray:
         value = self._dialect.number

@@ -16,12 +16,11 @@ from piezod.reading.hdf5_magic import is_hdf5
 from piezod.reading.opened import damage_is_an_error, open_recording
 from piezod.records.experiment_result import Recording
 from piezod.records.nexus import CHUNK_CACHE_BYTES, axis_names
-from piezod.records.recording.columns import FORMS
+from piezod.records.recording.columns import ENTRY, FORMS
 from piezod.records.recording.events import AdoptedModel, read_events, read_models
 from piezod.records.recording.header import TelemetryHeader
 from piezod.records.recording.header_reader import names_of_numbers, read_header
 from piezod.records.recording.layout import (
-    ENTRY,
     Named,
     check_numbers,
     check_room,
