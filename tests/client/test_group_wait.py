@@ -10,7 +10,7 @@ import pytest
 from piezod.client import StageGroup, mover
 from piezod.client.stage_group import GroupStart
 from piezod.errors import GroupError, RefusedError
-from tests.client.fake_daemon import ACCEPTED, Document, interval
+from tests.client.fake_daemon import ACCEPTED, Document, FakeDaemon, interval
 from tests.client.group_of_fakes import Daemons, asked
 from tests.daemon.waiting import eventually, join
 
@@ -85,13 +85,17 @@ def test_a_stage_that_is_lost_ends_the_movement(daemons: Daemons) -> None:
     assert held(daemons) == ["fast", "slow"]
 
 
+def is_watched(daemon: FakeDaemon) -> bool:
+    """Return whether somebody has asked for its telemetry."""
+    return any("telemetry" in each.what for each in daemon.asked)
+
+
 def while_waiting(daemons: Daemons, started: GroupStart, act: Callable[[], None]) -> GroupError:
     """Act as soon as all stages are watched; return the error of the wait."""
     caught: list[GroupError] = []
     thread = threading.Thread(target=lambda: caught.append(failing(started)))
     thread.start()
-    for daemon in daemons.values():
-        eventually(lambda daemon=daemon: any("telemetry" in each.what for each in daemon.asked))
+    eventually(lambda: all(map(is_watched, daemons.values())))
     act()
     join(thread)
     return caught[0]

@@ -1,4 +1,8 @@
-"""The stage of an experiment: its devices in virtual time, run phase by phase."""
+"""The stage of an experiment: its devices in virtual time, run phase by phase.
+
+It has no states, faults and waits of a running stage, because its time stands still between two
+cycles: nothing can happen there, and nobody else can ask for anything.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
