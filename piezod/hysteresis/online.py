@@ -18,7 +18,7 @@ from piezod.hysteresis.learner import (
     new_learner,
     predicted_drive,
 )
-from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, relax
+from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, Memory, assign_memory, relax
 from piezod.hysteresis.slopes import projected
 
 
@@ -125,6 +125,11 @@ class OnlineIdentifier(ABC):
         scalars[OFFSET] += share * (model.offset - scalars[OFFSET])
         scalars[SCALE] += share * (model.scale - scalars[SCALE])
         scalars[SLOPE_MARGIN] = 0.0  # as in `adopt`
+
+    def take_over(self, memory: Memory) -> None:
+        """Take over the hysteresis memory of a stage of the same form, see `past`."""
+        assign_memory(self._memory, memory)
+        self._learner.scalars[POSITION] = (self.position + self.offset) / (1.0 + self.scale)
 
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""
@@ -236,6 +241,10 @@ class Shadowed:
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to another model; the uncertainty stays."""
         self._identifier.approach(model, share)
+
+    def take_over(self, memory: Memory) -> None:
+        """Take over the hysteresis memory of a stage of the same form, see `past`."""
+        self._identifier.take_over(memory)
 
     def reset(self) -> None:
         """Clear the hysteresis memory and start a new window; the learned model stays."""

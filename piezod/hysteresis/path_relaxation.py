@@ -17,7 +17,7 @@ Microelectromech. Syst. 4 (1995) 230. The paper has no such term.
 
 from dataclasses import dataclass
 from math import ceil, exp, log, log1p
-from typing import Final, NamedTuple, Self
+from typing import Final
 
 import numpy as np
 
@@ -32,8 +32,6 @@ BACKLASH = 1e-4
 fixed: more than the noise of a drive, and less than a record shows."""
 NO_PATH: Final[FloatArray] = np.zeros(4)
 """Constants without the term."""
-_RELAXED: Final[FloatArray] = np.zeros(4)
-"""`Memory.last` of a relaxed stage at the drive 0."""
 _CYCLES = 60
 """Cycles of the whole range that end at rest; the slowest relaxation needs no more."""
 _LEFT = 0.01
@@ -100,40 +98,6 @@ def advance_path(terms: FloatArray, last: FloatArray, drive: float) -> None:
     if terms[FAST] != 0.0:
         last[CHANGE], _ = path_change(terms, last, drive)
         last[PINNED] = min(max(last[PINNED], drive - BACKLASH), drive + BACKLASH)
-
-
-def beyond_relaxed(terms: FloatArray, last: FloatArray, drive: float) -> float:
-    """Return the displacement of the term beyond that of a relaxed stage, after moves to a drive.
-
-    Later moves relax it. Real-time safe.
-
-    Args:
-        terms: (7,) constants of the optional terms of a surface.
-        last: (4,) `Memory.last` before the move.
-        drive: Where both moves end; that of the relaxed stage is a rise from 0.
-    """
-    here, relaxed = (path_change(terms, each, drive)[0] for each in (last, _RELAXED))
-    return float(terms[WEIGHT]) * (here - relaxed)
-
-
-class PathState(NamedTuple):
-    """State of the term."""
-
-    pinned: float = 0.0  #: Drive behind the backlash.
-    change: float = 0.0  #: h - h_0.
-
-    @classmethod
-    def of(cls, last: FloatArray) -> Self:
-        """Return the state in `Memory.last`, shape (4,)."""
-        return cls(float(last[PINNED]), float(last[CHANGE]))
-
-    def put(self, last: FloatArray) -> None:
-        """Put the state into `Memory.last`, shape (4,)."""
-        last[PINNED], last[CHANGE] = self
-
-
-RELAXED_PATH: Final = PathState()
-"""State of a relaxed stage at the drive 0."""
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,7 @@ class CompensatedAxis:
         shaper: Shapes references for the modes.
         modal: Part of the displacement that the modes add; None if they are unknown.
         bound: Keeps the learned model near the identified one; None if there is no such model.
+        rests_inside: Whether it rests inside its range: where depends on where the voltage was.
     """
 
     def __init__(
@@ -76,7 +77,9 @@ class CompensatedAxis:
         shaper: ReferenceShaper,
         modal: ModalMotion | None = None,
         bound: LearnedBound | None = None,
+        rests_inside: bool = False,
     ) -> None:
+        self.rests_inside = rests_inside
         self._reference_um = reference_um
         self._low_v, self._width_v = drive_v.low, drive_v.width
         self._low_um, self._width_um = position_um.low, position_um.width
@@ -161,8 +164,9 @@ class CompensatedAxis:
 
     def zero(self) -> None:
         """Take the present displacement, at rest, as zero."""
-        self.compensator.zero()
-        self.identifier.zero(self.compensator.relaxing)
+        zero = -self._low_um / self._width_um
+        self.compensator.zero(zero)
+        self.identifier.zero(zero, self.compensator.position)
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Learn from the sample and compensate the reference; return the voltage to write.

@@ -148,14 +148,13 @@ class Compensator:
         self.adopt(weights)
         return True
 
-    def zero(self) -> None:
-        """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
-        self._zeroed = self._crept + self.relaxing
+    def zero(self, zero: float) -> None:
+        """Take the present displacement as zero: the stage rests, and its sensor was zeroed.
 
-    @property
-    def relaxing(self) -> float:
-        """Displacement that the path of the drive has left, which later moves relax."""
-        return self._kernel.relaxing
+        Args:
+            zero: The zero of the sensor, normalised.
+        """
+        self._zeroed += self.expected - zero
 
     @property
     def expected(self) -> float:

@@ -217,9 +217,15 @@ class Identifier:
         """Return the drive of the last sample minus its prediction by another model, normalised."""
         return self._drive - self.adaptation.predict(model.weights, model.offset, model.scale)
 
-    def zero(self, relaxing: float = 0.0) -> None:
-        """Take the present displacement as zero, at rest; `relaxing` is what the path has left."""
-        self._zeroed = float(self._creep_weights @ self._lags) + relaxing
+    def zero(self, zero: float, expected: float) -> None:
+        """Take the present displacement as zero: the stage rests, and its sensor was zeroed.
+
+        Args:
+            zero: The zero of the sensor, normalised.
+            expected: Displacement in the compensator's memory, normalised.
+        """
+        crept = float(self._creep_weights @ self._lags)
+        self._zeroed = (expected + crept + self.offset) / (1.0 + self.scale) - zero
         self._waiting.clear()  # they count from the zero before
 
     def learn(

@@ -56,10 +56,6 @@ class CompensatorKernel(Protocol):
         """
 
     @property
-    def relaxing(self) -> float:
-        """Displacement that the path of the drive has left, which later moves relax."""
-
-    @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory has removed."""
 

@@ -22,8 +22,16 @@ from piezod.hysteresis.everett_memory import (
     drive_for,
     new_surface_memory,
 )
-from piezod.hysteresis.memory import MERGED, RAW, SEEN, FloatArray, IntArray, Memory, clamp
-from piezod.hysteresis.path_relaxation import FAST, beyond_relaxed
+from piezod.hysteresis.memory import (
+    MERGED,
+    RAW,
+    FloatArray,
+    IntArray,
+    Memory,
+    assign_memory,
+    clamp,
+)
+from piezod.hysteresis.path_relaxation import FAST
 from piezod.jit import compiled
 
 
@@ -118,12 +126,13 @@ class SurfaceKernel:
 
     def __init__(self, form: SurfaceForm, weights: FloatArray, creep: CreepState) -> None:
         self._memory, self._weights, self._terms = new_surface_memory(), weights, form.terms
-        last, self.carried = self._memory.last, np.zeros(CARRIED)
-        creep.path.put(last)
-        # The stage rests: it does not lag.
-        drive = drive_for(self._memory, weights, form.slow.terms, creep.quick)
-        left = beyond_relaxed(self._terms, last, drive)
-        self.carried[[COMMAND, NEXT, POSITION]] = creep.quick - left, drive, creep.quick
+        self.carried: FloatArray = np.zeros(CARRIED)
+        if creep.memory is not None:
+            assign_memory(self._memory, creep.memory)
+            drive = float(self._memory.last[RAW])
+        else:  # the stage rests: it does not lag
+            drive = drive_for(self._memory, weights, form.slow.terms, creep.quick)
+        self.carried[[COMMAND, NEXT, POSITION]] = creep.shown, drive, creep.quick
         self.carried[CREPT] = float(creep.creep.weights @ creep.lags)
         # Bound once, as in `StopKernel`.
         self.step: Callable[
@@ -138,12 +147,6 @@ class SurfaceKernel:
             creep.creep.gains,
             creep.creep.weights,
         )
-
-    @property
-    def relaxing(self) -> float:
-        """Displacement that the path has left, which later moves relax."""
-        last = self._memory.last
-        return beyond_relaxed(self._terms, last, float(last[SEEN]))
 
     @property
     def merged_pairs(self) -> int:

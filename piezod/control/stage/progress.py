@@ -359,11 +359,11 @@ def _has_failed(stage: Stage, axis: StageAxis) -> bool:
 
 
 def _zero_at_known_rest(stage: Stage, t_ns: int) -> None:
-    """Zero each sensor whose rest depends on the path of the drive: only now the path is known."""
+    """Zero each sensor whose rest depends on the past of the drive: only now that is known."""
     axes = [
         i
         for i, axis in enumerate(stage.axes)
-        if axis.has_sensor and axis.law.compensator.rest_depends_on_path
+        if axis.has_sensor and (axis.law.rests_inside or axis.law.compensator.rest_depends_on_path)
     ]
     if axes:
         stage.zero.begin(axes, stage.period_ns, t_ns)

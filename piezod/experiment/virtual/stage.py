@@ -149,12 +149,12 @@ class VirtualStage:
         """Go to the rest voltage and hold it, then zero the sensors.
 
         Returns:
-            Positions on the way, from the previous zero, in µm, shape (axes, cycles).
+            The trace as of `run`; its positions are from the previous zero.
         """
         trace = self.go_to_rest(duration_s)
         last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
         self._zero(trace[:, -last:])
-        return trace[:, :, POSITION_UM]
+        return trace
 
     def go_to_rest(self, duration_s: float) -> FloatArray:
         """Go to the rest voltage and hold it; return the trace as `run` does."""

@@ -159,7 +159,13 @@ def test_voltage_that_is_not_a_number_is_not_written(
     stage = SwingingStage()
     law, before_v = stage.stage.axes[0].law, stage.x.drive_v
     update = law.update
-    monkeypatch.setattr(law, "update", lambda *values: update(*values)._replace(drive_v=nan))
+
+    def broken(t_ns: int, sample: Sample) -> AxisOutput:
+        output = update(t_ns, sample)
+        output.drive_v = nan
+        return output
+
+    monkeypatch.setattr(law, "update", broken)
     stage.channels.writes.clear()
     after = stage.run(0.1)
 
