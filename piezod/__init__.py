@@ -16,3 +16,10 @@ else:
         from importlib.metadata import version  # noqa: PLC0415 - see above
 
         return version("piezod")
+
+
+def build() -> str:
+    """Return "compiled" if the modules that a cycle runs are machine code, else "interpreted"."""
+    from piezod import units  # noqa: PLC0415 - one of them, and light
+
+    return "interpreted" if str(units.__file__).endswith(".py") else "compiled"
