@@ -90,6 +90,11 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
             "daemon.init",
             "Write the example configurations: stages, their models, experiments.",
         ),
+        (
+            "compile",
+            "daemon.compile:compile_kernels",
+            "Compile the kernels of the loop for this processor, before the first start.",
+        ),
         ("run", "daemon.run", "Run the daemon of a stage until Ctrl-C or SIGTERM."),
         ("safe", "daemon.safe", "Ramp a stage to its safe voltage after its daemon has died."),
         (
