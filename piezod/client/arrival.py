@@ -3,6 +3,7 @@
 import time
 from collections.abc import Collection
 from dataclasses import dataclass
+from math import inf, nan
 from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
@@ -45,7 +46,7 @@ class Arrival(Message):
 
     axis: str  #: Name of the axis.
     motion: int  #: Number of the movement.
-    position_um: float  #: Measured position, in µm.
+    position_um: float  #: Measured position, in µm; NaN if it is unknown where a waveform ends.
 
 
 def has_arrived(state: str, axis: AxisStatus | AxisTelemetry, *, has_sensor: bool) -> bool:
@@ -103,8 +104,9 @@ class Arriving:
         self, move: StartedMove, timeout_s: float | None = None, *, blind: Collection[str] = ()
     ) -> None:
         self._move, self._blind, self._start_s = move, blind, time.monotonic()
-        settle_s = WAVE_MARGIN_S if move.follows_waves else ARRIVAL_MARGIN_S
-        self._longest_s = move.answer.duration_s + settle_s if timeout_s is None else timeout_s
+        takes_s = move.answer.duration_s
+        self._ends_s = takes_s + WAVE_MARGIN_S if move.follows_waves else inf
+        self._longest_s = takes_s + ARRIVAL_MARGIN_S if timeout_s is None else timeout_s
         self._motions: dict[str, int] = {}
         self._arrived: dict[str, Arrival] = {}
 
@@ -118,30 +120,29 @@ class Arriving:
         axes = self._move.axes or tuple(interval.axes)[:1]
         self._motions.setdefault(axes[0], self._move.answer.motion)
         begun = interval.axes[axes[0]].motion >= self._motions[axes[0]]
-        late = time.monotonic() - self._start_s > self._longest_s
+        since_s = time.monotonic() - self._start_s
         for axis in axes:
             if begun:
-                self._look(interval, axis, late=late)
-            if late and not self._move.follows_waves and axis not in self._arrived:
+                self._look(interval, axis, ended=since_s > self._ends_s)
+            if since_s > self._longest_s and axis not in self._arrived:
                 raise too_late(interval, axis, self._longest_s)
         return tuple(self._arrived.values()) if len(self._arrived) == len(axes) else ()
 
-    def _look(self, interval: Telemetry, axis: str, *, late: bool) -> None:
+    def _look(self, interval: Telemetry, axis: str, *, ended: bool) -> None:
         now, has_sensor = interval.axes[axis], axis not in self._blind
         # The axes of a movement begin in the same cycle, each with a number of its own.
         if now.motion > self._motions.setdefault(axis, now.motion):
             what = f"axis {axis}: another movement has replaced this one"
             raise NotReachedError(what, code=SUPERSEDED)
         if interval.state != State.RUN:
-            what = f"axis {axis}: the stage went to {interval.state}{because_of(interval)} "
-            what += "before it reached the target"
+            when = "after its arrival" if axis in self._arrived else "before it reached the target"
+            what = f"axis {axis}: the stage went to {interval.state}{because_of(interval)} {when}"
             raise NotReachedError(what, "`piezod faults` shows more", INTERRUPTED)
         position_um = now.position_um.last if has_sensor else now.command_um.last
-        ended = late and self._move.follows_waves
-        if position_um is not None and (
-            ended or has_arrived(interval.state, now, has_sensor=has_sensor)
-        ):
-            arrival = Arrival(axis=axis, motion=now.motion, position_um=position_um)
+        known = position_um is not None
+        if ended or (known and has_arrived(interval.state, now, has_sensor=has_sensor)):
+            there_um = nan if position_um is None else position_um
+            arrival = Arrival(axis=axis, motion=now.motion, position_um=there_um)
             self._arrived.setdefault(axis, arrival)
 
 

@@ -133,13 +133,18 @@ def test_a_stage_that_refuses_moves_no_other(daemons: Daemons) -> None:
 
 
 def test_waveforms_are_done_without_an_arrival(daemons: Daemons) -> None:
-    """A mode that leaves an error ends a waveform too; a table has no position to wait for."""
+    """A mode that leaves an error ends a waveform too, and a time-out does not; nor do tables."""
     for daemon in daemons.values():
         daemon.answers["POST wave"] = {**ACCEPTED, "duration_s": -1.0}
     moving(daemons)
 
     with StageGroup("raster") as group:
         arrived = group.wait(group.wave({"fast": {"x": SWING}, "slow": {"x": SWING}}, 2.0))
+        for daemon in daemons.values():
+            daemon.answers["POST wave"] = {**ACCEPTED, "duration_s": 3600.0}
+        follows = group.wave({"fast": {"x": SWING}}, 2.0)
+        with pytest.raises(GroupError, match="not on target within"):
+            group.wait(follows, timeout_s=0.05)
         with pytest.raises(RefusedError, match="a table arrives nowhere"):
             group.wait(GroupStart(start_s=0.0, answers={}))
 
