@@ -139,7 +139,7 @@ def _with_short_names(columns: Iterable[Column]) -> Iterable[Column]:
     listed = list(columns)
     short = [column.name.rpartition("/")[2] for column in listed]
     for column, name in zip(listed, short, strict=True):
-        yield column._replace(name=name) if short.count(name) == 1 else column
+        yield column._replace(name=name if short.count(name) == 1 else column.name, last=name)
 
 
 def _flat(values: dict[str, Any], above: str) -> Iterable[tuple[str, Any]]:

@@ -91,7 +91,9 @@ def check_unwrapped(drive_v: FloatArray, position_um: FloatArray, place: Place) 
     apart = np.diff(jumps, prepend=-_WRAP_BACK - 1, append=steps_um.size + _WRAP_BACK) > _WRAP_BACK
     alone = jumps[apart[:-1] & apart[1:]]  # an outlier jumps back at once
     if len(alone) >= 2:
-        index, period_um = int(alone[0]) + 1, float(np.median(np.abs(steps_um[alone])))
+        index, beside = int(alone[0]) + 1, np.clip((alone - 1, alone + 1), 0, steps_um.size - 1)
+        wraps_um = steps_um[alone] - steps_um[beside].mean(axis=0)
+        period_um = float(np.median(np.abs(wraps_um)))
         what = f"position_um jumps by {steps_um[index - 1]:.4g} µm while the drive hardly moves"
         allowed = f"{len(alone)} such jumps in the file, as of an interferometer that wraps"
         remedy = f"unwrap it before, as with numpy.unwrap(position_um, period={period_um:.3g})"

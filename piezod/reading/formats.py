@@ -28,6 +28,17 @@ _OTHERS: Final = (
     (b"\x7fELF", "a program"),
 )
 """First bytes of files that are no tables, and what they are."""
+_TEXTS: Final = {
+    ".yaml": "a YAML file, as of a model or a stage",
+    ".yml": "a YAML file, as of a model or a stage",
+    ".json": "a JSON file",
+    ".html": "a web page",
+    ".xml": "an XML file",
+    ".py": "a program",
+    ".m": "a program",
+    ".ipynb": "a notebook",
+}
+"""Endings of text files that are no tables, and what they are."""
 _ARCHIVES: Final = (
     ("xl/workbook.xml", "sheet:open_sheet"),
     ("content.xml", "an OpenDocument file; save it as .xlsx or CSV"),
@@ -62,6 +73,8 @@ def open_table(path: Path) -> Table:
         return _reader(reader)(file, part)
     if part:
         raise DataError(f"{path}: a text file has no parts; leave out ':{part}'")
+    if what := _TEXTS.get(file.suffix.lower()):
+        raise DataError(f"{file}: this is no table of numbers but {what}; give a record")
     return _reader("text:open_text")(file)
 
 

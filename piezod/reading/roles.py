@@ -11,6 +11,7 @@ from piezod.reading.units import BASE, Unit, parts_of_name, unit_of
 
 _PER_V: Final = "UM_PER_V"
 _RATE: Final = "RATE"
+_NAME: Final = "NAME"
 _WHAT: Final = {
     "time": "the time",
     "voltage": "the drive voltage",
@@ -79,7 +80,7 @@ def listed(table: Table) -> str:
 
 def _known(table: Table, number: int) -> _Known:
     column = table.columns[number]
-    stem, unit = parts_of_name(column.name)
+    stem, unit = parts_of_name(column.last or column.name)
     said = unit_of(column.unit)
     if unit and said and unit[1:] != said[1:]:
         what = f"{column.name!r} has {unit.text} in its name and {said.text} as its unit"
@@ -117,7 +118,7 @@ class _Asked(NamedTuple):
         by_name = [k for k in fit if self.known[k].stem in role.stems and k not in best]
         if role is TIME:
             best = best + by_name  # a second column of time is a doubt, whatever its name
-        return best or by_name or (fit if len(fit) == 1 else [])
+        return best or by_name or fit
 
     def _named(self, wanted: str) -> int:
         for fold in (str.strip, lambda text: text.strip().lower()):
@@ -191,6 +192,8 @@ class _Asked(NamedTuple):
             hints.append(f"{_PER_V}: µm per V of the sensor")
         if TIME in self.roles and TIME.key not in guessed and not _clock(self.table, self.choices):
             hints.append(f"{_RATE}: samples per second")
+        if any(role.key not in guessed for role in self.roles if role is not TIME):
+            hints.append(f"{_NAME}: a column of the file, which may have too few")
         return "; ".join(hints)
 
     def _guessed(self, asked: Role, numbers: list[int], found: Mapping[str, int]) -> dict[str, int]:
@@ -207,7 +210,7 @@ class _Asked(NamedTuple):
             alike = certain or [
                 k
                 for k, each in enumerate(self.known)
-                if each.stem in role.stems and not (each.unit and each.unit.quantity == "time")
+                if each.stem in role.stems and not self._is_time(k)
             ]
             free = [k for k in alike if k not in guessed.values()]
             if free:
@@ -217,8 +220,16 @@ class _Asked(NamedTuple):
         rest = [role for role in self.roles if role.key not in guessed]
         if by_rate or len(left) < len(rest):
             rest = [role for role in rest if role is not TIME]
-        guessed |= {role.key: number for role, number in zip(rest, left, strict=False)}
+        for role in rest:
+            free = [k for k in left if role is TIME or not self._is_time(k)]
+            if free:
+                guessed[role.key] = free[0]
+                left.remove(free[0])
         return guessed
+
+    def _is_time(self, number: int) -> bool:
+        unit = self.known[number].unit
+        return unit is not None and unit.quantity == TIME.quantity
 
     def _command(self, columns: Mapping[str, int], scale: str) -> str:
         pairs = []
@@ -227,6 +238,8 @@ class _Asked(NamedTuple):
                 name = self.known[columns[role.key]].name
                 plain = "," not in name and "=" not in name and self._is_only(name)
                 pairs.append(f"{role.key}={name if plain else columns[role.key] + 1}")
+            elif role is not TIME:
+                pairs.append(f"{role.key}={_NAME}")
         words = ["piezod", *self.command.split(), str(self.table.path)]
         words += ["--columns", ",".join(pairs)]
         scales = [f"{key}={value:g}" for key, value in self.choices.scale.items()]

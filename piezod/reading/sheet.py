@@ -11,10 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from piezod.errors import DataError
+from piezod.given_file import open_given
 from piezod.reading.checks import fail, shortened
 from piezod.reading.extra import library
 from piezod.reading.layout import Layout, layout_of, shape_of
-from piezod.reading.table import FloatArray, Table
+from piezod.reading.table import MOST_BYTES, FloatArray, Table
 from piezod.reading.text import Dialect
 
 _HEAD_ROWS: Final = 400
@@ -72,13 +73,14 @@ def open_sheet(file: Path, part: str) -> Table:
 @contextmanager
 def _opened(openpyxl: Any, file: Path) -> Iterator[Any]:
     with _damage_is_an_error(file):
-        with zipfile.ZipFile(file) as archive:
+        with open_given(file, MOST_BYTES) as raw, zipfile.ZipFile(raw) as archive:
             unpacked = sum(each.file_size for each in archive.infolist())
         if unpacked > _MOST_UNPACKED:
             fail(str(file), f"unpacked it has {unpacked} bytes", "allowed are 4 GB", "save as CSV")
-        with warnings.catch_warnings():
+        # By its contents, because openpyxl judges the name of a file otherwise.
+        with open_given(file, MOST_BYTES) as raw, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about styles and extensions
-            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
+            book = openpyxl.load_workbook(raw, read_only=True, data_only=True)
             try:
                 yield book
             finally:

@@ -23,6 +23,7 @@ class Column(NamedTuple):
 
     name: str  #: As the file has it, without spaces at its ends.
     unit: str = ""  #: What the file says about its unit elsewhere than in the name.
+    last: str = ""  #: The last part of a name that is a path; empty for other names.
 
 
 class Clock(NamedTuple):

@@ -40,6 +40,7 @@ def open_tdms(file: Path, part: str) -> Table:
         Column(
             channel.name if names.count(channel.name) == 1 else channel.path.replace("'", ""),
             str(channel.properties.get("unit_string", "")),
+            last=channel.name,
         )
         for channel in channels
     )

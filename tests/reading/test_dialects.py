@@ -132,7 +132,8 @@ def test_scope_of_rigol(tmp_path: Path) -> None:
 def test_lvm_of_labview(tmp_path: Path, x_columns: str) -> None:
     """The names have one column more than the rows; the time is a column or an interval."""
     head = (
-        f"LabVIEW Measurement\t\nX_Columns\t{x_columns}\nSeparator\tTab\nDecimal_Separator\t,\nDate\t2026/11/27\n"
+        f"LabVIEW Measurement\t\nX_Columns\t{x_columns}\nSeparator\tTab\n"
+        "Decimal_Separator\t,\nDate\t2026/11/27\n"
         "***End_of_Header***\t\n\t\nChannels\t2\t\t\nSamples\t400\t400\t\nY_Unit_Label\tV\tum\t\n"
         "X_Dimension\tTime\tTime\t\nX0\t0,0\t0,0\t\nDelta_X\t0,001\t0,001\t\n"
         "***End_of_Header***\t\t\t\nX_Value\tDrive\tPosition\tComment\n"
