@@ -36,6 +36,7 @@ class FitJob(NamedTuple):
     delay_s: float | None  #: The delay, in s; None if it is to be estimated.
     settings: FitSettings | Wanted  #: Settings of the fit, or those that are fixed and not chosen.
     axis: str | None = None  #: Axis of a recording; None for the only one.
+    vector: bool = False  #: Whether the figure is written as SVG and PDF, too.
 
     def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> FileFit:
         """Return the fit to a data file.
@@ -64,7 +65,7 @@ class FitJob(NamedTuple):
 def fit_file(data: Path, job: FitJob, out: Path | None, *, json: bool) -> None:
     """Fit a data file, write the model if there is a path, and print it."""
     fitted = job.fit(data, 0.0)
-    figure = _write(fitted, out, datetime.now(UTC))
+    figure = _write(fitted, out, datetime.now(UTC), job)
     if json:
         print_json(as_document(fitted, out, figure))
     else:
@@ -95,7 +96,7 @@ def fit_live(
     """
     fitted, driven = record_and_fit(client, job.fit, axis, drive, out)
     now = datetime.now(UTC)
-    figure = _write(fitted, out, now)
+    figure = _write(fitted, out, now, job)
     if not json:
         print_fit(new_console(), fitted, out, figure)  # before the adoption, which may be refused
     if adopt:
@@ -134,6 +135,6 @@ def record_and_fit(
     return fitted.with_configured_mode(recorded.first_mode), recorded.axis
 
 
-def _write(fitted: FileFit, out: Path | None, now: datetime) -> Path | None:
+def _write(fitted: FileFit, out: Path | None, now: datetime, job: FitJob) -> Path | None:
     """Write model and figure, if there is a path; return the path of the figure."""
-    return None if out is None else write_model(out, fitted, now)
+    return None if out is None else write_model(out, fitted, now, vector=job.vector)
