@@ -13,6 +13,9 @@ JsonOption: TypeAlias = Annotated[
 JsonLinesOption: TypeAlias = Annotated[
     bool, typer.Option("--json", help="Print one JSON document per line of stdout.")
 ]
+VectorOption: TypeAlias = Annotated[
+    bool, typer.Option("--vector", help="Write the figures as SVG and PDF, too, for publications.")
+]
 ConfigArgument: TypeAlias = Annotated[
     Path,
     typer.Argument(

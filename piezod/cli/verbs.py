@@ -58,7 +58,7 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
         ),
     ),
     "Recordings": (
-        ("plot", "record.plot", "Draw a recording."),
+        ("plot", "record.plot", "Draw a recording or a model."),
         ("export", "record.export", "Write a recording as CSV or Parquet."),
         ("replay", "record.replay", "Run the control law again on a recording."),
     ),

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from piezod.commission.procedure import Findings
 from piezod.commission.session_trace import SessionTrace
-from piezod.records.figures.style import DRIVE, LOOP, POSITION, house_style, new_figure, png_bytes
+from piezod.records.figures.style import DRIVE, LOOP, POSITION, house_style, new_figure
 from piezod.records.report_figures import ReportFigure
 
 _WIDTH_IN, _HEIGHT_IN = 9.0, 3.6
@@ -85,4 +85,4 @@ def _rings(trace: SessionTrace) -> ReportFigure:
 
 
 def _drawn(name: str, title: str, alt: str, figure: Figure) -> ReportFigure:
-    return ReportFigure(name, title, alt, png_bytes(figure))
+    return ReportFigure.drawn(name, title, alt, figure)

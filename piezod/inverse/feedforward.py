@@ -1,5 +1,7 @@
 """The inverse of an axis step by step, as mode `feedforward` of the loop computes it."""
 
+from math import nan
+
 import numpy as np
 
 from piezod.config.drive_limits import DriveLimit
@@ -9,7 +11,9 @@ from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
 from piezod.control.law.model import StageModel
 
-_NO_COMMAND = float("nan")
+_NO_COMMAND = nan
+_ROUNDING = 1e-9
+"""Rounding errors of normalised units."""
 
 
 class Feedforward:
@@ -37,6 +41,7 @@ class Feedforward:
         """Voltage in force, in V."""
         self.state = model.at_rest(rest_v, period_s)
         """Creep and displacement at the start."""
+        self._beyond = False
         if from_v is not None:
             self.state = _standing(model, self.state, from_v)
         self._compensator = Compensator(
@@ -50,12 +55,14 @@ class Feedforward:
             position_um: Position, in µm; one out of reach counts as the nearest, NaN as the last.
         """
         window = self._limits.window(self.in_force_v, self._period_s)
-        return self._write(self._model.position_um.to_unit(position_um), window)
+        command = self._model.position_um.to_unit(position_um)
+        self._beyond = command < -_ROUNDING or command > 1.0 + _ROUNDING
+        return self._write(command, window)
 
     def force(self, drive_v: float) -> float:
         """Follow a voltage, in V; return it within the limits. Real-time safe."""
         window = self._limits.window(self.in_force_v, self._period_s)
-        forced_v = window.admit(drive_v, self.in_force_v)
+        forced_v, self._beyond = window.admit(drive_v, self.in_force_v), False
         return self._write(_NO_COMMAND, Window(forced_v, forced_v))
 
     def _write(self, command: float, window: Window) -> float:
@@ -74,13 +81,13 @@ class Feedforward:
     def limited(self) -> DriveLimit:
         """What kept the last voltage from following its position."""
         low_v, high_v, _ = self._limits
-        rounding_v = 1e-9 * (high_v - low_v)  # of normalised units
+        rounding_v = _ROUNDING * (high_v - low_v)
         if self._compensator.limited and (
             low_v + rounding_v < self.in_force_v < high_v - rounding_v
         ):
             return DriveLimit.SLEW
         beyond = self._compensator.limited or self._compensator.out_of_reach
-        return DriveLimit.RANGE if beyond else DriveLimit.NONE
+        return DriveLimit.RANGE if beyond or self._beyond else DriveLimit.NONE
 
     @property
     def merged_pairs(self) -> int:

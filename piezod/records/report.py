@@ -7,6 +7,7 @@ from typing import Final
 from piezod.records.atomic import replacing
 from piezod.records.error_table import error_table, groups, meaning, verdict
 from piezod.records.experiment_result import ExperimentResult
+from piezod.records.figures.style import FORMATS, save_vector
 from piezod.records.labels import metric_heading, metric_label, metric_number, metric_unit
 from piezod.records.page import render
 from piezod.records.reference import Reference
@@ -23,7 +24,11 @@ _FILTERS: Final[dict[str, Callable[..., str]]] = {
 
 
 def write_report(
-    folder: Path, result: ExperimentResult, reference: Reference | None = None
+    folder: Path,
+    result: ExperimentResult,
+    reference: Reference | None = None,
+    *,
+    vector: bool = False,
 ) -> Path:
     """Write the page, and each of its figures beside it.
 
@@ -33,6 +38,7 @@ def write_report(
         folder: Folder of the report; created if it is absent.
         result: The experiment.
         reference: Errors to compare with, if any.
+        vector: Whether the figures are written as SVG and PDF, too.
 
     Returns:
         Path of the page.
@@ -47,6 +53,8 @@ def write_report(
     for figure in gallery.all():
         with replacing(folder / f"{figure.name}.png") as temporary:
             temporary.write_bytes(figure.png)
+        if vector:
+            save_vector(folder / f"{figure.name}.png", figure.figure)
     page = render(
         _TEMPLATE,
         _FILTERS,
@@ -62,7 +70,8 @@ def write_report(
         temporary.write_text(page, encoding="utf-8")
     # Last, so that an interrupted run leaves no page that refers to a removed figure.
     for name in earlier - {figure.name for figure in gallery.all()}:
-        (folder / f"{name}.png").unlink(missing_ok=True)
+        for ending in FORMATS:
+            (folder / f"{name}{ending}").unlink(missing_ok=True)
     return path
 
 

@@ -4,9 +4,11 @@ import re
 import struct
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain, count
-from typing import NamedTuple
+from typing import NamedTuple, Self
+
+from matplotlib.figure import Figure
 
 from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 from piezod.records.figures import (
@@ -30,9 +32,17 @@ class ReportFigure:
     name: str  #: Name of its file without suffix; also its anchor in the page.
     title: str  #: Heading above it.
     alt: str  #: Description for readers who cannot see it.
-    png: bytes  #: The image.
+    figure: Figure = field(repr=False, compare=False)  #: What is drawn, for vector files.
+    png: bytes = field(repr=False)  #: The image.
     #: Figure with the other panels of the same run, if there is one.
     rest: "ReportFigure | None" = None
+
+    @classmethod
+    def drawn(
+        cls, name: str, title: str, alt: str, figure: Figure, rest: "ReportFigure | None" = None
+    ) -> Self:
+        """Return a figure with its image."""
+        return cls(name, title, alt, figure, png_bytes(figure), rest)
 
     @property
     def base64(self) -> str:
@@ -96,14 +106,14 @@ def _overview(result: ExperimentResult, reference: Reference | None) -> ReportFi
         f"The errors of {len(result.recordings)} runs as dots, a panel for each metric; "
         "the table of errors holds the same figures."
     )
-    return ReportFigure("overview", "", alt, png_bytes(overview_figure(result, reference)))
+    return ReportFigure.drawn("overview", "", alt, overview_figure(result, reference))
 
 
 def _model(number: int, identification: Identification) -> ReportFigure:
     name = _file_name(f"model_{number}", identification.axis)
     title = f"Axis {identification.axis}: {identification.title}"
-    png = png_bytes(identification_figure(identification))
-    return ReportFigure(name, title, _fit_alt(identification), png)
+    figure = identification_figure(identification)
+    return ReportFigure.drawn(name, title, _fit_alt(identification), figure)
 
 
 def _case(number: int, recordings: Sequence[Recording]) -> ReportFigure:
@@ -111,7 +121,7 @@ def _case(number: int, recordings: Sequence[Recording]) -> ReportFigure:
     modes = ", ".join(each.mode for each in recordings)
     alt = f"Displacement, error and loop of {case} in the modes {modes}, on the same scales."
     name = _file_name(f"case_{number:02d}", axis, case)
-    return ReportFigure(name, "all modes", alt, png_bytes(case_figure(recordings)))
+    return ReportFigure.drawn(name, "all modes", alt, case_figure(recordings))
 
 
 def _published(
@@ -125,12 +135,12 @@ def _published(
         if each.mode == mode and reference.figure(each)
     )
     return {
-        each.key: ReportFigure(
+        each.key: ReportFigure.drawn(
             _file_name(f"published_{number:02d}", *each.key),
             f"As in {reference.figure(each)}: {each.case}, {each.mode}",
             f"Voltages and displacement over time, and the displacement over the uncompensated "
             f"voltage, of {each.case}, mode {each.mode}; {compared_errors(each, reference)}.",
-            png_bytes(published_figure(each, reference)),
+            published_figure(each, reference),
         )
         for number, each in enumerate(drawn, 1)
     }
@@ -146,8 +156,8 @@ def _run(number: int, recording: Recording, published: ReportFigure | None) -> R
     shown = " and ".join(filter(None, (", ".join(panels[:-1]), panels[-1]))).capitalize()
     alt = f"{shown} of {recording.case}, mode {recording.mode}"
     errors = [metric_text(*item) for item in recording.metrics.items()]
-    png = png_bytes(draw(recording))
-    return ReportFigure(name, recording.mode, _sentence(alt, errors), png, published)
+    what = name, recording.mode, _sentence(alt, errors)
+    return ReportFigure.drawn(*what, draw(recording), published)
 
 
 def figures_in(page: str) -> list[str]:

@@ -148,5 +148,5 @@ def test_start_beyond_the_limits_is_refused(tmp_path: Path) -> None:
         loaded(MODELS["stops"]()).voltages([0.0, 1.0], [0.0, 1.0], from_v=500.0)
     with pytest.raises(DataError, match="rate_hz"):
         piezod.load_model(model_path("stops"), rate_hz=0.0)
-    with pytest.raises(ConfigError, match=r"none\.yaml"):
+    with pytest.raises(ConfigError, match="cannot be read"):
         piezod.load_model(tmp_path / "none.yaml")

@@ -5,7 +5,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from piezod.cli.options import JsonOption
+from piezod.cli.options import JsonOption, VectorOption
 from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import SocketOption, StageOption, connect
 
@@ -66,6 +66,7 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     live: LiveOption = False,
     largest_step_pct: LargestStepOption = None,
     tables: TablesOption = None,
+    vector: VectorOption = False,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
@@ -83,7 +84,7 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     from piezod.cli.experiment.run import Choices, run
 
     on = (lambda: connect(stage, socket)) if live else None
-    run(file, out, Choices(seed, largest_step_pct, tables, on), json=json)
+    run(file, out, Choices(seed, largest_step_pct, tables, on, vector), json=json)
 
 
 def _check_usage(*, live: bool, seed: int | None, only_live: tuple[object, ...]) -> None:

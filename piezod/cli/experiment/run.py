@@ -32,6 +32,7 @@ class Choices(NamedTuple):
     largest_step_pct: float | None  #: Largest motion per cycle, in % of the range; None for any.
     tables: Path | None  #: Folder of learned tables to begin with; None for none.
     connect: Callable[[], Connection] | None  #: Connects to a stage; None in virtual time.
+    vector: bool = False  #: Whether figures are written as SVG and PDF, too.
 
 
 def run(file: Path, out: Path | None, chosen: Choices, *, json: bool) -> None:
@@ -63,7 +64,7 @@ def run(file: Path, out: Path | None, chosen: Choices, *, json: bool) -> None:
                 result = run_experiment(*what, progress)
             progress("writing the report", 1.0)
             reference = reference_of(config)
-            report = write_outputs(folder, result, reference)
+            report = write_outputs(folder, result, reference, vector=chosen.vector)
     if json:
         print_json(as_document(result, report))
     else:
@@ -75,6 +76,8 @@ def _check_play(config: ExperimentConfig, chosen: Choices) -> None:
     if config.play is not None and chosen.largest_step_pct is not None:
         message = "not with `play`: the loop does not make the steps of a table"
         raise typer.BadParameter(message, param_hint="'--largest-step-pct'")
+    if config.play is not None and chosen.vector:
+        raise typer.BadParameter("not with `play`", param_hint="'--vector'")
     if config.play is None and chosen.tables is not None:
         message = "only with an experiment that has `play`"
         raise typer.BadParameter(message, param_hint="'--tables'")

@@ -8,7 +8,7 @@ import typer
 
 from piezod.cli.identify.method_choice import DEFAULT_ORDER, MethodChoice
 from piezod.cli.interrupt import unwinding
-from piezod.cli.options import JsonOption
+from piezod.cli.options import JsonOption, VectorOption
 from piezod.cli.paths import check_yaml_out, existing_file
 from piezod.cli.record_options import (
     FORMATS,
@@ -144,6 +144,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     invert: InvertOption = "",
     rate_hz: RateHzOption = None,
     out: OutOption = None,
+    vector: VectorOption = False,
     live: LiveOption = False,
     drive: DriveOption = None,
     adopt: AdoptOption = False,
@@ -172,7 +173,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     from piezod.cli.identify.settings import fit_settings, given_delay_s
 
     settings = fit_settings(method, order, thresholds, creep)
-    job = FitJob(test, skip_s, given_delay_s(delay_s, settings), settings)
+    job = FitJob(test, skip_s, given_delay_s(delay_s, settings), settings, vector=vector)
     if data is not None:
         fit_file(data, job._replace(axis=axis, choices=choices), out, json=json)
         return

@@ -38,6 +38,7 @@ class FitJob(NamedTuple):
     settings: FitSettings | Wanted  #: Settings of the fit, or those that are fixed and not chosen.
     axis: str | None = None  #: Axis of a recording; None for the only one.
     choices: Choices = Choices()  #: What it says about the columns of the files.
+    vector: bool = False  #: Whether the figure is written as SVG and PDF, too.
 
     def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> FileFit:
         """Return the fit to a data file.
@@ -67,7 +68,7 @@ class FitJob(NamedTuple):
 def fit_file(data: Path, job: FitJob, out: Path | None, *, json: bool) -> None:
     """Fit a data file, write the model if there is a path, and print it."""
     fitted = job.fit(data, 0.0)
-    figure = _write(fitted, out, datetime.now(UTC))
+    figure = _write(fitted, out, datetime.now(UTC), job)
     if json:
         print_json(as_document(fitted, out, figure))
     else:
@@ -98,7 +99,7 @@ def fit_live(
     """
     fitted, driven = record_and_fit(client, job.fit, axis, drive, out)
     now = datetime.now(UTC)
-    figure = _write(fitted, out, now)
+    figure = _write(fitted, out, now, job)
     if not json:
         print_fit(new_console(), fitted, out, figure)  # before the adoption, which may be refused
     if adopt:
@@ -137,6 +138,6 @@ def record_and_fit(
     return fitted.with_configured_mode(recorded.first_mode), recorded.axis
 
 
-def _write(fitted: FileFit, out: Path | None, now: datetime) -> Path | None:
+def _write(fitted: FileFit, out: Path | None, now: datetime, job: FitJob) -> Path | None:
     """Write model and figure, if there is a path; return the path of the figure."""
-    return None if out is None else write_model(out, fitted, now)
+    return None if out is None else write_model(out, fitted, now, vector=job.vector)

@@ -1,4 +1,4 @@
-"""`piezod plot`: the figure of a recording."""
+"""`piezod plot`: the figure of a recording, or of a model."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,6 +7,7 @@ import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.output import print_one
+from piezod.cli.paths import existing_file
 from piezod.cli.record.recordings import (
     BeginOption,
     EndOption,
@@ -29,6 +30,16 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
             help="Figure to write, .png, .svg or .pdf; default: REC.png in the current folder.",
         ),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DATA.csv",
+            readable=False,
+            callback=existing_file,
+            help="Of a model file: record with t_s, drive_v and position_um, whose residual is "
+            "drawn.",
+        ),
+    ] = None,
     axis: RecordedAxisOption = None,
     begin_s: BeginOption = None,
     end_s: EndOption = None,
@@ -36,17 +47,28 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw a recording.
+    """Draw a recording or a model.
 
-    Displacement, command, error and drive voltage over time, with the states and modes, and marks
-    where cycles are late or missing, samples invalid, or faults present; displacement over drive
-    voltage; the errors in each mode.
+    Of a recording: displacement, command, error and drive voltage over time, with the states and
+    modes, and marks where cycles are late or missing, samples invalid, or faults present;
+    displacement over drive voltage; the errors in each mode. Of a model file (.yaml): its loops,
+    and with --record the residual over the displacement, beside the errors of the model.
     """
     # matplotlib takes long to import.
     from piezod.records.figures.style import FORMATS, save_figure
     from piezod.records.figures.telemetry import COLUMNS, telemetry_figure
 
     path = checked_out(out, Path(f"{recording.stem}.png"), FORMATS)
+    if recording.suffix in (".yaml", ".yml"):
+        from piezod.cli.inverse.model_curves import model_curves
+        from piezod.records.figures.model import model_figure
+
+        save_figure(path, model_figure(model_curves(recording, record)))
+        document = {"model": str(recording), "figure": str(path)}
+        print_one(document, f"Figure: {path}", json=json)
+        return
+    if record is not None:
+        raise typer.BadParameter("--record needs a model file", param_hint="'--record'")
     with local_file(recording, stage, socket) as file:
         telemetry = read_part(file, begin_s, end_s, COLUMNS)
     name = telemetry.chosen_axis(axis)

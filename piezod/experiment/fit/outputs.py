@@ -12,15 +12,17 @@ from piezod.experiment.fit.model_io import to_model_file
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.atomic import replacing
 from piezod.records.figures import identification_figure, save_png
+from piezod.records.figures.style import save_vector
 
 
-def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
+def write_model(path: Path, fitted: FileFit, created_at: datetime, *, vector: bool = False) -> Path:
     """Write the model file and the figure; return the path of the figure.
 
     Args:
         path: The model file; the figure has its name with the suffix .png.
         fitted: The fit to write.
         created_at: Time at which the model was made, with a time zone.
+        vector: Whether the figure is written as SVG and PDF, too.
 
     Raises:
         ModelError: If a number exceeds the range of a model file.
@@ -36,7 +38,10 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
         chosen.fit, fitted.record, chosen.validation, axis="x", title=fitted.data.name
     )
     plot = path.with_suffix(".png")
-    save_png(plot, identification_figure(numbers, _band_v(fitted)))
+    figure = identification_figure(numbers, _band_v(fitted))
+    save_png(plot, figure)
+    if vector:
+        save_vector(plot, figure)
     return plot
 
 

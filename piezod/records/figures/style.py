@@ -176,6 +176,21 @@ def save_figure(path: Path, figure: Figure) -> None:
         figure.savefig(temporary, format=kind[1:], metadata=FORMATS[kind])
 
 
+def save_vector(png: Path, figure: Figure) -> None:
+    """Write a figure as SVG and as PDF beside its PNG.
+
+    Args:
+        png: Path of the PNG, which gives folder and name.
+        figure: The figure.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    for ending in FORMATS:
+        if ending != ".png":
+            save_figure(png.with_suffix(ending), figure)
+
+
 def save_png(path: Path, figure: Figure) -> None:
     """Write a figure as PNG.
 
