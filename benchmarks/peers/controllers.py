@@ -22,6 +22,7 @@ from piezod.plant.parameters import PlantParameters
 from piezod.units import NS_PER_S, s_to_ns
 from piezod_drivers.simulated.axis import make_axis
 from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.options import SimulatedOptions
 from tests.experiment.beyond import experiment_of
 
 _ANY: Final = 1e6
@@ -66,6 +67,7 @@ def worst_of_controller(controller: Controller, variant: str, seed: int) -> floa
 def _worst_of_case(controller: Controller, config: ExperimentConfig, number: int) -> float:
     case, limits = config.cases[number], config.axes["x"].limits
     options, period_s = config.devices["rig"].options, 1.0 / controller.rate_hz
+    assert isinstance(options, SimulatedOptions)  # noqa: S101 - for the type checker
     plant = make_axis(options, np.random.SeedSequence(config.seed).spawn(1)[0]).plant.parameters
     law = controller.law(response_of(plant, period_s))
     notches = [notch(mode, period_s) for mode in law.notches]

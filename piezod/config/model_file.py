@@ -79,6 +79,9 @@ class PathConfig(ConfigModel):
     skew: Annotated[float, Quantity(-0.99, 0.99)] = Field(
         description="How much faster it relaxes on its way from zero than to it, as a share."
     )
+    exponent: Annotated[float, Quantity(1, 4)] | None = Field(
+        default=None, description="If it is above 1, a small state relaxes less; without it 1."
+    )
 
 
 class ModelFile(ConfigModel):

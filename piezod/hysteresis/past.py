@@ -61,7 +61,7 @@ class SurfacePast:
 
     Args:
         coefficients: (24,) coefficients.
-        terms: (7,) constants of the optional terms, from `SurfaceForm.terms`.
+        terms: (8,) constants of the optional terms, from `SurfaceForm.terms`.
     """
 
     def __init__(self, coefficients: FloatArray, terms: FloatArray) -> None:

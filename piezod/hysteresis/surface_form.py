@@ -48,7 +48,7 @@ class SurfaceStage:
 
     Args:
         coefficients: (24,) coefficients.
-        terms: (7,) constants of the optional terms, from `SurfaceForm.terms`.
+        terms: (8,) constants of the optional terms, from `SurfaceForm.terms`.
     """
 
     def __init__(self, coefficients: FloatArray, terms: FloatArray) -> None:
@@ -73,7 +73,7 @@ class SurfaceForm:
 
     @property
     def terms(self) -> FloatArray:
-        """Constants of the optional terms, shape (7,), for the kernels."""
+        """Constants of the optional terms, shape (8,), for the kernels."""
         path = self.path.constants if self.path else NO_PATH
         return np.concatenate((new_lag(self.activation, self.prompt_slope, self.period_s), path))
 

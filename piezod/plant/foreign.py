@@ -133,17 +133,18 @@ def _maxwell_slip(
     """Return u minus the forces; the elements that slip have their direction behind the forces."""
     limit = 1.0 + facts[0] * exp(-abs(rate) / facts[1])
     share = 1.0 - exp(-step_s * facts[2])
+    way = (moved > 0.0) - (moved < 0.0)
     left = unit
     for i in range(ELEMENTS):
         force, slips, most = inner[i], inner[ELEMENTS + i], facts[3 + i] * limit
-        if slips * moved < 0.0:
+        # Only a motion lets an element slip, and in its own direction.
+        if slips * way < 0.0:
             slips = 0.0
         if slips == 0.0:
             force += moved / ELEMENTS
-            if abs(force) >= most:
-                slips = 1.0 if force > 0.0 else -1.0
-                force = slips * most
-        else:
+            if force * way >= most:
+                slips, force = float(way), way * most
+        elif way != 0:
             force += share * (slips * most - force)
         inner[i], inner[ELEMENTS + i] = force, slips
         left -= force

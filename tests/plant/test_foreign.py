@@ -28,7 +28,8 @@ class Part:
 
     def move(self, unit: float, rate: float = 0.0) -> float:
         """Move the drive within a second; return the displacement since rest, in its own unit."""
-        return raw_part(unit, 1.0, rate, self._law, self.inner, self.facts) - self._at_rest
+        raw = raw_part(unit, 1.0, rate, self._law, self.inner, self.facts)
+        return float(raw - self._at_rest)
 
 
 def test_coleman_hodgdon_follows_its_equation() -> None:

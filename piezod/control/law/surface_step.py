@@ -63,7 +63,7 @@ def step(  # noqa: D417 - arguments are described in groups
 
     Args:
         levels, values, now, last, counts: Arrays of a memory of drives.
-        carried, terms: (6,) values that are carried from one step to the next; (7,) constants of
+        carried, terms: (6,) values that are carried from one step to the next; (8,) constants of
             the optional terms of the surface.
         weights, target, share: (24,) coefficients in use; those that they approach; share of the
             remaining distance that they move in this step.

@@ -17,6 +17,7 @@ from piezod.errors import ModelError
 from piezod.experiment.fit.fit import Fit
 from piezod.hysteresis import StopForm, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
 from piezod.reading.part import split_path
 
 
@@ -85,10 +86,15 @@ def model_fields(model: StageModel) -> dict[str, Any]:
                 "surface_coefficients": tuple(model.weights.tolist()),
                 "surface_activation": model.form.activation,
                 "surface_prompt_slope": model.form.prompt_slope,
-                "surface_path": PathConfig(**asdict(path)) if path else None,
+                "surface_path": _path_fields(path) if path else None,
             }
         case _:
             raise TypeError(f"no model file for a {type(model.form).__name__}")
+
+
+def _path_fields(path: PathRelaxation) -> PathConfig:
+    exponent = None if path.exponent == 1.0 else path.exponent
+    return PathConfig(**asdict(path) | {"exponent": exponent})
 
 
 def _stop_fields(bank: FloatArray, weights: FloatArray) -> dict[str, Any]:
