@@ -39,7 +39,7 @@ class Uncertainty(NamedTuple):
 class Plan(NamedTuple):
     """Voltages for a trajectory; all arrays have the shape (n,)."""
 
-    t_s: FloatArray  #: Instants from which the voltages hold, since the start, in s.
+    t_s: FloatArray  #: Instants from which the voltages hold, in s; the first is that given.
     drive_v: FloatArray  #: Voltages, in V.
     position_um: FloatArray  #: Positions of the trajectory at these instants, in µm.
     predicted_um: FloatArray  #: Positions that the model predicts at these instants, in µm.
@@ -198,7 +198,7 @@ class LoadedModel:
             shown_um[k] = law.expected_um
             limited.append(law.limited.value)
         return Plan(
-            at_s,
+            times_s[0] + at_s,
             drive_v,
             np.array([reference(each_s) for each_s in at_s.tolist()]),
             np.interp(at_s - lookahead_s, at_s, shown_um, left=before_um),
