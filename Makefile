@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test test test-all test-lowest coverage stress faults mutants chaos liars soak vm peers epics \
+.PHONY: help demo docs docs-test compiled test test-compiled test-all test-lowest coverage stress faults mutants chaos liars soak vm peers epics \
 	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel release bench bench-peers figures lock clean
 
 help: ## show this list
@@ -26,6 +26,14 @@ demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a re
 
 test: $(STAMP) ## run the tests
 	$(BIN)/python -m pytest $(WORKERS)
+
+compiled: $(STAMP) ## compile what a cycle runs into build/compiled (some minutes; needs a C compiler)
+	rm -rf build/compiled build/compiled-wheel
+	PIEZOD_COMPILE=1 $(BIN)/python -m build --wheel --no-isolation --outdir build/compiled-wheel .
+	$(BIN)/python -m zipfile -e build/compiled-wheel/*.whl build/compiled
+
+test-compiled: compiled ## run the tests with compiled modules; tells how many these refuse, and why
+	PYTHONSAFEPATH=1 PYTHONPATH=$(CURDIR)/build/compiled $(BIN)/pytest -p tests.compiled.left_out $(WORKERS)
 
 test-all: ## run the tests with each Python that piezod supports (some ten minutes each)
 	@.ci/test-all $(WORKERS)

@@ -2,12 +2,14 @@
 
     python -m benchmarks.variants [--seeds 1 2 3 4 5] [--csv FILE] [STAGE ...]
     python -m benchmarks.variants --limits [--seeds 1] [--csv FILE] [STAGE ...]
+    python -m benchmarks.variants --foreign [--small] [--seeds 1 2 3 4 5] [--csv FILE]
 
 Prints for each stage and specimen the worst of the three cases in % of the range of a case, and at
 the end of each stage the worst of its specimens. One specimen takes about half a minute. With
 `--limits` it prints the errors of the stages that miss a target, and those without the effect that
-limits them. `--csv` writes the worst of each stage: `docs/measured/specimens.csv` and
-`limits.csv` are such files.
+limits them; with `--foreign` those of the stages that no model describes; with `--small` those of
+loops of 2 to 10 % of the travel, in % of the loop. `--csv` writes the worst of each stage:
+`docs/measured/specimens.csv` and `limits.csv` are such files.
 """
 
 import argparse
@@ -19,7 +21,7 @@ from typing import Any, NamedTuple
 from piezod.config.modes import Mode
 from piezod.experiment.virtual.run import run_experiment
 from piezod.plant.variants import VARIANTS
-from tests.experiment.beyond import LIMITS, experiment_of
+from tests.experiment.beyond import FOREIGN, LIMITS, experiment_of, small_loops
 
 MODES = (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
 METRIC = "true_tracking_max_pct"
@@ -48,15 +50,18 @@ class Line(NamedTuple):
         return f"{self.variant:22} {self.seed:>5} {errors}  {self.lifted}".rstrip()
 
 
-def worst_pct(variant: str, seed: int, **rig: Any) -> list[float]:
+def worst_pct(variant: str, seed: int, *, small: bool = False, **rig: Any) -> list[float]:
     """Return the worst true tracking error of each mode, in %.
 
     Args:
         variant: Name of the variant.
         seed: Seed of the specimen.
+        small: Whether the cases are small loops.
         rig: Further options of the rig.
     """
     config = experiment_of(variant, seed, **rig).model_copy(update={"modes": MODES})
+    if small:
+        config = small_loops(config)
     result = run_experiment(config, "", config.title, lambda _label, _share: None)
     return [
         max(each.metrics[METRIC] for each in result.recordings if each.mode == mode)
@@ -64,12 +69,12 @@ def worst_pct(variant: str, seed: int, **rig: Any) -> list[float]:
     ]
 
 
-def lines(variants: list[str], seeds: list[int]) -> Iterator[Line]:
+def lines(variants: list[str], seeds: list[int], *, small: bool = False) -> Iterator[Line]:
     """Yield the lines of the table."""
     for variant in variants:
         rows = []
         for seed in seeds:
-            rows.append(worst_pct(variant, seed))
+            rows.append(worst_pct(variant, seed, small=small))
             yield Line(variant, str(seed), rows[-1])
         yield Line(variant, WORST, [max(column) for column in zip(*rows, strict=True)])
 
@@ -108,13 +113,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", help="1 2 3 4 5, with --limits 1")
     parser.add_argument("--limits", action="store_true", help="without what limits the errors")
+    parser.add_argument("--foreign", action="store_true", help="stages that no model describes")
+    parser.add_argument("--small", action="store_true", help="small loops, in %% of the loop")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the worst ones there, too")
-    parser.add_argument("variants", nargs="*", default=list(VARIANTS), metavar="STAGE")
+    parser.add_argument("variants", nargs="*", metavar="STAGE")
     arguments = parser.parse_args()
-    table, seeds = (limits, [1]) if arguments.limits else (lines, [1, 2, 3, 4, 5])
+    seeds = arguments.seeds or ([1] if arguments.limits else [1, 2, 3, 4, 5])
+    variants = arguments.variants or list(FOREIGN if arguments.foreign else VARIANTS)
+    small = arguments.small
+    table = limits(variants, seeds) if arguments.limits else lines(variants, seeds, small=small)
     print(f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in MODES))
     found = []
-    for line in table(arguments.variants, arguments.seeds or seeds):
+    for line in table:
         print(line, flush=True)
         found.append(line)
     if arguments.csv:

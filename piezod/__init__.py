@@ -19,3 +19,9 @@ def __getattr__(name: str) -> Any:
     if name != "__version__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return import_module("importlib.metadata").version("piezod")
+
+
+def build() -> str:
+    """Return "compiled" if the modules that a cycle runs are machine code, else "interpreted"."""
+    light = import_module("piezod.units")  # one of them
+    return "interpreted" if str(light.__file__).endswith(".py") else "compiled"

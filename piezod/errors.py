@@ -13,6 +13,7 @@
     │       └── PortHeldError             another program holds the port of a device
     ├── StillDrivenError          a stage could not be brought to its safe voltage
     ├── PlayCancelledError        nobody waits for the rest of a play
+    ├── FiguresMissingError       what draws figures is not installed
     ├── AlreadyRunningError       another daemon owns the stage
     └── ClientError               the exchange with a running daemon failed
         ├── NotRunningError           no daemon runs, or not the requested one
@@ -112,6 +113,10 @@ class StillDrivenError(PiezodError):
 
 class PlayCancelledError(PiezodError):
     """Raised between two exchanges with a device if the play was cancelled meanwhile."""
+
+
+class FiguresMissingError(PiezodError):
+    """Raised if figures are to be drawn, and the extra `figures` is not installed."""
 
 
 class AlreadyRunningError(PiezodError):

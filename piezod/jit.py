@@ -11,18 +11,26 @@ import inspect
 import logging
 import os
 import pickle
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
-import numba
-from numba.core.caching import (
+# numba imports both where they are installed, the first for its version only: the loop has no use
+# for them.
+_ABSENT: Final = [name for name in ("scipy", "coverage") if name not in sys.modules]
+sys.modules.update(dict.fromkeys(_ABSENT))  # type: ignore[arg-type] # None: it cannot be imported
+import numba  # noqa: E402 - see above
+from numba.core.caching import (  # noqa: E402 - see above
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
     NullCache,
 )
-from numba.core.dispatcher import Dispatcher
+from numba.core.dispatcher import Dispatcher  # noqa: E402 - see above
+
+for _name in _ABSENT:
+    del sys.modules[_name]
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -61,23 +69,24 @@ class _Notices:
 
     Attributes:
         listeners: Each gets the number of kernels whose compilation has begun.
+        count: That number.
     """
 
     def __init__(self) -> None:
         self.listeners: list[Callable[[int], None]] = []
-        self._count, self._told = 0, False
+        self.count, self._told = 0, False
 
     def compiling(self) -> None:
         """Count a kernel, and say so now and then."""
-        self._count += 1
-        if self._count == 1:
+        self.count += 1
+        if self.count == 1:
             _log.warning(
                 "piezod: compiling the kernels for this processor; this takes up to a minute"
             )
-        elif self._count % _EVERY == 0:
-            _log.warning("piezod: compiling: %d kernels so far", self._count)
+        elif self.count % _EVERY == 0:
+            _log.warning("piezod: compiling: %d kernels so far", self.count)
         for listener in self.listeners:
-            listener(self._count)
+            listener(self.count)
 
     def bad_cache(self, what: str) -> None:
         """Say once in this process what is wrong with the cache."""
@@ -87,6 +96,11 @@ class _Notices:
 
 
 _notices = _Notices()
+
+
+def compilations() -> int:
+    """Return the number of kernels whose compilation this process has begun."""
+    return _notices.count
 
 
 def tell_compilations(listener: Callable[[int], None]) -> None:
@@ -182,7 +196,8 @@ class _Cache(FunctionCache):
         """Return a kernel from the cache; None if it has to be compiled."""
         found = None
         try:
-            found = super().load_overload(sig, target_context)
+            # numba's `load_overload` would first import all that a compilation needs: 0.2 s, 30 MB.
+            found = self._load_overload(sig, target_context)
         except Exception as error:  # noqa: BLE001 - of another version of LLVM, for example
             self._tell("be used", error)
         if found is None:

@@ -140,20 +140,20 @@ def looks_here() -> Iterator[Callable[[], bool]]:
 
     Yield what users have; see `looks_elsewhere`.
     """
-    from piezod import bounds  # noqa: PLC0415 - as above
+    from piezod import resource_limits  # noqa: PLC0415 - as above
 
-    of_users = bounds.is_bounded
+    of_users = resource_limits.is_bounded
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bounds, "is_bounded", lambda: True)
+        patch.setattr(resource_limits, "is_bounded", lambda: True)
         yield of_users
 
 
 @pytest.fixture
 def looks_elsewhere(monkeypatch: pytest.MonkeyPatch, looks_here: Callable[[], bool]) -> None:
     """Look through HDF5 files in a process of its own, as for users."""
-    from piezod import bounds  # noqa: PLC0415 - as above
+    from piezod import resource_limits  # noqa: PLC0415 - as above
 
-    monkeypatch.setattr(bounds, "is_bounded", looks_here)
+    monkeypatch.setattr(resource_limits, "is_bounded", looks_here)
 
 
 Figure = Callable[[str], None]

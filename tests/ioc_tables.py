@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from piezod.ioc.motor_fields import FIELDS, Field
-from piezod.ioc.table import AXIS, FAULT_GROUPS, STAGE, Record
+from piezod.ioc.table import AXIS_RECORDS, FAULT_GROUPS, STAGE_RECORDS, Record
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "ioc.md"
 BEGIN: Final = "<!-- {}: made by `python -m tests.ioc_tables`, begin -->\n"
@@ -23,8 +23,8 @@ def page() -> str:
     lists = {
         "motor": following_fields(),
         "fixed": fixed_fields(),
-        "axis": records_of(AXIS),
-        "stage": records_of(STAGE),
+        "axis": records_of(AXIS_RECORDS),
+        "stage": records_of(STAGE_RECORDS),
     }
     for name, lines in lists.items():
         before, begin, rest = text.partition(BEGIN.format(name))

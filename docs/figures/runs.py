@@ -121,7 +121,8 @@ def on_another_specimen() -> tuple[Recording, ...]:
     recordings: list[Recording] = []
     for mode in COMPENSATED:
         with opened(other, _ignore) as stage:
-            creeping = Creeping(first.model, stage.period_ns / NS_PER_S)
+            rest_v = axis.limits.rest_v
+            creeping = Creeping(first.model, rest_v, stage.period_ns / NS_PER_S)
             axes = {"x": replace(first, config=axis, creeping=creeping)}
             runs = run_case(stage, other, axes, config.cases[1], mode)
             recordings += [each.recording for each in runs]

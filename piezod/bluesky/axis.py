@@ -28,7 +28,7 @@ from ophyd_async.core import StandardReadableFormat as Format
 from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.motion import move_to
 from piezod.bluesky.recorded import Column
-from piezod.bluesky.signals import Source, movable, readable
+from piezod.bluesky.signals import SignalSource, movable, readable
 from piezod.errors import NotReachedError, RefusedError
 from piezod.messages.shown import unit_of
 
@@ -99,7 +99,7 @@ class PiezoAxis(
         with self.add_children_as_readables(Format.CONFIG_SIGNAL):
             self.mode = readable(
                 link,
-                Source(
+                SignalSource(
                     f"{axis}/mode",
                     str,
                     lambda status: status.axes[axis].mode,
@@ -109,7 +109,7 @@ class PiezoAxis(
             self.speed, self._set_speed = soft_signal_r_and_setter(float, units="um/s")
             self.low_limit, self._set_low_limit = soft_signal_r_and_setter(float, units="um")
             self.high_limit, self._set_high_limit = soft_signal_r_and_setter(float, units="um")
-        target = Source(
+        target = SignalSource(
             f"{axis}/target_um",
             float,
             lambda status: status.axes[axis].target_um,
@@ -246,8 +246,8 @@ class PiezoAxis(
         self._set_low_limit(facts.range_um[0])
         self._set_high_limit(facts.range_um[1])
 
-    def _measured(self, quantity: str) -> Source[float]:
-        return Source(
+    def _measured(self, quantity: str) -> SignalSource[float]:
+        return SignalSource(
             f"{self._axis}/{quantity}",
             float,
             lambda status: getattr(status.axes[self._axis], quantity),
@@ -258,10 +258,9 @@ class PiezoAxis(
     def _metadata(self, quantity: str) -> Callable[[], SignalMetadata]:
         def metadata() -> SignalMetadata:
             unit = unit_of(quantity)
-            sign = unit.sign.replace("µ", "u")
-            found = SignalMetadata(units=sign, precision=unit.fine)
+            found = SignalMetadata(units=unit.ascii, precision=unit.fine)
             if facts := self._link.facts.get(self._axis):  # not in mock mode
-                low, high = facts.drive_v if sign == "V" else facts.range_um
+                low, high = facts.drive_v if unit.sign == "V" else facts.range_um
                 found["limits"] = Limits(control=LimitsRange(low=low, high=high))
             return found
 

@@ -1,20 +1,14 @@
 """Movements, and the wait for their end."""
 
 from asyncio import Event
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
-from typing import Final
 
 from piezod.bluesky.connected_stage import ConnectedStage
-from piezod.client.arrival import Arriving, arrival
+from piezod.client.arrival import StartedMove
 from piezod.client.calls import Waveforms
 from piezod.errors import RefusedError
-from piezod.messages.answers import Answer
-from piezod.messages.telemetry import Telemetry
-
-_SETTLE_S: Final = 1.0
-"""Time after the end of waveforms for the axes to settle, in s."""
 
 
 async def move_to(
@@ -34,23 +28,18 @@ async def move_to(
         NotReachedError: If the movement ends before its target, or takes too long.
         ClientError: If the daemon refuses it, or ends.
     """
-    async with link.commanding(), link.mirror.listening() as intervals:
+    async with link.commanding():
         with moving(link, axis):
             await link.mover.go_on()
             answer = (await link.mover.goto({axis: position_um}))[axis]
-            has_sensor = link.facts[axis].has_sensor
-            arriving = Arriving(answer, axis, None if limited else inf, has_sensor=has_sensor)
-            async for interval in intervals:
-                if arriving.feed(interval):
-                    return
+            move = StartedMove(answer, (axis,))
+            await link.mirror.arrived(move, None if limited else inf)
 
 
 async def follow_waves(
     link: ConnectedStage, command_um: Waveforms, duration_s: float, begun: Event
 ) -> None:
-    """Follow waveforms; return when they have ended and all axes are on target.
-
-    If an axis does not come within its tolerance, the end is `_SETTLE_S` after the waveforms.
+    """Follow waveforms; return when the movement is done.
 
     Args:
         link: Connection to the stage.
@@ -62,27 +51,11 @@ async def follow_waves(
         NotReachedError: If the stage was stopped, held, or moved by another client.
         ClientError: If the daemon refuses them, or ends.
     """
-    async with link.mirror.listening() as intervals:
-        with moving(link, *command_um):
-            await link.mover.go_on()
-            answer = await link.daemon.wave(command_um, duration_s)
-            begun.set()
-            await _waves_end(intervals, answer, tuple(command_um))
-
-
-async def _waves_end(
-    intervals: AsyncIterator[Telemetry], answer: Answer, axes: tuple[str, ...]
-) -> None:
-    begin_s = inf
-    async for interval in intervals:
-        arrival(interval, answer.motion, axes[0])  # raises if the movement was interrupted
-        if interval.axes[axes[0]].motion < answer.motion:
-            continue
-        begin_s = min(begin_s, interval.t_s)
-        if all(interval.axes[axis].on_target for axis in axes):
-            return
-        if interval.t_s - begin_s > answer.duration_s + _SETTLE_S:
-            return
+    with moving(link, *command_um):
+        await link.mover.go_on()
+        answer = await link.daemon.wave(command_um, duration_s)
+        begun.set()
+        await link.mirror.arrived(StartedMove(answer, tuple(command_um), follows_waves=True))
 
 
 @contextmanager

@@ -30,7 +30,7 @@ _DOWN: Final = (State.BLIND, State.FAULT, State.ESTOP)
 ValueT = TypeVar("ValueT", bound=float | str)
 
 
-class Source(NamedTuple, Generic[ValueT]):
+class SignalSource(NamedTuple, Generic[ValueT]):
     """How to read a value."""
 
     path: str  #: Path below the stage, for example "x/position_um".
@@ -54,7 +54,7 @@ class StageBackend(SignalBackend[ValueT]):
     def __init__(
         self,
         link: ConnectedStage,
-        source: Source[ValueT],
+        source: SignalSource[ValueT],
         move: Callable[[ValueT], Awaitable[None]] | None = None,
     ) -> None:
         super().__init__(source.datatype)
@@ -125,13 +125,13 @@ class StageBackend(SignalBackend[ValueT]):
         )
 
 
-def readable(link: ConnectedStage, source: Source[ValueT]) -> SignalR[ValueT]:
+def readable(link: ConnectedStage, source: SignalSource[ValueT]) -> SignalR[ValueT]:
     """Return a signal that can be read and monitored."""
     return SignalR(StageBackend(link, source))
 
 
 def movable(
-    link: ConnectedStage, source: Source[float], move: Callable[[float], Awaitable[None]]
+    link: ConnectedStage, source: SignalSource[float], move: Callable[[float], Awaitable[None]]
 ) -> SignalRW[float]:
     """Return a signal that moves the stage; to set it is to wait for the arrival."""
     return SignalRW(StageBackend(link, source, move), timeout=None)

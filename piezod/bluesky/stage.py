@@ -19,7 +19,7 @@ from piezod.bluesky.axis import PiezoAxis
 from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.flyer import PiezoFlyer
 from piezod.bluesky.recorded import Column
-from piezod.bluesky.signals import Source, readable
+from piezod.bluesky.signals import SignalSource, readable
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.errors import ClientError, RefusedError
@@ -95,9 +95,9 @@ class PiezoStage(StandardReadable):
                 raise ValueError(f"axis {axis!r} has the name of an attribute of this device")
             setattr(self, axis, device)
         self.add_readables(list(self.axes.values()))
-        state = Source("state", str, lambda now: now.state, lambda now: now.state)
+        state = SignalSource("state", str, lambda now: now.state, lambda now: now.state)
         self.state = readable(link, state)
-        faults = Source(
+        faults = SignalSource(
             "faults",
             str,
             lambda now: ", ".join(fault.id for fault in now.faults),

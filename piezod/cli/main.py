@@ -44,7 +44,7 @@ _UTF8_MODE: Final = "PYTHONUTF8"
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"piezod {piezod.__version__}")
+        typer.echo(f"piezod {piezod.__version__} ({piezod.build()})")
         raise typer.Exit
 
 

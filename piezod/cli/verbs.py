@@ -90,6 +90,11 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
             "daemon.init",
             "Write the example configurations: stages, their models, experiments.",
         ),
+        (
+            "compile",
+            "daemon.compile:compile_kernels",
+            "Compile the kernels of the loop for this processor, before the first start.",
+        ),
         ("run", "daemon.run", "Run the daemon of a stage until Ctrl-C or SIGTERM."),
         ("safe", "daemon.safe", "Ramp a stage to its safe voltage after its daemon has died."),
         (
@@ -113,6 +118,7 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
         ("list", "look.list_stages:list_running", "List the running stages of this machine."),
         ("group status", "group.group", "List the stages of a group as `piezod list` does."),
         ("group arm", "group.group", "Arm all stages of a group."),
+        ("group goto", "group.waves", "Move stages to positions."),
         ("group wave", "group.waves", "Follow waveforms that begin together."),
         ("group play", "group.waves", "Play tables that begin together."),
         ("group hold", "group.group", "Hold the voltages of all stages."),

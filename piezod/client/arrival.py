@@ -1,8 +1,10 @@
-"""Whether a movement has reached its target, from telemetry."""
+"""When a movement is done, from telemetry: the one rule of all clients and adapters."""
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Final
+from math import inf, nan
+from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
@@ -12,10 +14,14 @@ from piezod.messages.answers import Answer, AxisStatus, Status
 from piezod.messages.documents import Message
 from piezod.messages.telemetry import AxisTelemetry, Range, Telemetry
 
-SETTLE_S: Final = 30.0
+ARRIVAL_MARGIN_S: Final = 30.0
 """Longest time on the way to a target beyond what the daemon says that the movement takes, in s."""
+WAVE_MARGIN_S: Final = 1.0
+"""Longest time after the end of waveforms for the axes to settle, in s."""
 SAME_UM: Final = 1e-6
 """A command that is closer than this to its target has arrived, in µm."""
+LATE, INTERRUPTED, SUPERSEDED, LEASE_HELD = "timeout", "state", "superseded", "lease_held"
+"""Codes of the errors of a movement that was not done; the last one is also of the daemon."""
 _NO_CAUSE: Final = frozenset({Fault.D10, Fault.P6, Fault.P7, Fault.P11, Fault.P15})
 """Faults that change no state."""
 _REMEDIES: Final[dict[str, str]] = {
@@ -40,7 +46,7 @@ class Arrival(Message):
 
     axis: str  #: Name of the axis.
     motion: int  #: Number of the movement.
-    position_um: float  #: Measured position, in µm.
+    position_um: float  #: Measured position, in µm; NaN if it is unknown where a waveform ends.
 
 
 def has_arrived(state: str, axis: AxisStatus | AxisTelemetry, *, has_sensor: bool) -> bool:
@@ -73,72 +79,71 @@ def refuse_without_sensor(status: Status, axis: str | None) -> None:
         raise RefusedError(what, "move without waiting for the position", "no_sensor")
 
 
-def arrival(
-    interval: Telemetry, motion: int, axis: str | None, *, has_sensor: bool = True
-) -> Arrival | None:
-    """Return the arrival of a movement, or None while the movement continues.
+class StartedMove(NamedTuple):
+    """A movement that a stage has accepted."""
 
-    Args:
-        interval: The newest interval of telemetry.
-        motion: Number of the movement.
-        axis: Name of its axis; None for the only axis.
-        has_sensor: Whether the axis has a sensor; otherwise its position is its command.
-
-    Raises:
-        NotReachedError: If the movement has ended before its target.
-    """
-    name = axis or next(iter(interval.axes))
-    now = interval.axes[name]
-    if now.motion < motion:
-        return None  # an interval before the movement began
-    if now.motion > motion:
-        what = f"axis {name}: another movement has replaced this one"
-        raise NotReachedError(what, code="superseded")
-    position_um = now.position_um.last if has_sensor else now.command_um.last
-    if position_um is not None and has_arrived(interval.state, now, has_sensor=has_sensor):
-        return Arrival(axis=name, motion=motion, position_um=position_um)
-    if interval.state != State.RUN:
-        because = because_of(interval)
-        what = (
-            f"axis {name}: the stage went to {interval.state}{because} before it reached the target"
-        )
-        raise NotReachedError(what, "`piezod faults` shows more", "state")
-    return None
+    answer: Answer  #: The answer of the stage.
+    axes: tuple[str, ...]  #: Names of its axes; empty for the only axis.
+    follows_waves: bool = False  #: Whether the axes follow waveforms, and go to no position.
 
 
 class Arriving:
-    """Decides from telemetry when the movement of an axis is done, for everybody who waits for it.
+    """Decides from telemetry when a movement is done, for everybody who waits for it.
+
+    It is done when each axis has been on target. Where a waveform ends that is not demanded: the
+    movement is done `WAVE_MARGIN_S` after its end at the latest.
 
     Args:
-        answer: The answer that has started it.
-        axis: Name of its axis; None for the only axis.
+        move: The movement.
         timeout_s: Longest time to wait, in s; infinite for no limit, None for the time that the
-            movement takes, and `SETTLE_S`.
-        has_sensor: Whether the axis has a sensor.
+            movement takes, and `ARRIVAL_MARGIN_S`.
+        blind: Axes without a sensor.
     """
 
     def __init__(
-        self,
-        answer: Answer,
-        axis: str | None,
-        timeout_s: float | None = None,
-        *,
-        has_sensor: bool = True,
+        self, move: StartedMove, timeout_s: float | None = None, *, blind: Collection[str] = ()
     ) -> None:
-        self._motion, self._axis, self._has_sensor = answer.motion, axis, has_sensor
-        self._longest_s = answer.duration_s + SETTLE_S if timeout_s is None else timeout_s
-        self._start_s = time.monotonic()
+        self._move, self._blind, self._start_s = move, blind, time.monotonic()
+        takes_s = move.answer.duration_s
+        self._ends_s = takes_s + WAVE_MARGIN_S if move.follows_waves else inf
+        self._longest_s = takes_s + ARRIVAL_MARGIN_S if timeout_s is None else timeout_s
+        self._motions: dict[str, int] = {}
+        self._arrived: dict[str, Arrival] = {}
 
-    def feed(self, interval: Telemetry) -> Arrival | None:
-        """Take the next interval; return the arrival, or None while the movement continues.
+    def feed(self, interval: Telemetry) -> tuple[Arrival, ...]:
+        """Take the next interval; return where the axes have arrived, empty until all have.
 
         Raises:
-            NotReachedError: If the movement has ended before its target, or takes too long.
+            NotReachedError: If the movement takes too long, or if another movement or another state
+                has ended it, also after the arrival.
         """
-        arrived = arrival(interval, self._motion, self._axis, has_sensor=self._has_sensor)
-        if arrived is None and time.monotonic() - self._start_s > self._longest_s:
-            raise too_late(interval, self._axis, self._longest_s)
-        return arrived
+        axes = self._move.axes or tuple(interval.axes)[:1]
+        self._motions.setdefault(axes[0], self._move.answer.motion)
+        begun = interval.axes[axes[0]].motion >= self._motions[axes[0]]
+        since_s = time.monotonic() - self._start_s
+        for axis in axes:
+            if begun:
+                self._look(interval, axis, ended=since_s > self._ends_s)
+            if since_s > self._longest_s and axis not in self._arrived:
+                raise too_late(interval, axis, self._longest_s)
+        return tuple(self._arrived.values()) if len(self._arrived) == len(axes) else ()
+
+    def _look(self, interval: Telemetry, axis: str, *, ended: bool) -> None:
+        now, has_sensor = interval.axes[axis], axis not in self._blind
+        # The axes of a movement begin in the same cycle, each with a number of its own.
+        if now.motion > self._motions.setdefault(axis, now.motion):
+            what = f"axis {axis}: another movement has replaced this one"
+            raise NotReachedError(what, code=SUPERSEDED)
+        if interval.state != State.RUN:
+            when = "after its arrival" if axis in self._arrived else "before it reached the target"
+            what = f"axis {axis}: the stage went to {interval.state}{because_of(interval)} {when}"
+            raise NotReachedError(what, "`piezod faults` shows more", INTERRUPTED)
+        position_um = now.position_um.last if has_sensor else now.command_um.last
+        known = position_um is not None
+        if ended or (known and has_arrived(interval.state, now, has_sensor=has_sensor)):
+            there_um = nan if position_um is None else position_um
+            arrival = Arrival(axis=axis, motion=now.motion, position_um=there_um)
+            self._arrived.setdefault(axis, arrival)
 
 
 def because_of(interval: Telemetry) -> str:
@@ -165,7 +170,7 @@ def too_late(interval: Telemetry, axis: str | None, timeout_s: float) -> NotReac
     if now.error_um.last is not None:
         what += f", the error is {now.error_um.last:+.3f} µm"
     cause = _likely_cause(now, memory_unknown=Fault.D10 in interval.faults)
-    return NotReachedError(what, f"the stage continues; {cause}", "timeout")
+    return NotReachedError(what, f"the stage continues; {cause}", LATE)
 
 
 def _likely_cause(now: AxisTelemetry, *, memory_unknown: bool) -> str:

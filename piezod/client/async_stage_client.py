@@ -6,7 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from piezod.client.arrival import Arrival, Arriving, refuse_without_sensor
+from piezod.client.arrival import Arrival, Arriving, StartedMove, refuse_without_sensor
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
@@ -140,10 +140,10 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         """
         refuse_without_sensor(await self.status(), axis)
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
-        arriving = Arriving(answer, axis, timeout_s)
+        arriving = Arriving(StartedMove(answer, (axis,) if axis else ()), timeout_s)
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             async for interval in intervals:
-                if arrived := arriving.feed(interval):
+                for arrived in arriving.feed(interval):
                     return arrived
         raise self.place.ended()
 

@@ -50,9 +50,13 @@ class DaemonLink(StageCommands, StageReports, AsyncCaller):
             await asyncio.sleep(_RETRY_S)
         return await self._call(call)
 
-    async def close(self) -> None:
-        """Release the lease and close the connection; the stage continues."""
-        if self._commanded:
+    async def close(self, *, release: bool = True) -> None:
+        """Close the connection, and release the lease before; the stage continues.
+
+        Args:
+            release: Whether to release the lease; otherwise it expires.
+        """
+        if self._commanded and release:
             with suppress(ClientError):
                 await self.release_lease()
         await self._disconnect()

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Final, TypeAlias, TypeVar
+from typing import Final, NoReturn, TypeAlias, TypeVar
 
+from piezod.client.arrival import INTERRUPTED, LATE, LEASE_HELD, SUPERSEDED
 from piezod.client.calls import Call
 from piezod.client.parallel import Outcomes, in_parallel
 from piezod.client.stage_client import StageClient
@@ -21,6 +22,8 @@ LOOK_WITHIN_S: Final = 2.0
 """Time for all stages to report the status, to give the lease, or to take a request back, in s."""
 STOP_WITHIN_S: Final = 2.0
 """Time for all stages to accept a request towards safety, in s."""
+_LEFT_ALONE: Final = (INTERRUPTED, SUPERSEDED, LEASE_HELD)
+"""Codes of the errors of a movement that has ended, or whose stage another client has now."""
 _SURE: Final = (RefusedError, NotRunningError)
 """Errors after which a stage has surely not carried out the request."""
 
@@ -85,6 +88,30 @@ class GroupRequests:
                 del undone.failed[name]
         self._release(before)
         raise self._error(what, found.failed, _taken_back(undone))
+
+    def end(self, what: str, stages: Iterable[str], failed: Mapping[str, ClientError]) -> NoReturn:
+        """Hold the stages of a movement that has failed on some of them.
+
+        A stage that has left the movement is left as it is, and so is one that another client has.
+        If the movement only takes too long, all continue.
+
+        Args:
+            what: Name of the movement.
+            stages: Names of its stages.
+            failed: Why it has failed.
+
+        Raises:
+            GroupError: Always.
+        """
+        if all(why.code == LATE for why in failed.values()):
+            raise self._error(what, failed, "all continue")
+        ours = [each for each in stages if getattr(failed.get(each), "code", "") not in _LEFT_ALONE]
+        held = self._send(ours, lambda _, client: client.hold(), STOP_WITHIN_S)
+        parts = [f"{stage} held" for stage in held.done]
+        for stage, why in held.failed.items():
+            if not isinstance(why, RefusedError):  # a refusal means that nothing is driven
+                parts.append(f"{stage} NOT held, {why.what}")
+        raise self._error(what, failed, ", ".join(parts) or "nothing was changed")
 
     def prepare(self, what: str, stages: Iterable[str]) -> dict[str, Status]:
         """Take the leases of all stages; return the status of each before.

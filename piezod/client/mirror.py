@@ -1,7 +1,7 @@
 """A stage as it is seen by a program between its daemon and other clients: page, IOC, GCS, Bluesky.
 
-Whether the daemon answers, what the status is, what the limits are, and what the telemetry says is
-decided here for all of them. `mover` has what they do to the stage.
+Whether the daemon answers, what the status is, what the limits are, what the telemetry says, and
+when a movement is done is decided here for all of them. `mover` has what they do to the stage.
 """
 
 import asyncio
@@ -11,6 +11,7 @@ from contextlib import aclosing, asynccontextmanager, suppress
 from typing import Any, Final, TypeAlias
 
 from piezod.client import AsyncStageClient
+from piezod.client.arrival import Arrival, Arriving, StartedMove
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.errors import unexpected
 from piezod.client.facts import AxisFacts, facts_in
@@ -141,6 +142,35 @@ class StageMirror:
             except ClientError as error:
                 yield error
             await asyncio.sleep(AGAIN_S)
+
+    async def arrivals(
+        self, move: StartedMove, timeout_s: float | None = None
+    ) -> AsyncGenerator[tuple[Arrival, ...], None]:
+        """Yield after each interval where the axes have arrived, empty while the movement goes on.
+
+        It goes on after that, because the stage may be stopped then.
+
+        Args:
+            move: A movement of this stage.
+            timeout_s: As for `Arriving`.
+
+        Raises:
+            NotReachedError: If the movement was interrupted, or takes too long.
+            ClientError: If the daemon does not answer, or ends.
+        """
+        facts = await self.facts(STATUS_EACH_S)
+        blind = [axis for axis, known in facts.items() if not known.has_sensor]
+        arriving = Arriving(move, timeout_s, blind=blind)
+        async with self.listening() as intervals:
+            async for interval in intervals:
+                yield arriving.feed(interval)
+
+    async def arrived(self, move: StartedMove, timeout_s: float | None = None) -> None:
+        """Return when a movement is done; arguments and errors as for `arrivals`."""
+        async with aclosing(self.arrivals(move, timeout_s)) as found:
+            async for arrivals in found:
+                if arrivals:
+                    return
 
     async def until_changed(self, longest_s: float = STATUS_EACH_S) -> None:
         """Wait until the telemetry shows another state than before, at most some time in s."""

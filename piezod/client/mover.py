@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from typing import Final
 
+from piezod.client.arrival import LEASE_HELD
 from piezod.client.daemon_link import DaemonLink
 from piezod.config.states import State
 from piezod.errors import ClientError, NotReachedError, RefusedError
@@ -29,6 +30,9 @@ class StageMover:
 
     Args:
         link: Its connection to the daemon.
+
+    Attributes:
+        lost: Who has the lease that shall be kept here, if it was lost meanwhile.
     """
 
     def __init__(self, link: DaemonLink) -> None:
@@ -37,6 +41,7 @@ class StageMover:
         self._stops, self._held_here = 0, False
         self._leasing = asyncio.Lock()
         self._renewal: asyncio.Task[None] | None = None
+        self.lost: RefusedError | None = None
         self._keepers: set[object] = set()
 
     # ------------------------------------------------------------------ movements
@@ -162,20 +167,28 @@ class StageMover:
             with suppress(ClientError):  # then the daemon has ended, or it ends within 30 s
                 await self.link.release_lease()
 
-    async def close(self) -> None:
-        """Release the lease and close the connection; movements that wait are dropped."""
+    async def close(self, *, release: bool = True) -> None:
+        """Close the connection; movements that wait are dropped.
+
+        Args:
+            release: Whether to release the lease; otherwise it expires.
+        """
         self._stops += 1
         self._keepers.clear()
         if self._renewal is not None:
             self._renewal.cancel()
         async with self._sending:
-            await self.link.close()
+            await self.link.close(release=release)
 
     async def _renew(self) -> None:
         while True:
             await asyncio.sleep(RENEW_EACH_S)
-            with suppress(ClientError):  # the next command reports it
+            try:
                 await self.link.renew_lease()
+                self.lost = None
+            except ClientError as error:  # the next command reports it
+                if isinstance(error, RefusedError) and error.code == LEASE_HELD:
+                    self.lost = error
 
 
 def _stopped(axis: str) -> NotReachedError:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
-from piezod.client.arrival import Arrival, Arriving, refuse_without_sensor
+from piezod.client.arrival import Arrival, Arriving, StartedMove, refuse_without_sensor
 from piezod.client.calls import Call
 from piezod.client.commands import StageCommands
 from piezod.client.errors import translated
@@ -142,10 +142,10 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         """
         refuse_without_sensor(self.status(), axis)
         answer = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
-        arriving = Arriving(answer, axis, timeout_s)
+        arriving = Arriving(StartedMove(answer, (axis,) if axis else ()), timeout_s)
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             for interval in intervals:
-                if arrived := arriving.feed(interval):
+                for arrived in arriving.feed(interval):
                     return arrived
         raise self.place.ended()
 

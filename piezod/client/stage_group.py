@@ -3,11 +3,12 @@
 import time
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
+from piezod.client.arrival import Arrival, StartedMove
 from piezod.client.calls import Call, Waveforms, command
 from piezod.client.group_requests import GroupRequests
 from piezod.client.places import groups_file
@@ -20,6 +21,8 @@ from piezod.messages.stores import Recording
 
 START_IN_S: Final = 1.0
 """Time until a common start, in s, if none is given."""
+_SHORTEST_S: Final = 1e-3
+"""Shortest duration of a waveform, in s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +31,8 @@ class GroupStart:
 
     start_s: float  #: The instant at which they begin, in s as `time.monotonic()`.
     answers: dict[str, Answer]  #: Answers of the stages, by name.
+    #: What `wait` waits for, by name; nothing for tables.
+    moves: Mapping[str, StartedMove] = field(default_factory=dict)
 
 
 class StageGroup:
@@ -121,6 +126,25 @@ class StageGroup:
             "resume", before, lambda _, client: client.resume(), _hold
         )
 
+    def goto(self, targets_um: Mapping[str, Mapping[str, float]]) -> GroupStart:
+        """Move to positions, at the configured speeds, or hold.
+
+        Args:
+            targets_um: Stage: axis: target in µm. Stages without an entry get no request.
+        """
+        # A waveform that stays at the target: all axes of a stage begin in one request.
+        command_um = {
+            stage: {axis: {"kind": "setpoint", "level": um} for axis, um in axes.items()}
+            for stage, axes in targets_um.items()
+        }
+        return self._follow("goto", command_um, _SHORTEST_S, None)
+
+    def goto_and_wait(
+        self, targets_um: Mapping[str, Mapping[str, float]], *, timeout_s: float | None = None
+    ) -> dict[str, tuple[Arrival, ...]]:
+        """Move to positions; return when all axes are on target. As `goto`, then `wait`."""
+        return self.wait(self.goto(targets_um), timeout_s)
+
     def wave(
         self,
         command_um: Mapping[str, Waveforms],
@@ -137,11 +161,33 @@ class StageGroup:
             start_in_s: Time until they begin, in s, at most 30; each axis must be at the start of
                 its waveform by then.
         """
-        calls = {
-            stage: command("wave", command_um=waveforms, duration_s=duration_s)
-            for stage, waveforms in command_um.items()
-        }
-        return self._begin("wave", calls, start_in_s)
+        return self._follow("wave", command_um, duration_s, start_in_s)
+
+    def wait(
+        self, started: GroupStart, timeout_s: float | None = None
+    ) -> dict[str, tuple[Arrival, ...]]:
+        """Return when `goto` or `wave` is done on all stages.
+
+        Meanwhile the leases are kept. If a stage is stopped, has a fault, does not answer, or
+        belongs to another client now, the others hold.
+
+        Args:
+            started: What `goto` or `wave` has returned.
+            timeout_s: Longest time to wait, in s; after that the stages continue. None for the time
+                that the movements take, and 30 s (1 s after waveforms, which are done then).
+
+        Raises:
+            GroupError: If not all stages have arrived.
+            RefusedError: For a table, which has no position.
+        """
+        from piezod.client.group_wait import wait_for  # slow; no command shall wait for it
+
+        if not started.moves:
+            raise RefusedError("a table arrives nowhere", "ask `played` of each client", "value")
+        found = wait_for(started.moves, self.name, timeout_s)
+        if found.failed:
+            self._requests.end("the movement", started.moves, found.failed)
+        return found.done
 
     def play(
         self, tables: Mapping[str, Mapping[str, Any]], *, start_in_s: float = START_IN_S
@@ -156,13 +202,35 @@ class StageGroup:
         calls = {stage: command("play", **table) for stage, table in tables.items()}
         return self._begin("play", calls, start_in_s)
 
-    def _begin(self, verb: str, calls: Mapping[str, Call[Answer]], start_in_s: float) -> GroupStart:
+    def _follow(
+        self,
+        verb: str,
+        command_um: Mapping[str, Waveforms],
+        duration_s: float,
+        start_in_s: float | None,
+    ) -> GroupStart:
+        calls = {
+            stage: command("wave", command_um=waveforms, duration_s=duration_s)
+            for stage, waveforms in command_um.items()
+        }
+        started = self._begin(verb, calls, start_in_s)
+        waves = verb == "wave"
+        moves = {
+            stage: StartedMove(answer, tuple(command_um[stage]), follows_waves=waves)
+            for stage, answer in started.answers.items()
+        }
+        return replace(started, moves=moves)
+
+    def _begin(
+        self, verb: str, calls: Mapping[str, Call[Answer]], start_in_s: float | None
+    ) -> GroupStart:
         before = self._requests.prepare(verb, calls)
-        start_s = time.monotonic() + start_in_s
+        start_s = time.monotonic() + (start_in_s or 0.0)
+        common = {} if start_in_s is None else {"start_s": start_s}
 
         def begin(stage: str, client: StageClient) -> Answer:
             call = calls[stage]
-            return client.call(replace(call, body={**(call.body or {}), "start_s": start_s}))
+            return client.call(replace(call, body={**(call.body or {}), **common}))
 
         answers = self._requests.all_or_none(verb, before, begin, _hold)
         return GroupStart(start_s=start_s, answers=answers)

@@ -1,4 +1,8 @@
-"""Manual driving of one axis: slowly, within its limits, and back to its initial voltage."""
+"""Manual driving of one axis: slowly, within its limits, and back to its initial voltage.
+
+Its cycle is not `control.cycle`, because nothing is known of a new axis: no law computes the
+voltage, a refused write makes the waveform wait, and the end is the voltage that was found.
+"""
 
 import threading
 from collections.abc import Callable, Iterator

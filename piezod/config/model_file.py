@@ -46,6 +46,9 @@ class SourceConfig(ConfigModel):
     sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")] = Field(
         description="SHA-256 of the file, in hexadecimal."
     )
+    read_as: Annotated[str, StringConstraints(min_length=1, max_length=10_000)] | None = Field(
+        default=None, description="How its columns were understood; none for a plain CSV file."
+    )
 
 
 class FitConfig(ConfigModel):
@@ -75,6 +78,9 @@ class PathConfig(ConfigModel):
     )
     skew: Annotated[float, Quantity(-0.99, 0.99)] = Field(
         description="How much faster it relaxes on its way from zero than to it, as a share."
+    )
+    exponent: Annotated[float, Quantity(1, 4)] | None = Field(
+        default=None, description="If it is above 1, a small state relaxes less; without it 1."
     )
 
 

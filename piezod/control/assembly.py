@@ -10,7 +10,6 @@ from piezod.config.modes import Mode
 from piezod.control.controller import StageController
 from piezod.control.faults.register import FaultRegister
 from piezod.control.law.compensated import Start, compensated_axis
-from piezod.control.law.creep import CreepState
 from piezod.control.law.gains import check_gains, prefix_errors
 from piezod.control.law.model import StageModel, unidentified_form, with_found_mode
 from piezod.control.law.model_files import from_model_file, read_model
@@ -121,7 +120,9 @@ def make_stage(
     stage = Stage(
         StageParts(axes, boundary, period_ns, rebuild, plays),
         register,
-        memory_known=capabilities.opens_relaxed,
+        # No stage is relaxed by itself inside its range.
+        memory_known=capabilities.opens_relaxed
+        and not any(watched.axis.law.rests_inside for watched in axes.values()),
         on_output_lost=on_output_lost,
     )
     for text in stage_warnings(config):
@@ -165,7 +166,7 @@ def _build_axis(
     axis = with_found_mode(config.axes[name], model)
     law_model = model or _proportional_model(axis)
     mode = config.mode if model else Mode.UNCOMPENSATED
-    creep = creep_at_rest(law_model, period_ns / NS_PER_S)
+    creep = law_model.at_rest(axis.limits.rest_v, period_ns / NS_PER_S)
     start = Start(0, period_ns, in_force_v)
     law = compensated_axis(
         axis, law_model, creep, mode, lambda _t_s: law_model.position_um.low, start
@@ -193,11 +194,3 @@ def _sensor_watch(
     if axis.sensor is None:
         return AbsentSensor()
     return SensorWatch(index, WatchedSensor.of(axis, model), period_ns)
-
-
-def creep_at_rest(model: StageModel, period_s: float) -> CreepState:
-    """Return the creep of a stage after a long rest."""
-    rest = model.position_um.to_unit(0.0)
-    lags = np.full(model.creep.weights.size, rest)
-    zeroed = float(model.creep.weights @ lags)
-    return CreepState(model.creep.at(period_s), lags, zeroed, rest)

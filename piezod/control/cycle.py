@@ -28,6 +28,9 @@ from piezod.units import NS_PER_S
 PUNCTUAL: Final = CycleTiming(0, 0, 0, 0, 0)
 """The timing of a cycle in virtual time."""
 
+_RUN: Final = State.RUN
+_RANGE: Final = DriveLimit.RANGE
+_SLEW: Final = DriveLimit.SLEW
 _MEMORY_UNKNOWN, _ESTOP = Detection(Fault.D10), Detection(Fault.E1)
 
 
@@ -93,26 +96,39 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
             samples = _hold_after_crash(stage, t_ns, samples, error)
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
-    outputs = [axis.update(t_ns, sample) for axis, sample in zip(axes, samples, strict=True)]
-    asked_v = [output.drive_v for output in outputs]
-    in_force_v = [output.in_force_v for output in outputs]
-    planned_t_ns = min([output.t_ns for output in outputs])
+    asked_v, in_force_v, outputs, planned_t_ns = [], [], [], t_ns
+    for i, axis in enumerate(axes):
+        output = axis.update(t_ns, samples[i])
+        outputs.append(output)
+        asked_v.append(output.drive_v)
+        in_force_v.append(output.in_force_v)
+        if output.t_ns != t_ns:
+            planned_t_ns = output.t_ns
 
     # Guard. After a late cycle less than a period may have passed since the last write.
     elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
-    live = (None, None) if stage is None else stage.judge.live(read_back_v, t_ns)
+    live_v, age_s = (None, None) if stage is None else stage.judge.live(read_back_v, t_ns)
     left = () if stage is None else stage.output.left
     admitted = parts.guard.admit(
-        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved, *live, left
+        planned_t_ns,
+        t_ns,
+        asked_v,
+        in_force_v,
+        elapsed_s,
+        devices.sent_v,
+        slew_halved,
+        live_v,
+        age_s,
+        left,
     )
     drive_v, held = admitted.drive_v, admitted.held
     written = _write(parts, admitted, t_ns)
 
-    outputs = [_as_admitted(i, output, admitted) for i, output in enumerate(outputs)]
-    records = [
-        axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i])
-        for i, axis in enumerate(axes)
-    ]
+    if admitted.range_limited or admitted.slew_limited:
+        _mark_limited(outputs, admitted)
+    records = []
+    for i, axis in enumerate(axes):
+        records.append(axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i]))
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
     _watch_write(stage, admitted, outputs, written)
@@ -127,7 +143,7 @@ def _write(parts: CycleParts, admitted: Admitted, t_ns: int) -> bool:
     drive_v, held = admitted.drive_v, admitted.held
     if len(held) == len(parts.axes) or not parts.devices.write(drive_v, t_ns, held):
         return False
-    parts.written_ns = t_ns
+    parts.written_ns = float(t_ns)
     for i, axis in enumerate(parts.axes):
         if i not in held:
             axis.applied(drive_v[i])  # the hysteresis memory advances with the applied voltage
@@ -153,12 +169,15 @@ def _watch_axes(
     if not stage.boundary.active or stage.boundary.lent:
         return samples
     flags, n_axes = stage.boundary.status(t_ns), len(samples)
+    usable = []
     for i, sample in enumerate(samples):
         sensor_flags, amplifier_flags = flags[i], flags[n_axes + i]
-        _watch_axis(
-            stage, i, t_ns, sample, sensor_flags, amplifier_flags, read_back_v[i], detections
+        usable.append(
+            _watch_axis(
+                stage, i, t_ns, sample, sensor_flags, amplifier_flags, read_back_v[i], detections
+            )
         )
-    return [watch.sensor.sample for watch in stage.watches]
+    return usable
 
 
 def _watch_axis(
@@ -170,38 +189,41 @@ def _watch_axis(
     amplifier_flags: Flags,
     read_back_v: float,
     detections: list[Detection],
-) -> None:
-    """Add the faults of one axis."""
+) -> Sample:
+    """Add the faults of one axis; return the sample that may be used."""
     # After a play the stage is where a drive of the device has left it.
-    driven = stage.state in DRIVEN and not stage.boundary.returned
+    state, boundary = stage.state, stage.boundary
+    driven = state in DRIVEN and not boundary.returned
     axis, watch = stage.axes[i], stage.watches[i]
-    closed = stage.state is State.RUN and axis.mode in SENSED
-    if sensor_flags or amplifier_flags or watch.bus.counting:  # most cycles: no flags, no counters
-        detections += watch.bus.check(sensor_flags, amplifier_flags)
-    for detection in watch.sensor.check(
+    closed = state is _RUN and axis.mode in SENSED
+    bus, sensor = watch.bus, watch.sensor
+    if sensor_flags or amplifier_flags or bus.counting:  # most cycles: no flags, no counters
+        detections += bus.check(sensor_flags, amplifier_flags)
+    for detection in sensor.check(
         t_ns,
         sample,
         sensor_flags,
         axis.law.in_force_v,
         axis.command_um,
-        driven=driven and not stage.boundary.shadow,
+        driven=driven and not boundary.shadow,
         needed=closed,
     ):
         # Missing samples (S5) are the consequence of a bus fault, which is reported already.
-        if detection.fault is not Fault.S5 or not watch.bus.explains_silence:
+        if detection.fault is not Fault.S5 or not bus.explains_silence:
             detections.append(detection)
     detections += watch.amplifier.check(read_back_v, amplifier_flags)
-    usable = watch.sensor.sample
+    usable = sensor.sample
     position_um = usable.position_um if usable.valid else nan
     if driven:
         stage.judge.see(i, position_um, read_back_v, t_ns)
     detections += watch.adaptation.check(
-        axis.command_um, position_um, closed=closed, noise_um=watch.sensor.noise_um
+        axis.command_um, position_um, closed=closed, noise_um=sensor.noise_um
     )
     if axis.crash is not None:
         text = f"axis {axis.name}: {axis.crash!r}"
         detections.append(_crashed(stage, t_ns, Fault.P4, i, text))
         axis.crash = None
+    return usable
 
 
 def _watch_stage(
@@ -225,13 +247,13 @@ def _watch_stage(
         detections.append(_MEMORY_UNKNOWN)
 
 
-def _as_admitted(index: int, output: AxisOutput, admitted: Admitted) -> AxisOutput:
-    """Return the output of an axis, with what limits it: its law, or else the guard."""
-    if index in admitted.range_limited:
-        return output._replace(limited=DriveLimit.RANGE)
-    if index in admitted.slew_limited and output.limited is DriveLimit.NONE:
-        return output._replace(limited=DriveLimit.SLEW)
-    return output
+def _mark_limited(outputs: Sequence[AxisOutput], admitted: Admitted) -> None:
+    """Note in the outputs what the guard limits, unless the law does."""
+    for index, output in enumerate(outputs):
+        if index in admitted.range_limited:
+            output.limited = DriveLimit.RANGE
+        elif index in admitted.slew_limited and output.limited is DriveLimit.NONE:
+            output.limited = DriveLimit.SLEW
 
 
 def _watch_write(
@@ -241,19 +263,26 @@ def _watch_write(
     boundary = stage.boundary
     if stage.state not in DRIVEN or boundary.shadow or not boundary.writes:
         return
-    for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
-        blocked = i in admitted.held and i not in admitted.refused
-        if blocked or i in admitted.waits:
-            axis.wait(lost=blocked)
+    drive_v, held, refused, waits = (
+        admitted.drive_v,
+        admitted.held,
+        admitted.refused,
+        admitted.waits,
+    )
+    for i, watch in enumerate(stage.watches):
+        blocked = i in held and i not in refused
+        if blocked or i in waits:
+            stage.axes[i].wait(lost=blocked)
         if blocked:
-            watch.amplifier.waited(axis.law.in_force_v)
+            watch.amplifier.waited(stage.axes[i].law.in_force_v)
             continue
+        limited = outputs[i].limited
         watch.amplifier.wrote(
-            admitted.drive_v[i],
+            drive_v[i],
             taken=written,
-            refused=i in admitted.refused,
-            range_limited=outputs[i].limited is DriveLimit.RANGE,
-            slew_limited=outputs[i].limited is DriveLimit.SLEW or i in admitted.waits,
+            refused=i in refused,
+            range_limited=limited is _RANGE,
+            slew_limited=limited is _SLEW or i in waits,
         )
 
 

@@ -60,11 +60,8 @@ class RecentRange:
         """Lowest and highest value; inf and -inf before the first value."""
         self._low_now, self._high_now = inf, -inf  # of the present block
         self._filled = 0
-
-    @property
-    def swing(self) -> float:
+        self.swing = 0.0
         """Highest minus lowest value; 0 before the first value."""
-        return max(self.high - self.low, 0.0)
 
     def add(self, value: float) -> None:
         """Take the value of this cycle; it must be finite."""
@@ -72,16 +69,25 @@ class RecentRange:
             self.low, self.high = self._low_now, self._high_now
             self._low_now, self._high_now = inf, -inf
             self._filled = 0
+            self.swing = self.high - self.low
         self._filled += 1
-        if not self._low_now <= value <= self._high_now:
-            self._low_now, self._high_now = min(self._low_now, value), max(self._high_now, value)
-            self.low, self.high = min(self.low, value), max(self.high, value)
+        # Comparisons in place of `min` and `max`: four of these run in each cycle.
+        if value < self._low_now:
+            self._low_now = value
+            if value < self.low:
+                self.low = value
+                self.swing = self.high - value
+        if value > self._high_now:
+            self._high_now = value
+            if value > self.high:
+                self.high = value
+                self.swing = value - self.low
 
     def forget(self) -> None:
         """Forget all values."""
         self.low = self._low_now = inf
         self.high = self._high_now = -inf
-        self._filled = 0
+        self._filled, self.swing = 0, 0.0
 
 
 _PARTS = 20  # the window slides by a twentieth of its length
@@ -111,11 +117,12 @@ class SlidingRange:
             self._low, self._high = min(self._lows), max(self._highs)
             self._filled = 0
         self._filled += 1
-        if value < self._lows[self._part]:
-            self._lows[self._part] = value
+        part = self._part
+        if value < self._lows[part]:
+            self._lows[part] = value
             self._low = min(self._low, value)
-        if value > self._highs[self._part]:
-            self._highs[self._part] = value
+        if value > self._highs[part]:
+            self._highs[part] = value
             self._high = max(self._high, value)
         return self._high - self._low
 
@@ -208,6 +215,7 @@ LEAST_VARIANCE: Final = 1e-8
 """Smallest variance, an amplitude of a ten-thousandth of the range: without it, any motion would be
 a spike for a sensor without noise."""
 
+_SPIKE = SPIKE_SIGMAS**2
 _PER_VARIANCE = 1.0 + 4.0 + 1.0  # Σ c² of the second difference, 1, -2, 1
 _CLIP = 4.0  # squares count up to this many variances, two sigmas
 _CLIP_MEAN = 0.9205  # mean square of normal noise that is clipped so: E min(g², 4)
@@ -223,6 +231,8 @@ class NoiseLevel:
     def __init__(self) -> None:
         self.variance = START_VARIANCE
         """Variance of the noise of the position, in units of the range squared."""
+        self.excess = 1.0
+        """Variance of the noise over the usual one."""
         self._usual, self._cycles = START_VARIANCE, AVERAGED_CYCLES
         self._before, self._last = nan, nan
 
@@ -230,11 +240,6 @@ class NoiseLevel:
     def unusual(self) -> bool:
         """Whether the noise is now much larger than usual."""
         return self.excess > UNUSUAL
-
-    @property
-    def excess(self) -> float:
-        """Variance of the noise over the usual one."""
-        return self.variance / self._usual
 
     def update(self, position: float) -> bool:
         """Take a position, in units of the range; return whether it is part of a spike.
@@ -247,13 +252,18 @@ class NoiseLevel:
         if square != square:  # noqa: PLR0124 - NaN until there are three samples
             return False
         variance = self.variance
-        clipped = min(square, _CLIP * variance) / _CLIP_MEAN
-        self.variance = max(variance + (clipped - variance) / AVERAGED_CYCLES, LEAST_VARIANCE)
+        # Comparisons in place of `min` and `max`: this runs twice in each cycle.
+        most = _CLIP * variance
+        clipped = (square if square < most else most) / _CLIP_MEAN
+        after = variance + (clipped - variance) / AVERAGED_CYCLES
+        self.variance = after = after if after > LEAST_VARIANCE else LEAST_VARIANCE
         if self._cycles < USUAL_CYCLES:  # at first the plain mean
             self._cycles += 1
         # A rise counts up to a factor of two, so that the usual level follows slowly.
-        self._usual += (min(self.variance, 2.0 * self._usual) - self._usual) / self._cycles
-        return square > SPIKE_SIGMAS**2 * variance
+        usual = self._usual
+        self._usual += ((after if after < 2.0 * usual else 2.0 * usual) - usual) / self._cycles
+        self.excess = after / self._usual
+        return square > _SPIKE * variance
 
 
 class OnTarget:

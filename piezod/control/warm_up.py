@@ -23,63 +23,78 @@ _CYCLES = 50
 """Cycles after each request: enough for every state to be reached."""
 
 
-class _IdealDevices:
+class IdealDevices:
     """Devices that accept every write, with a stage that moves in proportion."""
 
     def __init__(self, config: DaemonConfig) -> None:
         self._axes = tuple(config.axes)
         self._rest_v = [axis.limits.rest_v for axis in config.axes.values()]
         self._drive_v: Sequence[float] = self._rest_v
+        self.um_per_v = [0.1] * len(self._axes)
+        """Displacement of each axis over its drive, in µm/V."""
 
     def open(self) -> Identity:
+        """Return a made-up identity."""
         return Identity("piezod", "warm-up", "0", "0")
 
     def capabilities(self) -> Capabilities:
+        """Return that they can do all that a mode needs."""
         return Capabilities(
             self._axes, self._axes, read_back=True, max_rate_hz=1e6, opens_relaxed=True
         )
 
     def activate(self, now_ns: int) -> None:
-        pass
+        """Do nothing."""
 
     def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - asked for by Device
+        """Go to rest."""
         self._drive_v = self._rest_v
 
     def close(self) -> None:
-        pass
+        """Do nothing."""
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
-        pass
+        """Do nothing."""
 
     def forget(self) -> None:
-        pass
+        """Do nothing."""
 
     def commands(self) -> Sequence[Sample]:
+        """Return that nothing commands the axes."""
         return [Sample(0, nan, False)] * len(self._axes)
 
     def read(self, now_ns: int) -> Sequence[Sample]:
+        """Return positions in proportion to the drives."""
         return [
-            Sample(now_ns, 0.1 * (drive_v - rest_v), True)
-            for drive_v, rest_v in zip(self._drive_v, self._rest_v, strict=True)
+            Sample(now_ns, um_per_v * (drive_v - rest_v), True)
+            for um_per_v, drive_v, rest_v in zip(
+                self.um_per_v, self._drive_v, self._rest_v, strict=True
+            )
         ]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the same
+        """Take voltages."""
         self._drive_v = list(drive_v)
         return True
 
     def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the same
+        """Return the last write."""
         return self._drive_v
 
     def watchdogs(self) -> Sequence[bool]:
+        """Return that there is none."""
         return [False] * len(self._axes)
 
     def reads_back(self) -> Sequence[bool]:
+        """Return that all do."""
         return [True] * len(self._axes)
 
     def read_back_age_ns(self, now_ns: int) -> Sequence[int]:  # noqa: ARG002 - the same
+        """Return that each read-back is of this cycle."""
         return [0] * len(self._axes)
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the same
+        """Return no flags."""
         return [NO_FLAGS] * (2 * len(self._axes))
 
 
@@ -113,7 +128,7 @@ def warm_up(config: DaemonConfig) -> None:
         ModelError: If a gain is not safe.
     """
     _warm_forms()
-    devices = _IdealDevices(config)
+    devices = IdealDevices(config)
     controller = assemble(config, devices, devices.capabilities())
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
     waves: dict[str, WaveformConfig] = {

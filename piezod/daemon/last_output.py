@@ -130,15 +130,6 @@ class LastOutputReader:
         return {name: each.drive_v for name, each in zip(axes, noted, strict=True)}
 
 
-def read_last_output(path: Path) -> list[LastOutput]:
-    """Return the last written voltage of each axis; an empty list without a valid file.
-
-    Raises:
-        OSError: If the file exists and cannot be read.
-    """
-    return LastOutputReader(path).read()
-
-
 def stays(last_v: float) -> str:
     """Return which voltage stays on an axis if nobody ramps it down.
 

@@ -64,7 +64,9 @@ class StraightLine:
         """Return the physical value at a channel's value."""
         return self._gain * value + self._offset
 
-    beyond = physical
+    def beyond(self, value: float) -> float:
+        """Return the same: a straight line goes on."""
+        return self._gain * value + self._offset
 
     def value(self, physical: float) -> float:
         """Return the channel's value at a physical value."""

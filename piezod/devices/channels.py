@@ -41,6 +41,7 @@ class Channels:
         self._true_zero_um = [0.0] * len(axes)
         self._no_flags = [NO_FLAGS] * (2 * len(axes))
         self._lags_ns = [0] * len(devices)  # of the amplifiers; known as soon as they are open
+        self._no_age_ns = [0] * len(axes)
         self.use(devices)
 
     @property
@@ -62,6 +63,7 @@ class Channels:
         self._status_sources: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
         for name, device in devices.items():
             self._assign_roles(name, device)
+        self._find_ages()
         self._light_dependent = [
             (one, axis) for of in self._sensors for one, axis in of.calibrated if one.needs_light
         ]
@@ -233,11 +235,11 @@ class Channels:
         for amplifier, axes, outputs in self._amplifiers:
             if not whole and any(isnan(drive_v[axis]) for axis in axes):
                 continue
-            # Most outputs take volts of any size; a call less for each counts in the loop.
-            values = [
-                drive_v[axis] if one.takes_any_voltage else one.value(drive_v[axis])
-                for axis, one in zip(axes, outputs, strict=True)
-            ]
+            values = []
+            for axis, one in zip(axes, outputs, strict=True):
+                value = drive_v[axis]
+                # Most outputs take volts of any size; a call less for each counts in the loop.
+                values.append(value if one.takes_any_voltage else one.value(value))
             # No early return: the axes of the other devices must not miss their setpoints.
             accepted &= amplifier.write(values, now_ns)
         return accepted
@@ -261,6 +263,8 @@ class Channels:
 
     def read_back_age_ns(self, now_ns: int) -> list[int]:
         """Return the age of the last read-back of each axis, in ns. Real-time safe."""
+        if not self._is_aged:
+            return self._no_age_ns
         ages_ns = [0] * len(self._axes)
         for (amplifier, axes, _), lag_ns in zip(self._amplifiers, self._lags_ns, strict=False):
             age_ns = lag_ns
@@ -295,6 +299,12 @@ class Channels:
             for output, range_ in zip(outputs, ranges, strict=True):
                 output.set_range(*range_)
         self._lags_ns = [one.amplifier.capabilities().lag_ns for one in self._amplifiers]
+        self._find_ages()
+
+    def _find_ages(self) -> None:
+        """Find out whether a read-back can be older than the cycle that asks for it."""
+        wrapped = any(isinstance(one.amplifier, DeviceWrapper) for one in self._amplifiers)
+        self._is_aged = wrapped or any(self._lags_ns)
 
     def _for_each_device(self, do: Callable[[Device], None]) -> None:
         """Call a function for every device; raise the first failure after all calls."""

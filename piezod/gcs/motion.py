@@ -8,7 +8,7 @@ from piezod.gcs.readings import AxisNow, Readings
 from piezod.gcs.syntax import IS_READY, ids_in, pairs_in
 
 
-class Motion:
+class MotionCommands:
     """The commands of one connection.
 
     Args:

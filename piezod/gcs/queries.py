@@ -6,6 +6,8 @@ from typing import Final
 from piezod.gcs.errors import Code, GcsRefusal
 from piezod.gcs.readings import AxisNow
 from piezod.gcs.syntax import known
+from piezod.messages.answers import AXIS
+from piezod.messages.shown import unit_of
 
 AxisValue = Callable[[AxisNow], str]
 """Returns the value of an axis as text."""
@@ -56,7 +58,7 @@ def parameter(axes: Mapping[str, AxisNow], arguments: str) -> str:
 
 
 def _unit(_now: AxisNow) -> str:
-    return "um"
+    return unit_of("position_um").ascii
 
 
 def _lowest(now: AxisNow) -> str:
@@ -67,13 +69,19 @@ def _highest(now: AxisNow) -> str:
     return number(now.limits.range_um[1])
 
 
+def _words(field: str) -> str:
+    """Return what a field of an axis is, with its unit."""
+    shown = AXIS[field]
+    return f"{shown.shown.what}, {shown.unit.ascii}" if shown.unit.sign else shown.shown.what
+
+
 _PARAMETERS: Final[Mapping[int, AxisValue]] = {_UNIT: _unit, _LOWEST: _lowest, _HIGHEST: _highest}
 AXIS_QUERIES: Final[Mapping[str, tuple[AxisValue, str]]] = {
-    "POS?": (lambda now: number(now.measured_um), "position"),
-    "MOV?": (lambda now: number(now.target_um), "target position"),
-    "ONT?": (lambda now: f"{now.arrived:d}", "on target"),
+    "POS?": (lambda now: number(now.measured_um), _words("position_um")),
+    "MOV?": (lambda now: number(now.target_um), _words("target_um")),
+    "ONT?": (lambda now: f"{now.arrived:d}", _words("on_target")),
     "SVO?": (lambda now: f"{now.servo_on:d}", "servo on"),
-    "VOL?": (lambda now: number(now.drive_v), "drive voltage"),
+    "VOL?": (lambda now: number(now.drive_v), _words("drive_v")),
     "TMN?": (_lowest, "lowest position"),
     "TMX?": (_highest, "highest position"),
     "NLM?": (_lowest, "lowest position"),

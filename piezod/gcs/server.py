@@ -18,7 +18,7 @@ from piezod.client.mover import StageMover
 from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.errors import PiezodError
 from piezod.gcs.readings import Readings
-from piezod.gcs.session import Session
+from piezod.gcs.session import GcsSession
 from piezod.messages.answers import Status
 
 MOST_CLIENTS: Final = 8
@@ -29,7 +29,7 @@ _LOOPBACK: Final = "127.0.0.1"
 _EVERYWHERE: Final = "0.0.0.0"  # noqa: S104 - only if addresses are named, and only for them
 
 
-class Plan(NamedTuple):
+class GcsPlan(NamedTuple):
     """What to serve, and where."""
 
     socket: Path  #: Socket of the daemon.
@@ -40,7 +40,7 @@ class Plan(NamedTuple):
     like: str = ""  #: Model of a controller to name in the identity, for clients that look for one.
 
 
-def serve(plan: Plan, announce: Callable[[str], None], report: Callable[[str], None]) -> None:
+def serve(plan: GcsPlan, announce: Callable[[str], None], report: Callable[[str], None]) -> None:
     """Serve a stage until SIGINT or SIGTERM.
 
     Args:
@@ -60,7 +60,7 @@ def identity_of(status: Status, like: str) -> str:
     return f"(c)2026 piezod, {model.replace(',', ' ')}, 0, {piezod.__version__}"
 
 
-def refusal(plan: Plan, address: IPv4Address, clients: int) -> str:
+def refusal(plan: GcsPlan, address: IPv4Address, clients: int) -> str:
     """Return why a client may not connect; empty if it may."""
     if not address.is_loopback and address not in plan.allowed:
         return f"{address} is not allowed: name it with --allow"
@@ -77,7 +77,7 @@ class GcsServer:
         report: Gets the text of each refusal.
     """
 
-    def __init__(self, plan: Plan, report: Callable[[str], None]) -> None:
+    def __init__(self, plan: GcsPlan, report: Callable[[str], None]) -> None:
         self._plan, self._report = plan, report
         self._clients: set[asyncio.Task[None]] = set()
         self._numbers = count(1)
@@ -177,7 +177,7 @@ class GcsServer:
     ) -> None:
         """Serve a client until it leaves; commands that wait then are dropped."""
         name = f"gcs:{self._port}:{next(self._numbers)}"
-        session = Session(
+        session = GcsSession(
             StageMover(DaemonLink(self._plan.socket, name)),
             self._readings,
             self._plan.mode,

@@ -9,7 +9,7 @@ from piezod.client.mover import StageMover
 from piezod.errors import ClientError
 from piezod.gcs import queries
 from piezod.gcs.errors import Code, GcsRefusal, refusal_of
-from piezod.gcs.motion import Motion
+from piezod.gcs.motion import MotionCommands
 from piezod.gcs.readings import UP, Readings
 from piezod.gcs.syntax import (
     ENCODING,
@@ -38,7 +38,7 @@ Handler = Callable[[str], Awaitable[str | None]]
 """Carries out a command with its arguments; returns the reply, None for none."""
 
 
-class Session:
+class GcsSession:
     """One connection: it has a lease of its own, and an error of its own.
 
     Commands are carried out one after the other, in their order. A stop is carried out when it
@@ -69,7 +69,7 @@ class Session:
         """Commands, the number of stops before them, and a stop that is carried out already."""
         self._stops = 0
         self._stopping: set[asyncio.Task[None]] = set()
-        self._motion = motion = Motion(mover, readings, mode)
+        self._motion = motion = MotionCommands(mover, readings, mode)
         self._handlers: dict[str, tuple[Handler, str]] = {
             IS_MOVING: (self._is_moving, "motion status of the axes, a bit mask"),
             IS_READY: (self._is_ready, "whether the stage is ready"),

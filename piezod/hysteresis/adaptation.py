@@ -5,7 +5,7 @@ from typing import Protocol, Self
 
 import numpy.typing as npt
 
-from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.memory import FloatArray, Memory
 
 
 class Adaptable(Protocol):
@@ -80,6 +80,9 @@ class AdaptiveIdentifier(Adaptable, Protocol):
 
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to a model that can be inverted; the uncertainty stays."""
+
+    def take_over(self, memory: Memory) -> None:
+        """Take over the hysteresis memory of a stage of the same form, see `past`."""
 
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""

@@ -20,11 +20,13 @@ from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
     MAXIMUM,
     MINIMUM,
+    SEEN,
     FloatArray,
     Memory,
     MemoryLoop,
     accept_input,
     backlash,
+    clamp,
     commit,
     locate,
     new_memory,
@@ -33,6 +35,9 @@ from piezod.jit import compiled
 
 THRESHOLDS, GAINS = 0, 1
 """Rows of a bank."""
+
+_MAX_STEPS = 50  # of the search for a displacement; about ten are needed
+_SAME_DRIVE = 1e-13  # a smaller difference of drives is rounding
 
 
 def checked_thresholds(thresholds: npt.ArrayLike) -> FloatArray:
@@ -175,3 +180,44 @@ def weighted_sum(plays: FloatArray, bank: FloatArray, weights: FloatArray, value
     for j in range(weights.size):
         total += weights[j] * (bank[GAINS, j] * (value - plays[j]))
     return total
+
+
+@compiled
+def drive_at(
+    memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, position: float
+) -> float:
+    """Return the drive for a displacement, paper eq. (16); the memory does not change."""
+    evaluate_plays(memory, bank, locate(memory, position), position, plays)
+    return weighted_sum(plays, bank, weights, position)
+
+
+@compiled
+def position_for(
+    memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, drive: float
+) -> float:
+    """Return the displacement for which the model gives a drive, by the Illinois method.
+
+    The model is monotone, 0 at 0 and 1 at 1, so that the bracket [0, 1] always holds the solution.
+    If one end of the bracket stays twice in a row, its miss is halved, so that both ends converge.
+    Source: M. Dowell and P. Jarratt, BIT 11 (1971).
+    """
+    drive = clamp(drive, 0.0)
+    low, high = 0.0, 1.0
+    low_miss, high_miss = -drive, 1.0 - drive
+    middle: float = memory.last[SEEN]
+    stayed = 0
+    miss = weighted_sum(memory.now, bank, weights, middle) - drive
+    for _ in range(_MAX_STEPS):
+        if abs(miss) < _SAME_DRIVE:
+            break
+        if miss < 0.0:
+            low, low_miss = middle, miss
+            high_miss *= 0.5 if stayed > 0 else 1.0
+            stayed = 1
+        else:
+            high, high_miss = middle, miss
+            low_miss *= 0.5 if stayed < 0 else 1.0
+            stayed = -1
+        middle = high - high_miss * (high - low) / (high_miss - low_miss)
+        miss = drive_at(memory, bank, plays, weights, middle) - drive
+    return middle

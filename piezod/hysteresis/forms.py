@@ -14,6 +14,7 @@ from piezod.hysteresis.least_squares import stop_regressors
 from piezod.hysteresis.loop_drives import LoopDrives, StopLoop
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.model import InverseMPI
+from piezod.hysteresis.past import Past, StopPast
 from piezod.hysteresis.slopes import projected
 from piezod.hysteresis.thresholds import even_thresholds
 
@@ -39,6 +40,10 @@ class ModelForm(Protocol):
     @property
     def cycles_to_rest(self) -> int:
         """Cycles of the whole range that bring it to rest; 0 if the lowest drive does."""
+
+    @property
+    def slow(self) -> "ModelForm":
+        """The form of slow motion: without what depends on the rate."""
 
     def sampled(self, period_s: float) -> "ModelForm":
         """Return the form for records and steps of this period, in s."""
@@ -78,6 +83,13 @@ class ModelForm(Protocol):
 
         Raises:
             ModelError: If the model is not invertible from every reachable state.
+        """
+
+    def past(self, weights: FloatArray) -> Past:
+        """Return the past of a relaxed stage, to follow what it is driven by.
+
+        Args:
+            weights: (size,) weights of a model that can be inverted.
         """
 
     def widest_loop(
@@ -144,6 +156,11 @@ class StopForm:
         """0: the lowest drive clears the memory of turning points."""
         return 0
 
+    @property
+    def slow(self) -> "StopForm":
+        """The form itself: stops know no rate."""
+        return self
+
     def sampled(self, period_s: float) -> "StopForm":  # noqa: ARG002 - stops know no rate
         """Return the form itself: it is the same for every period."""
         return self
@@ -183,6 +200,10 @@ class StopForm:
     def stage(self, weights: FloatArray) -> SteppedStage:
         """Return a relaxed stage, which makes `positions_at` step by step."""
         return self.inverse(weights).exact_inverse()
+
+    def past(self, weights: FloatArray) -> StopPast:
+        """Return the past of a relaxed stage."""
+        return StopPast(self.bank, weights)
 
     def widest_loop(
         self, weights: FloatArray, positions: FloatArray

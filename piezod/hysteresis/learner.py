@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from piezod.hysteresis.bank import advance_plays, weighted_sum
-from piezod.hysteresis.memory import RAW, FloatArray, IntArray, Memory
+from piezod.hysteresis.memory import RAW, FloatArray, Memory
 from piezod.hysteresis.slopes import (
     LEAST_SLOPE,
     cells,
@@ -63,28 +63,6 @@ def advance_operators(memory: Memory, learner: Learner, deadband: float, positio
 
 
 @compiled
-def prediction(
-    memory: Memory, learner: Learner, weights: FloatArray, offset: float, scale: float
-) -> float:
-    """Return the drive that a model predicts for the last displacement: z of paper eq. (30).
-
-    Outside the range, and for a change of offset or scale since the operators advanced, the model
-    is extended with the slope one.
-    """
-    within = weighted_sum(memory.now, learner.bank, weights, memory.last[RAW])
-    # last[RAW] is the clamped input that the operators got; the difference counts with slope one.
-    operator_input = (1.0 + scale) * learner.scalars[POSITION] - offset
-    return within + (operator_input - memory.last[RAW])
-
-
-@compiled
-def own_prediction(memory: Memory, learner: Learner) -> float:
-    """Return the drive that the learned model predicts for the last displacement."""
-    scalars = learner.scalars
-    return prediction(memory, learner, learner.weights, scalars[OFFSET], scalars[SCALE])
-
-
-@compiled
 def keep_weights_invertible(learner: Learner, moved: float) -> None:
     """Project the weights if their model has no inverse; otherwise they stay the same to the bit.
 
@@ -118,24 +96,44 @@ def limited_error(error: float) -> float:
     return limited(error, 1.0)
 
 
-# The fields of the tuples are passed one by one, see decision 3.
+# Single arrays, because it is called from Python: see decision 3.
 @compiled
-def predicted_drive(
-    levels: FloatArray,
-    values: FloatArray,
+def predicted_drive(  # noqa: D417 - arguments are described in groups
     now: FloatArray,
     last: FloatArray,
-    counts: IntArray,
     bank: FloatArray,
-    own: FloatArray,
     scalars: FloatArray,
-    slopes: FloatArray,
-    widths: FloatArray,
     weights: FloatArray,
     offset: float,
     scale: float,
 ) -> float:
-    """Return `prediction`, called from Python with the fields of its tuples."""
-    memory = Memory(levels, values, now, last, counts)
-    learner = Learner(bank, own, scalars, slopes, widths)
-    return prediction(memory, learner, weights, offset, scale)
+    """Return the drive that a model predicts for the last displacement: z of paper eq. (30).
+
+    Outside the range, and for a change of offset or scale since the operators advanced, the model
+    is extended with the slope one.
+
+    Args:
+        now, last: Arrays of a `Memory`.
+        bank, scalars: Arrays of a `Learner`.
+        weights: (2 M,) weights of the model.
+        offset, scale: Offset and scale of the model.
+    """
+    within = weighted_sum(now, bank, weights, last[RAW])
+    # last[RAW] is the clamped input that the operators got; the difference counts with slope one.
+    operator_input = (1.0 + scale) * scalars[POSITION] - offset
+    return within + (operator_input - last[RAW])
+
+
+@compiled
+def own_prediction(memory: Memory, learner: Learner) -> float:
+    """Return the drive that the learned model predicts for the last displacement."""
+    scalars = learner.scalars
+    return predicted_drive(
+        memory.now,
+        memory.last,
+        learner.bank,
+        scalars,
+        learner.weights,
+        scalars[OFFSET],
+        scalars[SCALE],
+    )

@@ -54,7 +54,7 @@ class SurfaceLoop:
     """The drives of a surface.
 
     Args:
-        terms: (7,) constants of the optional terms, without lag.
+        terms: (8,) constants of the optional terms, without lag.
         positions: (n,) displacements that rise once and fall once.
         beyond: Distance outside [0, 1] that an input may reach.
     """

@@ -18,7 +18,7 @@ from piezod.hysteresis.learner import (
     new_learner,
     predicted_drive,
 )
-from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, relax
+from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, Memory, assign_memory, relax
 from piezod.hysteresis.slopes import projected
 
 
@@ -42,6 +42,13 @@ class OnlineIdentifier(ABC):
         self._learner = new_learner(bank)
         self._memory = new_bank_memory(bank, capacity)
         self._deadband = checked_deadband(deadband)
+        memory, learner = self._memory, self._learner
+        self._seen = memory.now, memory.last, learner.bank, learner.scalars
+        self.weights: FloatArray = learner.weights
+        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place.
+
+        Use `adopt` to set them.
+        """
         # Not self.adopt: a subclass extends it and its own attributes do not exist yet.
         OnlineIdentifier.adopt(self, weights)
 
@@ -82,7 +89,7 @@ class OnlineIdentifier(ABC):
             offset: Offset of the displacement.
             scale: Scale of the displacement.
         """
-        return predicted_drive(*self._memory, *self._learner, weights, float(offset), float(scale))
+        return predicted_drive(*self._seen, weights, offset, scale)
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, and restart their uncertainty.
@@ -119,6 +126,11 @@ class OnlineIdentifier(ABC):
         scalars[SCALE] += share * (model.scale - scalars[SCALE])
         scalars[SLOPE_MARGIN] = 0.0  # as in `adopt`
 
+    def take_over(self, memory: Memory) -> None:
+        """Take over the hysteresis memory of a stage of the same form, see `past`."""
+        assign_memory(self._memory, memory)
+        self._learner.scalars[POSITION] = (self.position + self.offset) / (1.0 + self.scale)
+
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""
         relax(self._memory)
@@ -126,22 +138,16 @@ class OnlineIdentifier(ABC):
         self._learner.scalars[POSITION] = self.offset / (1.0 + self.scale)
 
     @property
-    def weights(self) -> FloatArray:
-        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place.
-
-        Use `adopt` to set them.
-        """
-        return self._learner.weights
-
-    @property
     def offset(self) -> float:
         """Offset of the displacement against the operator input, in units of the range."""
-        return float(self._learner.scalars[OFFSET])
+        offset: float = self._learner.scalars.item(OFFSET)
+        return offset
 
     @property
     def scale(self) -> float:
         """Relative gain of the operator input over the displacement: y = (1 + scale) x - offset."""
-        return float(self._learner.scalars[SCALE])
+        scale: float = self._learner.scalars.item(SCALE)
+        return scale
 
     @property
     def position(self) -> float:
@@ -182,6 +188,8 @@ class Shadowed:
             )
             raise ModelError(message)
         self._identifier = identifier
+        self.weights = identifier.weights
+        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place."""
         self._window, self._tolerance = window, tolerance
         self._shadow = LearnedModel.of(identifier)
         self._candidate = LearnedModel.of(identifier)  # the model at the start of the window
@@ -234,15 +242,14 @@ class Shadowed:
         """Go a share of the way to another model; the uncertainty stays."""
         self._identifier.approach(model, share)
 
+    def take_over(self, memory: Memory) -> None:
+        """Take over the hysteresis memory of a stage of the same form, see `past`."""
+        self._identifier.take_over(memory)
+
     def reset(self) -> None:
         """Clear the hysteresis memory and start a new window; the learned model stays."""
         self._identifier.reset()
         self._begin_window()
-
-    @property
-    def weights(self) -> FloatArray:
-        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place."""
-        return self._identifier.weights
 
     @property
     def offset(self) -> float:

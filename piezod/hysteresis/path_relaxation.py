@@ -4,10 +4,11 @@ A memory of turning points forgets only by later turning points, so that its loo
 a stage may instead forget with each piece of the path that the drive has travelled, up or down; its
 loops close only after some cycles. This is the state h of the Bouc-Wen model,
 
-    dh = dz - b |dz| h - g dz |h|,   b > |g|,
+    dh = dz - (b |dz| h + g dz |h|) |h/h_s|^(n-1),   b > |g|,   h_s = 1/(b + g),   n >= 1,
 
-of the drive z. On a monotone move h approaches its saturation 1/(b + g) exponentially, and with the
-constant b - g in place of b + g until it passes zero. The term adds w (h - h_0), with h_0 at rest,
+of the drive z. With n = 1, h approaches its saturation h_s exponentially on a monotone move, and
+with the constant b - g in place of b + g until it passes zero. With a larger n a small h hardly
+relaxes; then the equation is integrated. The term adds w (h - h_0), with h_0 at rest,
 after many cycles of the whole range. It sees the drive behind a backlash: noise, a long path of
 small moves, must not erase h.
 
@@ -17,31 +18,31 @@ Microelectromech. Syst. 4 (1995) 230. The paper has no such term.
 
 from dataclasses import dataclass
 from math import ceil, exp, log, log1p
-from typing import Final, NamedTuple, Self
+from typing import Final
 
 import numpy as np
 
 from piezod.hysteresis.memory import CHANGE, PINNED, FloatArray
 from piezod.jit import compiled
 
-WEIGHT, FAST, SLOW, AT_REST = 3, 4, 5, 6
-"""Indices of the constants of the term, behind those of `rate_lag`: w, b + g, b - g and h_0. All
+WEIGHT, FAST, SLOW, AT_REST, EXPONENT = 3, 4, 5, 6, 7
+"""Indices of the constants of the term, behind those of `rate_lag`: w, b + g, b - g, h_0 and n. All
 are 0 without the term."""
 BACKLASH = 1e-4
 """Moves up to this distance on either side leave h as it is, as a share of the drive's range. It is
 fixed: more than the noise of a drive, and less than a record shows."""
-NO_PATH: Final[FloatArray] = np.zeros(4)
+NO_PATH: Final[FloatArray] = np.zeros(5)
 """Constants without the term."""
-_RELAXED: Final[FloatArray] = np.zeros(4)
-"""`Memory.last` of a relaxed stage at the drive 0."""
 _CYCLES = 60
 """Cycles of the whole range that end at rest; the slowest relaxation needs no more."""
 _LEFT = 0.01
 """Part of a difference of h from its rest that conditioning may leave."""
+_STEPS = 8.0
+"""Steps of the integration per length of path 1/(b + |g|); its error is below 1e-6 of h_s."""
 
 
 @compiled
-def risen(h: float, rise: float, fast: float, slow: float) -> float:
+def risen(h: float, rise: float, fast: float, slow: float, exponent: float) -> float:
     """Return h after the drive has risen; a fall is the same for -h. Real-time safe.
 
     Args:
@@ -49,7 +50,10 @@ def risen(h: float, rise: float, fast: float, slow: float) -> float:
         rise: Change of the drive in ranges, not negative.
         fast: b + g.
         slow: b - g.
+        exponent: n.
     """
+    if exponent != 1.0:
+        return _integrated(h, rise, fast, slow, exponent)
     if h < 0.0:
         to_zero = log1p(-h * slow) / slow
         if rise <= to_zero:
@@ -60,11 +64,34 @@ def risen(h: float, rise: float, fast: float, slow: float) -> float:
 
 
 @compiled
+def _integrated(h: float, rise: float, fast: float, slow: float, exponent: float) -> float:
+    """Return h as `risen`, by the method of Runge and Kutta."""
+    steps = int(rise * _STEPS * max(fast, slow)) + 1
+    step = rise / steps
+    for _ in range(steps):
+        first = _rise_slope(h, fast, slow, exponent)
+        second = _rise_slope(h + 0.5 * step * first, fast, slow, exponent)
+        third = _rise_slope(h + 0.5 * step * second, fast, slow, exponent)
+        fourth = _rise_slope(h + step * third, fast, slow, exponent)
+        h += step * (first + 2.0 * second + 2.0 * third + fourth) / 6.0
+    return h
+
+
+@compiled
+def _rise_slope(h: float, fast: float, slow: float, exponent: float) -> float:
+    """Return dh/dz on a rise; on a fall it is that of -h."""
+    relaxed = h * (fast if h >= 0.0 else slow)
+    if exponent != 1.0:
+        relaxed *= (fast * abs(h)) ** (exponent - 1.0)
+    return 1.0 - relaxed
+
+
+@compiled
 def path_change(terms: FloatArray, last: FloatArray, drive: float) -> tuple[float, float]:
     """Return h - h_0 after a monotone move to a drive, and dh/dz there. Real-time safe.
 
     Args:
-        terms: (7,) constants of the optional terms of a surface.
+        terms: (8,) constants of the optional terms of a surface.
         last: (4,) `Memory.last` before the move.
         drive: Where the move ends.
     """
@@ -75,14 +102,14 @@ def path_change(terms: FloatArray, last: FloatArray, drive: float) -> tuple[floa
         return last[CHANGE], 0.0
     sign = 1.0 if move > 0.0 else -1.0
     start = sign * (last[CHANGE] + terms[AT_REST])
-    h = risen(start, abs(move) - BACKLASH, terms[FAST], terms[SLOW])
+    rise = abs(move) - BACKLASH
+    h = risen(start, rise, terms[FAST], terms[SLOW], terms[EXPONENT])
     return sign * h - terms[AT_REST], _slope(terms, h)
 
 
 @compiled
 def _slope(terms: FloatArray, h: float) -> float:
-    """Return dh/dz on a rise; on a fall it is that of -h."""
-    return 1.0 - h * (terms[FAST] if h >= 0.0 else terms[SLOW])
+    return _rise_slope(h, terms[FAST], terms[SLOW], terms[EXPONENT])
 
 
 @compiled
@@ -102,40 +129,6 @@ def advance_path(terms: FloatArray, last: FloatArray, drive: float) -> None:
         last[PINNED] = min(max(last[PINNED], drive - BACKLASH), drive + BACKLASH)
 
 
-def beyond_relaxed(terms: FloatArray, last: FloatArray, drive: float) -> float:
-    """Return the displacement of the term beyond that of a relaxed stage, after moves to a drive.
-
-    Later moves relax it. Real-time safe.
-
-    Args:
-        terms: (7,) constants of the optional terms of a surface.
-        last: (4,) `Memory.last` before the move.
-        drive: Where both moves end; that of the relaxed stage is a rise from 0.
-    """
-    here, relaxed = (path_change(terms, each, drive)[0] for each in (last, _RELAXED))
-    return float(terms[WEIGHT]) * (here - relaxed)
-
-
-class PathState(NamedTuple):
-    """State of the term."""
-
-    pinned: float = 0.0  #: Drive behind the backlash.
-    change: float = 0.0  #: h - h_0.
-
-    @classmethod
-    def of(cls, last: FloatArray) -> Self:
-        """Return the state in `Memory.last`, shape (4,)."""
-        return cls(float(last[PINNED]), float(last[CHANGE]))
-
-    def put(self, last: FloatArray) -> None:
-        """Put the state into `Memory.last`, shape (4,)."""
-        last[PINNED], last[CHANGE] = self
-
-
-RELAXED_PATH: Final = PathState()
-"""State of a relaxed stage at the drive 0."""
-
-
 @dataclass(frozen=True)
 class PathRelaxation:
     """The parameters of the term."""
@@ -145,23 +138,24 @@ class PathRelaxation:
     skew: (
         float  #: g/b, between -1 and 1: how much faster h relaxes on its way from zero than to it.
     )
+    exponent: float = 1.0  #: n, at least 1: the larger, the less a small h relaxes.
 
     @property
     def constants(self) -> FloatArray:
-        """Constants for the kernels, shape (4,), see `WEIGHT`."""
-        fast, slow = self._rates
-        return np.array([self.weight, fast, slow, self.at_rest])
+        """Constants for the kernels, shape (5,), see `WEIGHT`."""
+        fast, slow, exponent = self._equation
+        return np.array([self.weight, fast, slow, self.at_rest, exponent])
 
     @property
     def rise(self) -> float:
         """Displacement that the term adds while the drive rises from rest over its range."""
-        h = risen(self.at_rest, 1.0 - BACKLASH, *self._rates)
+        h = risen(self.at_rest, 1.0 - BACKLASH, *self._equation)
         return self.weight * (h - self.at_rest)
 
     @property
     def reach(self) -> float:
         """Largest distance between two displacements of the term, since |h| ≤ 1/(b + g)."""
-        return 2.0 * abs(self.weight) / self._rates[0]
+        return 2.0 * abs(self.weight) / self._equation[0]
 
     def range_at(self, drives: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the smallest and the largest displacement of the term at drives, (n,) each.
@@ -171,7 +165,7 @@ class PathRelaxation:
         more from h than the move has given.
         """
         ends = [
-            (-risen(0.0, 1.0 - drive, *self._rates), risen(0.0, drive, *self._rates))
+            (-risen(0.0, 1.0 - drive, *self._equation), risen(0.0, drive, *self._equation))
             for drive in drives.tolist()
         ]
         both = self.weight * (np.array(ends) - self.at_rest)
@@ -186,30 +180,45 @@ class PathRelaxation:
         return min(0.0, self.weight * steepest_relaxation(self.skew))
 
     @property
-    def _rates(self) -> tuple[float, float]:
-        return self.decay * (1.0 + self.skew), self.decay * (1.0 - self.skew)
+    def _equation(self) -> tuple[float, float, float]:
+        """Return b + g, b - g and n."""
+        return self.decay * (1.0 + self.skew), self.decay * (1.0 - self.skew), self.exponent
 
     @property
     def cycles_to_rest(self) -> int:
         """Cycles of the whole range that make any difference of h smaller by the factor `_LEFT`.
 
-        On any path differences shrink at least as fast as with the smaller of b + g and b - g.
+        On any path differences shrink at least as fast as with the smaller of b + g and b - g if n
+        is 1. Otherwise the largest difference, of both saturations, is followed.
         """
-        per_cycle = 2.0 * min(self._rates)
-        return min(ceil(-log(_LEFT) / per_cycle), _CYCLES)
+        fast, slow, exponent = self._equation
+        if exponent == 1.0:
+            return min(ceil(-log(_LEFT) / (2.0 * min(fast, slow))), _CYCLES)
+        ends = [-1.0 / fast, 1.0 / fast]
+        for cycle in range(_CYCLES):
+            if ends[1] - ends[0] <= 2.0 * _LEFT / fast:
+                return cycle
+            ends = [_cycled(h, fast, slow, exponent) for h in ends]
+        return _CYCLES
 
     @property
     def at_rest(self) -> float:
         """h_0, after many cycles of the whole range."""
-        return _at_rest(*self._rates)
+        return _at_rest(*self._equation)
 
 
 @compiled
-def _at_rest(fast: float, slow: float) -> float:
+def _at_rest(fast: float, slow: float, exponent: float) -> float:
     h = 0.0
     for _ in range(_CYCLES):
-        h = -risen(-risen(h, 1.0, fast, slow), 1.0, fast, slow)
+        h = _cycled(h, fast, slow, exponent)
     return h
+
+
+@compiled
+def _cycled(h: float, fast: float, slow: float, exponent: float) -> float:
+    """Return h after a rise over the whole range and a fall back."""
+    return -risen(-risen(h, 1.0, fast, slow, exponent), 1.0, fast, slow, exponent)
 
 
 def steepest_relaxation(skew: float) -> float:

@@ -32,12 +32,11 @@ from piezod.hysteresis.memory import (
     FloatArray,
     Memory,
 )
+from piezod.hysteresis.past import SurfacePast
 from piezod.hysteresis.path_relaxation import (
     NO_PATH,
     WEIGHT,
     PathRelaxation,
-    PathState,
-    beyond_relaxed,
     relaxation_slope,
 )
 from piezod.hysteresis.rate_lag import new_lag
@@ -49,7 +48,7 @@ class SurfaceStage:
 
     Args:
         coefficients: (24,) coefficients.
-        terms: (7,) constants of the optional terms, from `SurfaceForm.terms`.
+        terms: (8,) constants of the optional terms, from `SurfaceForm.terms`.
     """
 
     def __init__(self, coefficients: FloatArray, terms: FloatArray) -> None:
@@ -59,17 +58,6 @@ class SurfaceStage:
     def step(self, drive: float, /) -> float:
         """Return the displacement for the next drive in [0, 1]. Real-time safe."""
         return advance_displacement(self._memory, self._coefficients, self._terms, drive)
-
-    @property
-    def path(self) -> PathState:
-        """State of the part that relaxes along the path."""
-        return PathState.of(self._memory.last)
-
-    @property
-    def relaxing(self) -> float:
-        """Displacement that the path has left, which later moves relax."""
-        last = self._memory.last
-        return beyond_relaxed(self._terms, last, float(last[SEEN]))
 
 
 @dataclass(frozen=True)
@@ -85,7 +73,7 @@ class SurfaceForm:
 
     @property
     def terms(self) -> FloatArray:
-        """Constants of the optional terms, shape (7,), for the kernels."""
+        """Constants of the optional terms, shape (8,), for the kernels."""
         path = self.path.constants if self.path else NO_PATH
         return np.concatenate((new_lag(self.activation, self.prompt_slope, self.period_s), path))
 
@@ -188,6 +176,10 @@ class SurfaceForm:
     def stage(self, weights: FloatArray) -> SurfaceStage:
         """Return a relaxed stage, which makes `positions_at` step by step."""
         return SurfaceStage(weights, self.terms)
+
+    def past(self, weights: FloatArray) -> SurfacePast:
+        """Return the past of a relaxed stage."""
+        return SurfacePast(weights, self.terms)
 
     def widest_loop(
         self, weights: FloatArray, positions: FloatArray

@@ -27,8 +27,15 @@ from piezod.hysteresis.covariance import (
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.everett_bounds import slope_rows
 from piezod.hysteresis.everett_memory import new_surface_memory, relax_surface
-from piezod.hysteresis.memory import DEFAULT_CAPACITY, MERGED, SEEN, FloatArray, relax
-from piezod.hysteresis.path_relaxation import RELAXED_PATH, PathState
+from piezod.hysteresis.memory import (
+    DEFAULT_CAPACITY,
+    MERGED,
+    SEEN,
+    FloatArray,
+    Memory,
+    assign_memory,
+    relax,
+)
 from piezod.hysteresis.surface_form import SurfaceForm
 
 SHAPE_VARIANCE, SHAPE_BOUND, SHAPE_WALK = 1e-5, 1e-4, 1e-10
@@ -46,7 +53,6 @@ class SurfaceIdentifier:
         pace: Factor of all random walks and of the information of a pair, above 0.
         deadband: Width of the backlash before the memory of drives, in units of the range.
         capacity: Extrema stored on each side.
-        path: State at the start of the part that relaxes along the path.
 
     Raises:
         ModelError: If an argument is outside its range, or the surface cannot be inverted.
@@ -60,13 +66,11 @@ class SurfaceIdentifier:
         pace: float = 1.0,
         deadband: float = 0.0,
         capacity: int = DEFAULT_CAPACITY,
-        path: PathState = RELAXED_PATH,
     ) -> None:
         self._weights, self._scalars = np.zeros(SIZE), np.zeros(5)
         self._form = form or SurfaceForm()
         self._scalars[kernel.FLOOR] = kernel.SMALLEST - self._form.least_slope_beside
         self._memory = new_surface_memory(capacity)
-        path.put(self._memory.last)
         self._deadband = checked_deadband(deadband)
         if not pace > 0.0:
             raise ModelError(f"the pace is above 0, got {pace:g}")
@@ -150,6 +154,10 @@ class SurfaceIdentifier:
         self._weights += share * (model.weights - self._weights)
         self._scalars[kernel.OFFSET] += share * (model.offset - self._scalars[kernel.OFFSET])
         self._scalars[kernel.MARGIN] = 0.0
+
+    def take_over(self, memory: Memory) -> None:
+        """Take over the hysteresis memory of a stage of the same form, see `past`."""
+        assign_memory(self._memory, memory)
 
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""

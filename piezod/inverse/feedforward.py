@@ -6,12 +6,10 @@ import numpy as np
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
-from piezod.control.assembly import creep_at_rest
 from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
 from piezod.control.law.model import StageModel
-from piezod.hysteresis import SurfaceForm
 
 _NO_COMMAND = nan
 _ROUNDING = 1e-9
@@ -41,7 +39,7 @@ class Feedforward:
         self._model, self._limits, self._period_s = model, limits, period_s
         self.in_force_v = rest_v if from_v is None else from_v
         """Voltage in force, in V."""
-        self.state = creep_at_rest(model, period_s)
+        self.state = model.at_rest(rest_v, period_s)
         """Creep and displacement at the start."""
         self._beyond = False
         if from_v is not None:
@@ -99,7 +97,8 @@ class Feedforward:
 
 def _standing(model: StageModel, rest: CreepState, from_v: float) -> CreepState:
     """Return the state after a rise from rest to a voltage and a long stay there."""
-    form = model.form.slow if isinstance(model.form, SurfaceForm) else model.form
-    drive = min(max(model.drive_v.to_unit(from_v), 0.0), 1.0)
-    quick = float(form.positions_at(model.weights, np.array([drive]))[0])
-    return rest._replace(quick=quick, lags=np.full(rest.lags.size, quick))
+    past = model.form.slow.past(model.weights)
+    if rest.memory is not None:
+        past.take_over(rest.memory)
+    quick = past.follow(np.array([min(max(model.drive_v.to_unit(from_v), 0.0), 1.0)]))
+    return rest._replace(quick=quick, lags=np.full(rest.lags.size, quick), memory=past.memory)

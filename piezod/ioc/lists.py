@@ -5,7 +5,7 @@ from typing import Final
 from xml.etree import ElementTree
 
 from piezod.ioc.records import Names
-from piezod.ioc.table import AXIS, STAGE, Kind, Record
+from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS, Kind, Record
 
 _ROW, _LABEL, _VALUE, _COLUMN, _EDGE = 28, 190, 200, 440, 20
 """Sizes on the screen, in pixels."""
@@ -30,13 +30,13 @@ def screen(names: Names, title: str) -> str:
     """Return a screen for Phoebus (BOB): a column for the stage, and one for each axis."""
     display = ElementTree.Element("display", version="2.0.0")
     _texts(display, name=title)
-    stage = [(f"{names.prefix}{each.name}", each) for each in STAGE]
+    stage = [(f"{names.prefix}{each.name}", each) for each in STAGE_RECORDS]
     _column(display, _EDGE, title, stage)
     for i, axis in enumerate(names.axes, 1):
         fields = [
             (f"{names.motor(axis)}.{name}", Record(name, _kind(name), name)) for name in _FIELDS
         ]
-        rows = [(names.of_axis(axis, each.name), each) for each in AXIS if _is_shown(each)]
+        rows = [(names.of_axis(axis, each.name), each) for each in AXIS_RECORDS if _is_shown(each)]
         _column(display, _EDGE + i * _COLUMN, axis, fields + rows)
     ElementTree.indent(display)
     return ElementTree.tostring(display, encoding="unicode", xml_declaration=True) + "\n"

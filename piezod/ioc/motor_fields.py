@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from math import isfinite
 from typing import Final, NamedTuple
 
-from piezod.ioc.bounds import range_of
+from piezod.ioc.request_limits import range_of
 from piezod.messages.requests import Goto
 
 TYPE_NAME: Final = "motor"

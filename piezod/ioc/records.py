@@ -4,7 +4,7 @@ from contextlib import AbstractContextManager
 from typing import NamedTuple, Protocol
 
 from piezod.ioc.readings import Alarm, Reading
-from piezod.ioc.table import AXIS, STAGE, Record
+from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS, Record
 
 
 class Motor(Protocol):
@@ -56,11 +56,13 @@ class Names(NamedTuple):
         return f"{self.prefix}{axis}"
 
     def of_axis(self, axis: str, name: str) -> str:
-        """Return the full name of a record of `AXIS`."""
+        """Return the full name of a record of `AXIS_RECORDS`."""
         return f"{self.prefix}{axis}:{name}"
 
     def all(self) -> list[tuple[str, Record]]:
         """Return the full names of all records, without the motor records."""
-        stage = [(f"{self.prefix}{each.name}", each) for each in STAGE]
-        axes = [(self.of_axis(axis, each.name), each) for axis in self.axes for each in AXIS]
+        stage = [(f"{self.prefix}{each.name}", each) for each in STAGE_RECORDS]
+        axes = [
+            (self.of_axis(axis, each.name), each) for axis in self.axes for each in AXIS_RECORDS
+        ]
         return stage + axes

@@ -23,7 +23,7 @@ _LONGEST_NAME: Final = 60
 _INSTALL: Final = "softioc is not installed: `pip install 'piezod[epics]'`"
 
 
-class Plan(NamedTuple):
+class IocPlan(NamedTuple):
     """What to serve, and where."""
 
     sockets: Mapping[str, Path]  #: Sockets of the daemons, by the names of their stages.
@@ -33,7 +33,7 @@ class Plan(NamedTuple):
     interfaces: Sequence[IPv4Address] = ()
 
 
-def serve(plan: Plan, announce: Callable[[str], None], report: Callable[[str], None]) -> None:
+def serve(plan: IocPlan, announce: Callable[[str], None], report: Callable[[str], None]) -> None:
     """Serve stages until SIGINT or SIGTERM.
 
     Args:
@@ -90,7 +90,7 @@ def _first(errors: Sequence[BaseException | None]) -> BaseException:
     return error or PiezodError("the IOC has ended")
 
 
-def write_lists(plan: Plan, folder: Path) -> list[Path]:
+def write_lists(plan: IocPlan, folder: Path) -> list[Path]:
     """Write the files of `lists` for each stage; return their paths.
 
     Raises:
@@ -107,7 +107,7 @@ def write_lists(plan: Plan, folder: Path) -> list[Path]:
 
 
 async def _serve(
-    plan: Plan, announce: Callable[[str], None], report: Callable[[str], None]
+    plan: IocPlan, announce: Callable[[str], None], report: Callable[[str], None]
 ) -> None:
     ended = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

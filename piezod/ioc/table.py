@@ -14,9 +14,8 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms.paths import Points
 from piezod.config.waveforms.swings import SWINGS
-from piezod.ioc.bounds import longest, range_of
-from piezod.messages.answers import AXIS as AXIS_FIELDS
-from piezod.messages.answers import STAGE as STAGE_FIELDS
+from piezod.ioc.request_limits import longest, range_of
+from piezod.messages.answers import AXIS, STAGE
 from piezod.messages.requests import Play, Wave
 from piezod.messages.shown import UNARCHIVED, ShownField
 
@@ -160,9 +159,9 @@ _WAVE_NUMBERS: Final = dict.fromkeys(each for numbers in SWINGS.values() for eac
 _LIVE: Final = ("MODE", "LEASE")
 """Settings that act at once, which a restart must not repeat."""
 
-STAGE: Final = (
+STAGE_RECORDS: Final = (
     Record("CONNECTED", Kind.FLAG, "The daemon answers", choices=_NO_YES, archive=True),
-    *map(Record.of_field, recorded(STAGE_FIELDS)),
+    *map(Record.of_field, recorded(STAGE)),
     Record("FAULTS", Kind.WORD, "Faults, present or latched", archive=True),
     Record("FAULT:COUNT", Kind.COUNT, "Number of faults", archive=True),
     Record("FAULT:TEXT", Kind.TEXT, "Worst fault and its remedy", length=LONGEST_TEXT),
@@ -191,8 +190,8 @@ STAGE: Final = (
 )
 """Records of a stage, after its prefix."""
 
-AXIS: Final = (
-    *map(Record.of_field, recorded(AXIS_FIELDS)),
+AXIS_RECORDS: Final = (
+    *map(Record.of_field, recorded(AXIS)),
     Record("MODE", Kind.SET_CHOICE, "Select the mode; READY to RUN", choices=MODES),
     Record("ZERO", Kind.COMMAND, "Displacement at rest becomes zero"),
     Record("HIST:TIME", Kind.ARRAY, "Times before the newest sample", "s", length=HISTORY),

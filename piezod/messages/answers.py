@@ -156,6 +156,9 @@ class Status(Message):
     skipped_cycles: int  #: Number of skipped cycles since the loop started.
     #: Processor of the loop; None if the loop has none of its own choice.
     processor: Processor | None = None
+    #: "compiled" if the modules that a cycle runs are machine code, else "interpreted"; empty if
+    #: the daemon does not tell.
+    build: str = ""
     #: Names of the real-time settings that were not obtained.
     not_realtime: Annotated[tuple[str, ...], Shown("not real-time", marks=DETAIL)] = ()
     #: Devices as the loop found them: name, identity, placement, round trip, abilities.

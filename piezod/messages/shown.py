@@ -17,9 +17,14 @@ from piezod.messages.documents import Document
 class Unit(NamedTuple):
     """A unit, which the names of fields end in."""
 
-    sign: str = ""  #: Its sign.
+    sign: str = ""  #: Its sign; `ascii` for programs that know no µ.
     digits: int = 0  #: Digits after the decimal point that people read.
     fine: int = 0  #: Digits for programs that show what they are told, such as screens of EPICS.
+
+    @property
+    def ascii(self) -> str:
+        """Its sign without µ."""
+        return self.sign.replace("µ", "u")
 
 
 _UNITS: Final[Mapping[str, Unit]] = {
@@ -37,7 +42,7 @@ def unit_of(name: str) -> Unit:
     return _UNITS.get(name.rpartition("_")[2], Unit())
 
 
-class Mark(Flag):
+class Trait(Flag):
     """What holds for a field besides its words."""
 
     COLUMN = auto()
@@ -50,7 +55,7 @@ class Mark(Flag):
     """An archiver need not store its record."""
 
 
-COLUMN, DETAIL, NEEDED, UNARCHIVED = Mark
+COLUMN, DETAIL, NEEDED, UNARCHIVED = Trait
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ class Shown:
     words: str  #: What people call it, as the heading of a column.
     record: str = ""  #: Name of its EPICS record; empty if it has none.
     what: str = ""  #: Description of the record, at most 40 characters.
-    marks: Mark | None = None  #: What else holds.
+    marks: Trait | None = None  #: What else holds.
     choices: type[StrEnum] | None = None  #: All values of a word, in an order that stays.
 
 
@@ -82,7 +87,7 @@ class ShownField(NamedTuple):
         """All values of a word; empty if it may be any."""
         return tuple(map(str, self.shown.choices or ()))
 
-    def has(self, mark: Mark) -> bool:
+    def has(self, mark: Trait) -> bool:
         """Return whether a mark holds."""
         return self.shown.marks is not None and mark in self.shown.marks
 
@@ -106,6 +111,7 @@ class ShownField(NamedTuple):
         """The description as JSON, for the page."""
         return {
             "words": self.shown.words,
+            "what": self.shown.what,
             "unit": self.unit.sign,
             "digits": self.unit.digits,
             "detail": self.has(DETAIL),

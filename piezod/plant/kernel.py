@@ -4,13 +4,15 @@
     drive ─► hysteresis, gain ─► + creep + drift ─► first mode ─► displacement
     displacement ─► fibre curve ─► + noise ─► detector ─► anti-alias filter ─► delay ─► converter
 
-The class of the hysteresis is a constant of the plant: `preisach.py`, `relays.py`, `path.py`.
+The class of the hysteresis is a constant of the plant: `preisach.py`, `relays.py`, `path.py`,
+`foreign.py`.
 """
 
-from math import exp
+from math import exp, sin
 from typing import Any, TypeAlias
 
 from piezod.jit import compiled
+from piezod.plant.foreign import COLEMAN_HODGDON, advance_rate, foreign_part
 from piezod.plant.path import BOUC_WEN, DAHL, path_part
 from piezod.plant.preisach import preisach
 from piezod.plant.relays import RELAYS, relax
@@ -35,6 +37,10 @@ def hysteresis(middle: float, end: float, state: Record, constants: Record) -> f
     if c.law in (BOUC_WEN, DAHL):
         in_middle = path_part(middle, state, constants)
         path_part(end, state, constants)
+    elif c.law >= COLEMAN_HODGDON:
+        advance_rate(end, c.step_s, state)
+        in_middle = foreign_part(middle, c.half_step_s, state, constants)
+        foreign_part(end, c.half_step_s, state, constants)
     elif c.law == RELAYS:
         before = s.part
         after = relax(middle, state, constants)
@@ -55,6 +61,9 @@ def jump(unit: float, state: Record, constants: Record) -> float:
         s.hysteretic = c.reversible * unit + c.irreversible * s.part
         s.unit = unit
         return float(s.hysteretic)
+    if c.law >= COLEMAN_HODGDON:
+        advance_rate(unit, c.step_s, state)
+        return foreign_part(unit, 0.0, state, constants)
     return hysteresis(unit, unit, state, constants)
 
 
@@ -264,6 +273,8 @@ def advance(
             state,
             constants,
         )
-        advance_sensor(c.light_noise_v * s.noise[s.noise_used, 1], state, constants)
+        s.hum_phase += c.hum_angle
+        disturbed_v = c.light_noise_v * s.noise[s.noise_used, 1] + c.hum_v * sin(s.hum_phase)
+        advance_sensor(disturbed_v, state, constants)
         s.noise_used += 1
     return reading_v(ago, state, constants)

@@ -18,6 +18,7 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.plant.foreign_laws import ForeignLaw
 from piezod.plant.ranges import ParameterRange
 
 Array: TypeAlias = NDArray[np.float64]
@@ -175,5 +176,5 @@ class Dahl:
 
 
 HysteresisLaw: TypeAlias = (
-    PowerLaw | ExponentialDensity | GaussianDensity | ThermalRelays | BoucWen | Dahl
+    PowerLaw | ExponentialDensity | GaussianDensity | ThermalRelays | BoucWen | Dahl | ForeignLaw
 )

@@ -12,6 +12,8 @@ import numpy as np
 from piezod.plant.density import NODES, everett_table
 from piezod.plant.discretise import creep, mode, receiver
 from piezod.plant.fibre import BEST_GAP, peak_gap_um
+from piezod.plant.foreign import FACTS, INNER, foreign_constants
+from piezod.plant.foreign_laws import ColemanHodgdon, Duhem, MaxwellSlip, RatePlays
 from piezod.plant.kernel import fibre_slope, fibre_v
 from piezod.plant.laws import BoucWen, Dahl, HysteresisLaw, PowerLaw, ThermalRelays
 from piezod.plant.parameters import AmplifierParameters, PlantParameters, SensorParameters
@@ -85,6 +87,11 @@ CONSTANTS: Final = np.dtype(
         ("relay_weight", "f8", (CELLS, CELLS)),
         ("relays_at_rest", "f8", (CELLS, CELLS)),
         ("part_at_rest", "f8"),
+        ("facts", "f8", (FACTS,)),  # of the classes of `foreign.py`, like the next one
+        ("inner_at_rest", "f8", (INNER,)),
+        ("step_s", "f8"),
+        ("hum_v", "f8"),
+        ("hum_angle", "f8"),  # per sub-step
         ("everett_table", "f8", (NODES, NODES)),
     ]
 )
@@ -124,6 +131,9 @@ STATE: Final = np.dtype(
         ("part", "f8"),  # of the relays, since rest
         ("up", "f8", (CELLS, CELLS)),  # fraction of each relay that is up
         ("relays_down", "f8", (CELLS,)),  # rates, for use within a sub-step
+        ("inner", "f8", (INNER,)),  # of the classes of `foreign.py`, like the next one
+        ("rate", "f8"),  # of the drive, in nominal drives per s
+        ("hum_phase", "f8"),
     ]
 )
 
@@ -141,6 +151,7 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
         **_amplifier(parameters.amplifier, step_s),
         **_sensor(parameters.sensor, stage.travel_um, step_s),
         **_hysteresis(parameters.hysteresis, step_s),
+        "step_s": step_s,
         "drive_v": stage.drive_v,
         "lowest": _LOWEST,
         "highest": _HIGHEST,
@@ -171,6 +182,8 @@ def _hysteresis(law: HysteresisLaw, step_s: float) -> dict[str, Any]:
             return bouc_wen_constants(law, _HIGHEST)
         case Dahl():
             return dahl_constants(law, _HIGHEST)
+        case ColemanHodgdon() | Duhem() | MaxwellSlip() | RatePlays():
+            return foreign_constants(law, _HIGHEST)
         case ThermalRelays():
             return {"law": RELAYS, **relay_constants(law, step_s, _LOWEST, _HIGHEST)}
         case _:
@@ -211,6 +224,8 @@ def _sensor(parameters: SensorParameters, travel_um: float, step_s: float) -> di
         "peak_gap_um": peak_gap_um(parameters.nonlinearity, travel_um),
         "rest_gap_um": BEST_GAP * travel_um + parameters.setback_um,
         "light_noise_v": density_v / sqrt(2 * step_s),  # white up to half the rate of sub-steps
+        "hum_v": parameters.hum_nm * 1e-3 * parameters.slope_v_per_um,
+        "hum_angle": 2 * pi * parameters.hum_hz * step_s,
         "receiver": receiver(parameters.bandwidth_hz, parameters.antialias_hz, step_s),
         "adc_step_v": 0.0 if bits == inf else 2 * parameters.adc_range_v / 2**bits,
         "saturation_v": parameters.saturation_v,
@@ -233,6 +248,7 @@ def at_rest(record: Any) -> Any:
     state["gain"] = 1.0
     state["v"], state["g"] = c["pinning"], c["g_at_rest"]
     state["up"] = c["relays_at_rest"]
+    state["inner"] = c["inner_at_rest"]
     if c["law"] in (POWER_LAW, TABLE):
         _at_rest_turns(state, record)
     # Creep, drift, mode and noise are 0 at rest; only the light is not.

@@ -120,6 +120,12 @@ class SensorParameters:
     noise_nm_per_rthz: Annotated[
         float, ParameterRange("nm/√Hz", 0, 1000, "noise density at nominal light, near side")
     ] = 0.745
+    hum_nm: Annotated[
+        float, ParameterRange("nm", 0, 1000, "amplitude of the hum of the mains", varies=False)
+    ] = 0.0
+    hum_hz: Annotated[
+        float, ParameterRange("Hz", 1, 1000, "frequency of the hum", varies=False)
+    ] = 50.0
     bandwidth_hz: Annotated[float, ParameterRange("Hz", 100, 1e6, "-3 dB bandwidth")] = 1e4
     antialias_hz: Annotated[
         float, ParameterRange("Hz", 10, 1e5, "-3 dB frequency of the second-order low-pass filter")

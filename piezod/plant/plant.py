@@ -50,9 +50,10 @@ class Plant:
         self._delay = delay
         self._constants = constants(parameters, sub_step_ns / NS_PER_S)
         self._state = at_rest(self._constants)
-        self._noise = self._state["noise"][0]
+        self._noise, self._drive_v = self._state["noise"][0], self._state["drive_v"]
         self._left = 0  # sub-steps for which noise is still available
-        self._command_v = 0.0
+        self.command_v = 0.0
+        """Commanded voltage across the actuator, in V."""
         self.now_ns = 0
         self._grid_ns = 0
         self._reading_v = advance(0, 0.0, delay, self._state, self._constants)
@@ -75,18 +76,15 @@ class Plant:
         sub_steps = -((self._grid_ns - t_ns) // self._sub_step_ns)
         self._grid_ns += sub_steps * self._sub_step_ns
         while sub_steps > self._left:  # the block of noise ends before t_ns: use it up first
-            self._run(self._left, 0.0)
+            advance(self._left, self.command_v, 0.0, self._state, self._constants)
             sub_steps -= self._left
             self._rng.standard_normal(out=self._noise)
             self._state["noise_used"] = 0
             self._left = NOISE_BLOCK
         # The reading is older than the grid by the delay plus the part of the sub-step after t_ns.
         ago = self._delay + (self._grid_ns - t_ns) / self._sub_step_ns
-        self._reading_v = self._run(sub_steps, ago)
+        self._reading_v = advance(sub_steps, self.command_v, ago, self._state, self._constants)
         self._left -= sub_steps
-
-    def _run(self, sub_steps: int, ago: float) -> float:
-        return advance(sub_steps, self._command_v, ago, self._state, self._constants)
 
     def play(self, commands_v: Array, sub_steps: int, readings_v: Array, truths_um: Array) -> None:
         """Advance from point to point: the same as `advance_to`, reading and `command` at each.
@@ -109,7 +107,7 @@ class Plant:
                 last = k + 1
             else:
                 self._play(k, last, sub_steps, commands_v, readings_v, truths_um)
-            self._command_v, k = float(commands_v[last - 1]), last
+            self.command_v, k = float(commands_v[last - 1]), last
 
     def _play(
         self, k: int, last: int, steps: int, commands_v: Array, readings_v: Array, truths_um: Array
@@ -118,7 +116,7 @@ class Plant:
             k,
             last,
             steps,
-            self._command_v,
+            self.command_v,
             commands_v,
             self._delay,
             readings_v,
@@ -138,12 +136,7 @@ class Plant:
         Args:
             drive_v: Voltage across the actuator in V, finite; the amplifier applies its limits.
         """
-        self._command_v = drive_v
-
-    @property
-    def command_v(self) -> float:
-        """Commanded voltage across the actuator, in V."""
-        return self._command_v
+        self.command_v = drive_v
 
     def sample(self) -> float:
         """Return the present reading of the sensor's converter, in V. Real-time safe."""
@@ -152,7 +145,7 @@ class Plant:
     @property
     def drive_v(self) -> float:
         """Present voltage across the actuator, in V, with the amplifier's noise."""
-        return float(self._state["drive_v"][0])
+        return float(self._drive_v[0])
 
     @property
     def true_displacement_um(self) -> float:

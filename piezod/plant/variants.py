@@ -5,7 +5,20 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from piezod.plant.effects import without
-from piezod.plant.laws import BoucWen, Dahl, ExponentialDensity, GaussianDensity, ThermalRelays
+from piezod.plant.foreign_laws import (
+    ColemanHodgdon,
+    Duhem,
+    MaxwellSlip,
+    RatePlays,
+)
+from piezod.plant.laws import (
+    BoucWen,
+    Dahl,
+    ExponentialDensity,
+    GaussianDensity,
+    HysteresisLaw,
+    ThermalRelays,
+)
 from piezod.plant.parameters import (
     AmplifierParameters,
     PlantParameters,
@@ -22,6 +35,7 @@ class Variant(NamedTuple):
     #: Whether the sensor's curve was measured at commissioning. If not, only a straight line is
     #: known.
     calibrated: bool = True
+    residual_pct: float = 0.05  #: Greatest error of that curve, in % of the travel.
 
 
 _STACK = PlantParameters()
@@ -90,6 +104,40 @@ _DAHL = replace(
     hysteresis=Dahl(),
 )
 
+# Classes of hysteresis that no model of piezod has, and parts that are worse than a model assumes.
+
+
+def _foreign(irreversible_um: float, law: HysteresisLaw) -> PlantParameters:
+    stage = replace(
+        _STACK.stage,
+        reversible_um=_STACK.stage.travel_um - irreversible_um,
+        irreversible_um=irreversible_um,
+        skew=0.0,
+    )
+    return replace(_STACK, stage=stage, hysteresis=law)
+
+
+_SATURATED = _foreign(9.99, RatePlays(growth=0.0, saturation=1.0, steeper=0.1))
+_BIPOLAR = replace(
+    _SATURATED,
+    stage=replace(_SATURATED.stage, drive_v=120.0),
+    amplifier=AmplifierParameters(output_min_v=-40.0),
+)
+_SLIGHTLY = _foreign(12.41, RatePlays(growth=0.05))
+_SEVERAL = replace(
+    _SLIGHTLY,
+    stage=replace(
+        _SLIGHTLY.stage,
+        creep_per_decade=0.015,
+        drift=0.01,
+        gain_growth_per_s=2e-5,
+        mode_hz=500.0,
+        mode_damping=0.015,
+    ),
+    amplifier=AmplifierParameters(slew_v_per_s=3000.0, dac_bits=14),
+    sensor=SensorParameters(hum_nm=10.0, adc_bits=14),
+)
+
 VARIANTS: Final[Mapping[str, Variant]] = {
     "stack": Variant("30 µm stack stage, 0 to 150 V", _STACK),
     "stack-uncalibrated": Variant(
@@ -124,5 +172,35 @@ VARIANTS: Final[Mapping[str, Variant]] = {
         "the stack stage with a gain that grows by 10 % in 10 minutes",
         # 0.1 / 600 s
         replace(_STACK, stage=replace(_STACK.stage, gain_growth_per_s=1.667e-4)),
+    ),
+    "coleman-hodgdon": Variant(
+        "the stack stage as a Coleman-Hodgdon model", _foreign(19.34, ColemanHodgdon())
+    ),
+    "duhem": Variant("the stack stage as a semilinear Duhem model", _foreign(27.29, Duhem())),
+    "maxwell-slip": Variant(
+        "the stack stage as ten elements of generalised Maxwell slip",
+        _foreign(10.43, MaxwellSlip()),
+    ),
+    "bouc-wen-2": Variant(
+        "the stack stage as a Bouc-Wen model of exponent 2", _foreign(14.73, BoucWen(exponent=2.0))
+    ),
+    "rate-plays": Variant(
+        "the stack stage as plays whose thresholds grow by 15 % per decade of rate",
+        _foreign(11.76, RatePlays()),
+    ),
+    "bipolar": Variant("a stage for -20 to 120 V that saturates, with 8 % asymmetry", _BIPOLAR),
+    "bent-sensor": Variant(
+        "the stack stage with a sensor that is bent by 0.3 %, hum and 12 bits",
+        replace(_STACK, sensor=SensorParameters(hum_nm=20.0, adc_bits=12, adc_range_v=5.0)),
+        residual_pct=0.3,
+    ),
+    "slow-amplifier": Variant(
+        "the stack stage with an amplifier of 1000 V/s and 12 bits",
+        replace(_STACK, amplifier=AmplifierParameters(slew_v_per_s=1000.0, dac_bits=12)),
+    ),
+    "several-small": Variant(
+        "the stack stage with a little of all: plays with rate, creep, drift, hum, 14 bits, slew",
+        _SEVERAL,
+        residual_pct=0.1,
     ),
 }

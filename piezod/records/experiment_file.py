@@ -27,6 +27,7 @@ import h5py
 import numpy as np
 
 from piezod.errors import DataError
+from piezod.reading.opened import MOST_READ_BYTES, damage_is_an_error, open_recording
 from piezod.records.atomic import replacing
 from piezod.records.experiment_result import (
     COLUMN_NAMES,
@@ -43,7 +44,6 @@ from piezod.records.nexus import (
     new_entry,
     new_group,
 )
-from piezod.records.opened import MOST_READ_BYTES, damage_is_an_error, open_recording
 
 _ENTRY: Final = "experiment"
 _LONG_NAMES: Final = {

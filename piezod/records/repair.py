@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from piezod.errors import DataError
+from piezod.reading.hdf5_magic import HDF5_MAGIC
 from piezod.records.lookup3 import lookup3
 
-HDF5_MAGIC: Final = b"\x89HDF\r\n\x1a\n"
 END_OF_FILE: Final = slice(28, 36)
 """Bytes of the superblock, version 2 or 3, with the end-of-file address."""
 _FORM: Final = slice(8, 11)

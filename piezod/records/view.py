@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.reading.opened import damage_is_an_error, open_recording
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import CHUNK_CACHE_BYTES
-from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.recording.layout import check_time, stage_entry
 
 _TIME: Final = "cycles/t_s"

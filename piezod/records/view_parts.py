@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.reading.opened import damage_is_an_error, open_recording
 from piezod.records.frozen import FloatArray
 from piezod.records.nexus import axis_names
-from piezod.records.opened import damage_is_an_error, open_recording
 from piezod.records.recording.events import read_events
 from piezod.records.recording.layout import stage_entry
 from piezod.records.recording.marks import LATE_PART
@@ -60,7 +60,7 @@ class Mark(NamedTuple):
     text: str  #: Description for people.
 
 
-class Loop(NamedTuple):
+class DriveLoop(NamedTuple):
     """Displacement against drive: rows in the order of time, each array of shape (n,)."""
 
     t_s: FloatArray  #: Instants, in s.
@@ -153,7 +153,7 @@ def marks(path: Path, axis: str, begin_s: float = -inf, end_s: float = inf) -> t
 
 def loop(
     path: Path, axis: str, begin_s: float = -inf, end_s: float = inf, points: int = 4000
-) -> Loop:
+) -> DriveLoop:
     """Return displacement against drive, in a number of rows that a screen can show.
 
     Of each bucket of rows the extremes of both quantities are kept, so that no loop loses its tips.
@@ -187,8 +187,8 @@ def loop(
             for start in range(int(begin), int(end), portion)
         ]
     if not parts:
-        return Loop(*(np.empty(0) for _ in Loop._fields))
-    return Loop(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        return DriveLoop(*(np.empty(0) for _ in DriveLoop._fields))
+    return DriveLoop(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 @contextmanager

@@ -28,6 +28,8 @@ _ANSWER: Final = Struct("<qqdq")  # accepted, motion, duration, length of the te
 _ANSWER_AT: Final = 8  # after the number, which is stored by itself
 _ESTOP_ASKED: Final = int(Word.ESTOP_ASKED)
 _ESTOP_DONE: Final = int(Word.ESTOP_DONE)
+_URGENT: Final = int(Word.URGENT_POSTED)
+_ORDINARY: Final = int(Word.REQUESTS_POSTED)
 EXPIRED: Final = "expired: the loop did not take it in time"
 
 
@@ -167,6 +169,9 @@ class MailboxReader:
 
     def take(self, now_ns: int) -> tuple[int, bytes] | None:
         """Take the next request that has not expired, as number and payload; None if none waits."""
+        words = self._words
+        if words[_URGENT] == words[_URGENT + 1] and words[_ORDINARY] == words[_ORDINARY + 1]:
+            return None  # as many were taken as were posted
         for lane in self._lanes:
             # Expired requests are answered and skipped; the loop never runs more than one per
             # cycle.

@@ -8,7 +8,7 @@ stores and loads are seen in order. x86-64 guarantees that, and the tests run th
 
 from collections.abc import Sequence
 from struct import Struct
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from piezod.telemetry.layout import AXIS_FIELDS, CYCLE_FIELDS, Field, body_format, record_bytes
 from piezod.telemetry.shared_map import SharedMap
@@ -16,6 +16,9 @@ from piezod.telemetry.words import Word
 
 Record: TypeAlias = dict[str, Any]
 """The fields of a cycle by name; `axes` has those of each axis."""
+
+
+_NEWEST_RECORD: Final = int(Word.NEWEST_RECORD)
 
 
 class RingWriter:
@@ -50,7 +53,7 @@ class RingWriter:
         self._ring_words[begin] = seq
         self._pack_into(self._bytes, at + 8, *fields)
         self._ring_words[begin + (self._size >> 3) - 1] = seq
-        self._words[Word.NEWEST_RECORD] = seq
+        self._words[_NEWEST_RECORD] = seq
         return seq
 
 

@@ -66,7 +66,7 @@ def kept_tokens(folder: Path) -> Tokens:
     return Tokens(*(kept_token(folder / name) for name in Tokens._fields))
 
 
-class Access:
+class Secrets:
     """The secrets of one server: tokens for people and programs, and cookies for browsers.
 
     Args:
@@ -143,16 +143,16 @@ class Door:
 
     Args:
         app: The application behind it.
-        access: The secrets.
+        secrets: The secrets.
     """
 
-    def __init__(self, app: ASGIApp, access: Access) -> None:
-        self._app, self._access = app, access
+    def __init__(self, app: ASGIApp, secrets: Secrets) -> None:
+        self._app, self._secrets = app, secrets
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass one request or WebSocket on, or refuse it."""
-        if self._access.public is not None:
-            scope = self._access.public.arrived(scope)
+        if self._secrets.public is not None:
+            scope = self._secrets.public.arrived(scope)
         answer = self._answer(scope)
 
         async def send_with_headers(message: Message) -> None:
@@ -169,20 +169,20 @@ class Door:
 
     def _answer(self, scope: Scope) -> Response | None:
         """Return the answer to a request that goes no further; note the role of others."""
-        access, path = self._access, scope["path"]
-        if why := access.refusal(scope):
+        secrets, path = self._secrets, scope["path"]
+        if why := secrets.refusal(scope):
             return PlainTextResponse(f"refused: {why}\n", 403)
         if scope["type"] == "http" and path.startswith(API):
-            scope[_ROLE] = access.header_role(scope)
+            scope[_ROLE] = secrets.header_role(scope)
             challenge = {"www-authenticate": "Bearer"}
             return JSONResponse({"error": _NO_TOKEN}, 401, challenge) if not scope[_ROLE] else None
         if scope["type"] == "http" and scope["method"] not in _SAFE:
             return PlainTextResponse("allowed: GET\n", 405, {"allow": ", ".join(_SAFE)})
-        by_query, by_cookie = access.query_role(scope), access.cookie_role(scope)
+        by_query, by_cookie = secrets.query_role(scope), secrets.cookie_role(scope)
         if path == "/" and _query_token(scope) and (role := by_query or by_cookie):
-            return access.with_cookie(role, secure=access.is_secure(scope))
+            return secrets.with_cookie(role, secure=secrets.is_secure(scope))
         scope[_ROLE] = by_cookie
-        if by_cookie or (path == METRICS and (by_query or access.header_role(scope))):
+        if by_cookie or (path == METRICS and (by_query or secrets.header_role(scope))):
             return None
         return PlainTextResponse(_HOW, 401)
 

@@ -12,20 +12,28 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from piezod.web.access import METRICS, Access, Door, role_of
+from piezod.messages.answers import AXIS, STAGE
+from piezod.web.access import METRICS, Door, Secrets, role_of
 from piezod.web.api import Api
 from piezod.web.download import DownloadAnswer
 from piezod.web.export import ExportAnswer, Exports
 from piezod.web.metrics import PLAIN_TEXT, joined
+from piezod.web.rows import encoded
 from piezod.web.stages import Stages
 from piezod.web.tab import Tab
 
 MOST_TABS: Final = 32
 _FILES: Final = Path(__file__).parent / "static"
 _TRY_LATER: Final = 1013
+_SCRIPT: Final = "text/javascript"
+_SHOWN: Final = "".join(
+    f"export const {kind} = {encoded({name: field.document for name, field in shown.items()})};\n"
+    for kind, shown in (("AXIS", AXIS), ("STAGE", STAGE))
+)
+"""A script of the page: how fields of status and telemetry are shown."""
 
 
-def create_app(stages: Stages, access: Access) -> Starlette:
+def create_app(stages: Stages, secrets: Secrets) -> Starlette:
     """Return the application."""
     numbers, exports = count(1), Exports(stages)
 
@@ -56,6 +64,9 @@ def create_app(stages: Stages, access: Access) -> Starlette:
             image or b"", 200 if image else 404, {"cache-control": "no-store"}, "image/png"
         )
 
+    async def shown(_request: Request) -> Response:
+        return Response(_SHOWN, headers={"cache-control": "no-cache"}, media_type=_SCRIPT)
+
     api, methods = Api(stages).answer, ["GET", "POST", "DELETE"]
     return Starlette(
         routes=[
@@ -67,7 +78,8 @@ def create_app(stages: Stages, access: Access) -> Starlette:
             Route("/recordings/{stage}/{name}/{ending}", table),
             Route("/jobs/{stage}.png", figure),
             WebSocketRoute("/ws", socket),
+            Route("/static/shown.js", shown),
             Mount("/static", StaticFiles(directory=_FILES)),
         ],
-        middleware=[Middleware(Door, access=access)],
+        middleware=[Middleware(Door, secrets=secrets)],
     )

@@ -13,7 +13,7 @@ from typing import Final
 from starlette.responses import FileResponse, Response
 from starlette.types import Receive, Scope, Send
 
-from piezod.bounds import bound_other
+from piezod.resource_limits import bound_other
 from piezod.web.download import while_connected
 from piezod.web.errors import NOT_FOUND, PageError, refused_file
 from piezod.web.job_commands import RECORDING

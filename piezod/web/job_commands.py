@@ -20,7 +20,7 @@ class MessagePart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
-class Message(MessagePart):
+class PageMessage(MessagePart):
     """A message: it has a number for the answer."""
 
     id: Annotated[int, Field(ge=0, lt=2**53)]
@@ -43,7 +43,7 @@ class ChosenDrive(MessagePart):
     duration_s: Annotated[float, Field(ge=5.0, le=600.0)]
 
 
-class Identify(Message):
+class IdentifyJob(PageMessage):
     """Identify an axis. Without a drive, one of 80 s over all voltages of the axis is used."""
 
     do: Literal["identify"]
@@ -53,7 +53,7 @@ class Identify(Message):
     drive: ChosenDrive | None = None
 
 
-class Learn(Message):
+class LearnJob(PageMessage):
     """Play a waveform on a device, and learn its table from pass to pass."""
 
     do: Literal["learn"]
@@ -66,7 +66,7 @@ class Learn(Message):
     record_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
 
 
-class Replay(Message):
+class ReplayJob(PageMessage):
     """Run the control law again on a recording, with the present model of its axis."""
 
     do: Literal["replay"]
@@ -75,14 +75,14 @@ class Replay(Message):
     recording: Annotated[str, Field(pattern=f"^{RECORDING}$")]
 
 
-class LookAtJob(Message):
+class LookAtJob(PageMessage):
     """Return the newest job of a stage, or end it."""
 
     do: Literal["job", "end_job"]
     stage: str
 
 
-JobMessage: TypeAlias = Identify | Learn | Replay
+JobMessage: TypeAlias = IdentifyJob | LearnJob | ReplayJob
 
 
 def command_of(wanted: JobMessage, model: Document | None) -> Callable[[Path], list[str]]:
@@ -93,15 +93,15 @@ def command_of(wanted: JobMessage, model: Document | None) -> Callable[[Path], l
         model: The present model of the axis, for a replay.
     """
     match wanted:
-        case Identify():
+        case IdentifyJob():
             return partial(identify_command, wanted)
-        case Learn():
+        case LearnJob():
             return partial(learn_command, wanted)
-        case Replay():
+        case ReplayJob():
             return partial(replay_command, wanted, model)
 
 
-def identify_command(wanted: Identify, folder: Path) -> list[str]:
+def identify_command(wanted: IdentifyJob, folder: Path) -> list[str]:
     """Return the arguments of `piezod`; write the file of the drive."""
     arguments = ["identify", "--live", "--axis", wanted.axis, "--method", wanted.method]
     arguments += ["--out", str(folder / MODEL)]
@@ -112,7 +112,7 @@ def identify_command(wanted: Identify, folder: Path) -> list[str]:
     return arguments
 
 
-def learn_command(wanted: Learn, folder: Path) -> list[str]:
+def learn_command(wanted: LearnJob, folder: Path) -> list[str]:
     """Return the arguments of `piezod`; write the file of the waveform."""
     file = folder / "wave.yaml"
     file.write_text(json.dumps({"command_um": wanted.command_um}))
@@ -125,7 +125,7 @@ def learn_command(wanted: Learn, folder: Path) -> list[str]:
     ]  # fmt: skip
 
 
-def replay_command(wanted: Replay, model: Document | None, folder: Path) -> list[str]:
+def replay_command(wanted: ReplayJob, model: Document | None, folder: Path) -> list[str]:
     """Return the arguments of `piezod`; write the file of the model.
 
     Args:

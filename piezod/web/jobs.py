@@ -15,10 +15,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from piezod.bounds import bound_other
 from piezod.config.yaml_loader import load_yaml
 from piezod.errors import PiezodError
 from piezod.messages.documents import Document
+from piezod.resource_limits import bound_other
 from piezod.web.errors import PageError
 from piezod.web.job_commands import MODEL, JobMessage, command_of
 from piezod.web.rows import encoded

@@ -11,7 +11,7 @@ from piezod.messages.documents import Document
 from piezod.messages.endpoints import LARGE_BODY, Endpoint
 from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_FOUND, PageError
-from piezod.web.job_commands import Identify, Learn, LookAtJob, Message, Replay
+from piezod.web.job_commands import IdentifyJob, LearnJob, LookAtJob, PageMessage, ReplayJob
 from piezod.web.rows import RATE_HZ
 
 LONGEST: Final = LARGE_BODY + 4096
@@ -25,13 +25,13 @@ _CALLABLE: Final = {
 QUERY: Final = re.compile(r"[A-Za-z0-9_.,=&%-]{0,256}")
 
 
-class ListStages(Message):
+class ListStages(PageMessage):
     """List all stages of this machine."""
 
     do: Literal["stages"]
 
 
-class Watch(Message):
+class Watch(PageMessage):
     """Send telemetry of a stage, in place of the stage that was watched before."""
 
     do: Literal["watch"]
@@ -39,13 +39,13 @@ class Watch(Message):
     rate_hz: Annotated[float, Field(ge=1.0, le=RATE_HZ)] = RATE_HZ
 
 
-class Unwatch(Message):
+class Unwatch(PageMessage):
     """Send no more telemetry."""
 
     do: Literal["unwatch"]
 
 
-class CallStage(Message):
+class CallStage(PageMessage):
     """Send a request to a stage."""
 
     do: Literal["call"]
@@ -55,14 +55,14 @@ class CallStage(Message):
     body: dict[str, Any] | None = None
 
 
-class EmergencyStop(Message):
+class EmergencyStop(PageMessage):
     """Stop a stage in an emergency."""
 
     do: Literal["estop"]
     stage: str
 
 
-class ReadRecording(Message):
+class ReadRecording(PageMessage):
     """Read a part of a recording; `begin_s` and `end_s` are null for its begin and end."""
 
     do: Literal["contents", "view", "marks", "loop"]
@@ -82,9 +82,9 @@ AnyMessage: TypeAlias = (
     | CallStage
     | EmergencyStop
     | ReadRecording
-    | Identify
-    | Learn
-    | Replay
+    | IdentifyJob
+    | LearnJob
+    | ReplayJob
     | LookAtJob
 )
 _READ: Final[TypeAdapter[AnyMessage]] = TypeAdapter(

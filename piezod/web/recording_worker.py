@@ -15,12 +15,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from piezod.bounds import bound
 from piezod.client import StageClient
 from piezod.errors import ClientError, DataError, NotRunningError
 from piezod.messages.documents import Document
 from piezod.records.view import view
 from piezod.records.view_parts import contents, loop, marks
+from piezod.resource_limits import bound
 from piezod.web.recording_cache import RecordingCache
 
 MOST_BYTES: Final = 2_000_000_000

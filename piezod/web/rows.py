@@ -38,7 +38,7 @@ class Row:
         return telemetry_event((self,))
 
 
-class Pacer:
+class Decimator:
     """Hands rows on at a lower rate. Merged rows keep every minimum and maximum.
 
     Args:

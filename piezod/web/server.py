@@ -16,7 +16,7 @@ from starlette.applications import Starlette
 
 from piezod.config.origins import host_name
 from piezod.errors import PiezodError
-from piezod.web.access import Access, Tokens, kept_tokens
+from piezod.web.access import Secrets, Tokens, kept_tokens
 from piezod.web.app import create_app
 from piezod.web.encryption import Certificate, check_certificate, require_encryption
 from piezod.web.messages import LONGEST
@@ -138,16 +138,16 @@ async def _serve(
     endpoint: socket.socket, plan: WebPlan, tokens: Tokens | None, announce: Callable[[str], None]
 ) -> None:
     port = endpoint.getsockname()[1]
-    access = Access(f"piezod-{port}", {host_name(plan.host)}, tokens, plan.public)
+    secrets = Secrets(f"piezod-{port}", {host_name(plan.host)}, tokens, plan.public)
     stages = Stages(f"web:{port}")
-    server = make_server(create_app(stages, access), plan.certificate)
+    server = make_server(create_app(stages, secrets), plan.certificate)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, _end, server)
     here = f"{'https' if plan.certificate else 'http'}://{_in_url(plan.host)}:{port}/"
     url = plan.public or here
     # The journal of a service has its output, and more people read it than may use the token.
-    file = plan.tokens / "user" if plan.tokens else _write_token(access.tokens.user)
-    announce(f"{url} with the token in {file}" if file else f"{url}?token={access.tokens.user}")
+    file = plan.tokens / "user" if plan.tokens else _write_token(secrets.tokens.user)
+    announce(f"{url} with the token in {file}" if file else f"{url}?token={secrets.tokens.user}")
     await server.serve(sockets=[endpoint])
     await stages.jobs.aclose()
 

@@ -14,7 +14,7 @@ from piezod.messages.documents import Document
 from piezod.messages.telemetry import Telemetry
 from piezod.web.connections import Connections, StatusLink
 from piezod.web.errors import GONE, of_connection
-from piezod.web.rows import RATE_HZ, Pacer, Row, encoded, with_time
+from piezod.web.rows import RATE_HZ, Decimator, Row, encoded, with_time
 
 UNWATCHED_EACH_S: Final = 3.0
 """Time between two requests of the status of a stage that no tab watches, in s."""
@@ -45,7 +45,7 @@ class WebStage:
         self.up, self.since_s = True, time.time()
         self.status: Document | None = None
         self._seen_s = self.since_s
-        self._watchers: dict[object, Pacer] = {}
+        self._watchers: dict[object, Decimator] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._streaming: asyncio.Task[None] | None = None
         self._open(socket)
@@ -81,7 +81,7 @@ class WebStage:
         status = self.status if self.up else None
         return {"stage": self.name, "up": self.up, "since": iso(self.since_s), "status": status}
 
-    def watch(self, tab: object, pacer: Pacer) -> None:
+    def watch(self, tab: object, pacer: Decimator) -> None:
         """Send rows to a tab; the first watcher opens the stream."""
         self._watchers[tab] = pacer
         if self._streaming is None or self._streaming.done():

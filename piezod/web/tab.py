@@ -9,15 +9,14 @@ from typing import Any, Final
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from piezod.client.wire import http_request
-from piezod.messages.answers import AXIS, STAGE
 from piezod.messages.documents import Document
 from piezod.messages.endpoints import Role
 from piezod.messages.requests import TABLE
 from piezod.web import messages
 from piezod.web.errors import NOT_FOUND, PageError, require
 from piezod.web.export import barriers
-from piezod.web.job_commands import Identify, JobMessage, Learn, LookAtJob, Replay
-from piezod.web.rows import Pacer, Row, encoded, telemetry_event
+from piezod.web.job_commands import IdentifyJob, JobMessage, LearnJob, LookAtJob, ReplayJob
+from piezod.web.rows import Decimator, Row, encoded, telemetry_event
 from piezod.web.stage import WebStage
 from piezod.web.stages import Stages
 
@@ -130,7 +129,7 @@ class Tab:
                     self._start(self._calls, message.id, self._call(message))
                 case messages.ReadRecording():
                     self._start(self._calls, message.id, self._stages.read(message))
-                case Identify() | Learn() | Replay():
+                case IdentifyJob() | LearnJob() | ReplayJob():
                     self._start(self._calls, message.id, self._start_job(message))
                 case LookAtJob():
                     require(self._role, Role.VIEWER if message.do == "job" else Role.OPERATOR)
@@ -174,7 +173,7 @@ class Tab:
 
     async def _start_job(self, wanted: JobMessage) -> Document:
         stage, model = self._stages.named(wanted.stage), None
-        if isinstance(wanted, Replay):
+        if isinstance(wanted, ReplayJob):
             require(self._role, Role.OPERATOR)
             model = await self._present_model(stage, wanted.axis)
         else:
@@ -198,15 +197,10 @@ class Tab:
 
     def _list(self) -> Document:
         stages = [stage.document() for stage in self._stages.all()]
-        fields = {"axis": AXIS, "stage": STAGE}
         return {
             "client": self.name,
             "role": self._role.name.lower(),
             "tables": barriers(),
-            "shown": {
-                kind: {name: field.document for name, field in shown.items()}
-                for kind, shown in fields.items()
-            },
             "stages": stages,
         }
 
@@ -214,7 +208,7 @@ class Tab:
         stage = self._stages.named(message.stage)
         self._unwatch()
         self._watched = stage
-        stage.watch(self, Pacer(message.rate_hz, self.put))
+        stage.watch(self, Decimator(message.rate_hz, self.put))
         return stage.document()
 
     def _unwatch(self) -> None:

@@ -190,7 +190,7 @@ def test_a_movement_gets_the_time_that_it_takes(
 ) -> None:
     """Nearly twice its way at the configured speed, as the daemon says, and some time to settle."""
     engine(bps.mv(x.x, 2.0))
-    monkeypatch.setattr(arrival, "SETTLE_S", settle_s)
+    monkeypatch.setattr(arrival, "ARRIVAL_MARGIN_S", settle_s)
 
     if arrives:
         engine(bps.mv(x.x, 22.0))

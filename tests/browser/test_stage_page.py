@@ -75,7 +75,7 @@ def test_wave_outside_the_range_is_not_started(page: Page) -> None:
 def test_displacement_is_drawn_against_drive_and_against_command(page: Page) -> None:
     """Two charts side by side: the loop of the hysteresis, and the compensated line."""
     loop, line = (
-        page.locator("figure").filter(has=page.get_by_text(f"Displacement against {name}"))
+        page.locator("figure").filter(has=page.get_by_text(f"Position against {name}"))
         for name in ("drive", "command")
     )
     loop.scroll_into_view_if_needed()
@@ -119,11 +119,11 @@ def test_slider_drags_the_set_point(page: Page, machine: Machine) -> None:
 
 def test_hidden_tab_gets_no_telemetry(page: Page) -> None:
     """A tab that is hidden ends its telemetry, and asks for it again when it is seen."""
-    displacement = page.locator(".readout", has_text="displacement").locator(".value")
-    expect(displacement).to_have_text(re.compile(r"\d"))
+    position = page.locator(".readout", has_text="position").locator(".value")
+    expect(position).to_have_text(re.compile(r"\d"))
     with page.expect_websocket() as opened:
         page.reload()
-    expect(displacement).to_have_text(re.compile(r"\d"))
+    expect(position).to_have_text(re.compile(r"\d"))
     with opened.value.expect_event("framesent", is_message("unwatch")):
         page.evaluate(HIDE, True)
     with opened.value.expect_event("framesent", is_message("watch")):

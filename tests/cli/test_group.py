@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Command
-from tests.client.fake_daemon import ACCEPTED, STATUS
+from tests.client.fake_daemon import ACCEPTED, STATUS, interval
 from tests.client.group_of_fakes import Daemons, asked
 
 
@@ -119,6 +119,22 @@ def test_wave_of_a_group(piezod: Command, daemons: Daemons, folder: Path) -> Non
     assert {body["start_s"] for body in bodies} == {json.loads(out)["start_s"]}
     assert json.loads(out)["stages"] == {"fast": ACCEPTED, "slow": ACCEPTED}
     assert "fast: following for 4 s, from" in piezod("group", "wave", "raster", "waves.yaml").out
+
+
+def test_goto_of_a_group(piezod: Command, daemons: Daemons) -> None:
+    """A target is for the only axis, or names one; with --wait the positions are printed."""
+    axis = {"limits": {"drive_min_v": 0.0, "drive_max_v": 150.0}, "sensor": {}}
+    for daemon in daemons.values():
+        daemon.answers["GET config"] = {"axes": {"x": axis}}
+        daemon.telemetry, daemon.lasting = [interval(12.5, on_target=True)], True
+
+    started = piezod("group", "goto", "raster", "fast=12.5", "slow/x=12.5")
+    there = piezod("group", "goto", "raster", "fast=12.5", "slow/x=12.5", "--wait")
+    invalid = piezod("group", "goto", "raster", "fast=far")
+
+    assert started == (0, "fast: on its way\nslow: on its way\n", "")
+    assert there == (0, "fast: x at 12.500 µm\nslow: x at 12.500 µm\n", "")
+    assert (invalid.code, "is no target" in invalid.err) == (2, True)
 
 
 def test_waveform_needs_the_axis_of_a_stage_with_several(

@@ -14,7 +14,7 @@ import pytest
 from piezod.client import StageClient
 from piezod.config.model_file import load_model
 from piezod.experiment.live.identify import LiveRecord
-from piezod.records.csv_file import read_csv
+from piezod.reading.record import read_record
 from piezod.records.experiment_file import read_hdf5
 from tests.cli.conftest import Command, Outcome
 from tests.daemon.daemons import SHIPPED, Daemon, configuration
@@ -267,7 +267,7 @@ def test_identify_and_adopt(
     document = json.loads(out)
     assert (document["axis"], document["adopted"], document["data"]) == ("x", True, "m.csv")
     assert document["train"]["voltage_error_max_pct"] < 5.0
-    columns = read_csv(folder / "m.csv")
+    columns = read_record(folder / "m.csv").columns
     assert np.ptp(columns["t_s"]) == pytest.approx(4.0, abs=0.25)
     assert columns["drive_v"].max() == pytest.approx(123.5, abs=6.0)
     written = load_model(folder / "m.yaml")

@@ -30,7 +30,7 @@ VERBS = ("experiment", "identify", "check", "drivers")
 
 def test_version(process: Command) -> None:
     """The version is that of the installed distribution."""
-    assert process("--version") == (0, f"piezod {piezod.__version__}\n", "")
+    assert process("--version") == (0, f"piezod {piezod.__version__} ({piezod.build()})\n", "")
 
 
 def test_help_lists_the_verbs(process: Command) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from piezod.config.response_file import load_response
-from piezod.records.csv_file import read_csv, write_csv
+from piezod.records.csv_file import write_csv
 from tests.cli.conftest import Command
 from tests.cli.test_live import punctual
 from tests.daemon.daemons import Daemon, configuration
@@ -54,7 +54,7 @@ def test_running_stage_is_measured(piezod: Command, rig: Daemon, folder: Path) -
     assert len(document["lines"]["frequency_hz"]) > 12
     file = load_response(folder / "r.yaml")
     assert (file.method, file.rate_hz, file.delay_s) == ("multisine", 200.0, document["delay_s"])
-    assert read_csv(folder / "r.csv", ("frequency_hz",), min_samples=12)["frequency_hz"][0] == 2.5
+    assert (folder / "r.csv").read_text().splitlines()[1].startswith("2.5,")
     assert (folder / "r.png").is_file()
     rig.until("SAFE")
 

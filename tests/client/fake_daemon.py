@@ -43,7 +43,9 @@ class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
         self.asked: list[Asked] = []
         self.answers: dict[str, Document | Raw] = {"GET status": STATUS}
         self.telemetry: list[Document] = []
-        self.answering = threading.Event()
+        self.lasting = False
+        """Whether telemetry lasts, with the last interval again and again."""
+        self.answering, self.ending = threading.Event(), threading.Event()
         self.answering.set()
 
     @contextmanager
@@ -55,6 +57,7 @@ class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
             yield
         finally:
             self.answering.set()
+            self.ending.set()
             self.shutdown()
             thread.join()
             self.server_close()
@@ -99,6 +102,9 @@ class _Handler(BaseHTTPRequestHandler):
         what = f"{self.command} {self.path.removeprefix('/v1/')}"
         self.server.asked.append(Asked(what, body, self.headers["X-Piezod-Client"]))
         self.server.answering.wait()
+        if what.startswith("GET telemetry") and self.server.lasting:
+            self._stream()
+            return
         answer = self.server.answers.get(what.partition("?")[0], ACCEPTED)
         if what.startswith("GET telemetry") and self.server.telemetry:
             answer = Raw(200, events(self.server.telemetry), "text/event-stream")
@@ -109,6 +115,17 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(answer.body)))
         self.end_headers()
         self.wfile.write(answer.body)
+
+    def _stream(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/event-stream")
+        self.send_header("Connection", "close")
+        self.end_headers()
+        sent = 0
+        while self.server.lasting and not self.server.ending.wait(0.01):
+            last = len(self.server.telemetry) - 1
+            self.wfile.write(events([self.server.telemetry[min(sent, last)]]))
+            sent += 1
 
 
 def events(documents: Sequence[Document]) -> bytes:

@@ -9,7 +9,7 @@ import pytest
 
 from piezod.client import AsyncStageClient, StageClient
 from piezod.client import mirror as mirror_module
-from piezod.client.arrival import SETTLE_S, Arrival
+from piezod.client.arrival import ARRIVAL_MARGIN_S, Arrival
 from piezod.client.daemon_link import DaemonLink
 from piezod.client.mirror import StageMirror
 from piezod.client.mover import StageMover
@@ -57,7 +57,7 @@ def test_goto_waits_as_long_as_it_takes(daemon: FakeDaemon, *, asynchronous: boo
         with StageClient(socket=daemon.socket_path) as client:
             return client.goto_and_wait(12.5).position_um
 
-    daemon.answers["POST goto"] = {"accepted": True, "motion": 7, "duration_s": -SETTLE_S}
+    daemon.answers["POST goto"] = {"accepted": True, "motion": 7, "duration_s": -ARRIVAL_MARGIN_S}
     with pytest.raises(NotReachedError, match="not on target within 0 s"):
         arrive()
 

@@ -13,7 +13,7 @@ from piezod.commission.device_watch import PATIENCE_S
 from piezod.commission.output import Output
 from piezod.commission.session import Session
 from piezod.control.guard import Limits
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputReader, LastOutputWriter
 from piezod.daemon.noted_identities import noted_identities
 from piezod.daemon.output_notes import OutputNotes
 from piezod.daemon.paths import StagePaths
@@ -197,13 +197,13 @@ def test_each_voltage_is_noted_for_the_next_process(
     written, noted, write = list[float](), list[float](), SimulatedRig.write
 
     def noting(rig: SimulatedRig, drive_v: Sequence[float], now_ns: int) -> bool:
-        noted.extend(each.drive_v for each in read_last_output(paths.output_map))
+        noted.extend(each.drive_v for each in LastOutputReader(paths.output_map).read())
         written.append(drive_v[0])
         return write(rig, drive_v, now_ns)
 
     monkeypatch.setattr(SimulatedRig, "write", noting)
     with one_axis(config, "x", OutputNotes(config, paths), clock=FakeClock(T0_NS)) as opened:
-        (found,) = read_last_output(paths.output_map)
+        (found,) = LastOutputReader(paths.output_map).read()
         opened.session.go(5.0)
 
     assert found.drive_v == opened.session.found_v

@@ -12,6 +12,7 @@ from piezod.devices import registry
 EXPERIMENTS = Path(__file__).parents[2] / "config" / "experiments"
 VARIANTS = {
     "beyond-afm.yaml": "afm",
+    "beyond-bipolar.yaml": "bipolar",
     "beyond-flexure.yaml": "flexure",
     "beyond-uncalibrated.yaml": "stack-uncalibrated",
 }

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from piezod.config.model_file import ModelFile, PathConfig, dump_model, load_model
 from piezod.config.yaml_loader import parse_yaml
+from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import read_model
 from piezod.errors import ConfigError
-from piezod.hysteresis import SurfaceForm
+from piezod.experiment.fit.model_io import model_fields
+from piezod.hysteresis import AffineRange, SurfaceForm
 from piezod.hysteresis.path_relaxation import PathRelaxation
 from tests.config.test_model_file import MODEL
 from tests.control.made_up import RELAXING, STOPS, SURFACE
@@ -66,6 +68,20 @@ def test_path_is_restored_to_the_bit(tmp_path: Path) -> None:
     assert file.surface_path == path
     assert isinstance(model.form, SurfaceForm)
     assert model.form.path == PathRelaxation(-0.1 / 3, 2.0 / 3, 0.1 / 3)
+
+
+@pytest.mark.parametrize(("exponent", "written"), [(1.0, None), (5.0 / 3, 5.0 / 3)])
+def test_exponent_of_a_path_is_written_if_it_is_not_one(
+    tmp_path: Path, exponent: float, written: float | None
+) -> None:
+    """So older programs read a file without it; after the text of a file it is the same."""
+    form = SurfaceForm(path=PathRelaxation(-0.1 / 3, 2.0 / 3, 0.1 / 3, exponent))
+    one = AffineRange(0.0, 1.0)
+    fields = model_fields(StageModel(form, SURFACE.weights, one, one, 0.0))["surface_path"]
+    model, _ = read_model(changed(tmp_path / "m.yaml", surface_path=fields))
+
+    assert fields.exponent == written
+    assert model.form == form
 
 
 def test_file_without_a_path_is_one_of_older_programs() -> None:

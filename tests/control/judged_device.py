@@ -20,7 +20,7 @@ from math import inf, isfinite, isnan, nan
 from typing import Final
 
 from piezod.config.states import State
-from piezod.control.faults.table import FAULTS, Source
+from piezod.control.faults.table import FAULTS, FaultSource
 from piezod.control.guard import Limits
 from piezod.control.in_force import Claim
 from piezod.control.stage.stage import Stage
@@ -45,7 +45,7 @@ SENSOR_LIES: Final = frozenset(
     }
 )
 """Faults whose samples are valid and wrong."""
-OF_SENSOR: Final = sum(1 << i for i, rule in enumerate(FAULTS) if rule.source is Source.SENSOR)
+OF_SENSOR: Final = sum(1 << i for i, rule in enumerate(FAULTS) if rule.source is FaultSource.SENSOR)
 
 
 class JudgedDevice(FaultyDevice):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputReader, LastOutputWriter
 
 WORDS_PER_AXIS = 4
 
@@ -22,7 +22,7 @@ def test_newest_voltages_are_read_back(path: Path) -> None:
     writer.note([1.0, 2.0], 10)
     writer.note([1.5, 2.5], 20)
 
-    assert read_last_output(path) == [(1.5, 20), (2.5, 20)]
+    assert LastOutputReader(path).read() == [(1.5, 20), (2.5, 20)]
 
 
 def test_voltage_of_an_axis_that_is_not_written_stays(path: Path) -> None:
@@ -31,15 +31,15 @@ def test_voltage_of_an_axis_that_is_not_written_stays(path: Path) -> None:
     writer.note([1.0, 2.0], 10)
     writer.note([nan, 2.5], 20)
 
-    assert read_last_output(path) == [(1.0, 10), (2.5, 20)]
+    assert LastOutputReader(path).read() == [(1.0, 10), (2.5, 20)]
 
 
 def test_nothing_is_known_before_the_first_write(path: Path) -> None:
     """Before the first write every voltage is NaN."""
     LastOutputWriter(path, 2)
 
-    assert all(isnan(output.drive_v) for output in read_last_output(path))
-    assert len(read_last_output(path)) == 2
+    assert all(isnan(output.drive_v) for output in LastOutputReader(path).read())
+    assert len(LastOutputReader(path).read()) == 2
 
 
 def test_voltages_outlive_the_next_start(path: Path) -> None:
@@ -48,7 +48,7 @@ def test_voltages_outlive_the_next_start(path: Path) -> None:
 
     LastOutputWriter(path, 1)
 
-    assert read_last_output(path) == [(42.0, 10)]
+    assert LastOutputReader(path).read() == [(42.0, 10)]
 
 
 def test_file_for_another_number_of_axes_is_made_anew(path: Path) -> None:
@@ -57,7 +57,7 @@ def test_file_for_another_number_of_axes_is_made_anew(path: Path) -> None:
 
     LastOutputWriter(path, 3)
 
-    assert [isnan(output.drive_v) for output in read_last_output(path)] == [True] * 3
+    assert [isnan(output.drive_v) for output in LastOutputReader(path).read()] == [True] * 3
 
 
 def test_half_written_voltage_is_unknown(path: Path) -> None:
@@ -68,7 +68,7 @@ def test_half_written_voltage_is_unknown(path: Path) -> None:
     words[1] += 1
     path.write_bytes(content)
 
-    first, second = read_last_output(path)
+    first, second = LastOutputReader(path).read()
 
     assert isnan(first.drive_v)
     assert second == (2.0, 10)
@@ -79,12 +79,12 @@ def test_invalid_file_gives_nothing(path: Path, content: bytes) -> None:
     """A truncated or foreign file has no voltages."""
     path.write_bytes(content)
 
-    assert read_last_output(path) == []
+    assert LastOutputReader(path).read() == []
 
 
 def test_absent_file_gives_nothing(path: Path) -> None:
     """A missing file has no voltages."""
-    assert read_last_output(path) == []
+    assert LastOutputReader(path).read() == []
 
 
 def test_file_is_private(path: Path) -> None:
@@ -111,4 +111,4 @@ def test_forgotten_voltages_are_unknown(path: Path) -> None:
     writer.note([60.0, 70.0], 1)
     writer.forget(2)
 
-    assert [isnan(each.drive_v) for each in read_last_output(path)] == [True, True]
+    assert [isnan(each.drive_v) for each in LastOutputReader(path).read()] == [True, True]

@@ -9,7 +9,7 @@ from typing import cast
 import pytest
 
 from piezod.config.daemon import DaemonConfig, load_daemon
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputReader, LastOutputWriter
 from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.daemon.output_notes import OutputNotes
 from piezod.daemon.paths import StagePaths
@@ -46,7 +46,7 @@ def opened(identities: Mapping[str, Identity], **able: bool) -> Channels:
 
 def stored_v(paths: StagePaths) -> list[float]:
     """Return the stored voltages."""
-    return [each.drive_v for each in read_last_output(paths.output_map)]
+    return [each.drive_v for each in LastOutputReader(paths.output_map).read()]
 
 
 def test_what_the_loop_wrote_is_known_and_kept(paths: StagePaths) -> None:

@@ -5,13 +5,14 @@ import shutil
 import signal
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from piezod.client import StageGroup
+from piezod.client import Arrival, StageGroup
 from piezod.client.listing import list_stages
 from piezod.errors import GroupError
 from piezod.units import NS_PER_S
@@ -20,11 +21,12 @@ from tests.daemon.daemons import Daemon, configuration, is_alive, latched
 from tests.daemon.waiting import eventually
 
 # `make test` has the same with fakes and in virtual time: tests/client/test_stage_group.py and
-# tests/control/stage/test_common_start.py.
+# test_group_wait.py, tests/control/stage/test_common_start.py.
 pytestmark = pytest.mark.stress
 
 RISE = {"kind": "triangle", "low": 2.0, "high": 12.0, "frequency_hz": 0.5}
 NAMES = ("fast", "slow", "spare")
+PAIR = ("fast", "slow")
 Daemons = dict[str, Daemon]
 
 
@@ -60,13 +62,12 @@ def departure_s(file: Path) -> tuple[float, float]:
 
 def test_waveforms_begin_within_one_period(daemons: Daemons, tmp_path: Path) -> None:
     """In the recordings both loops leave the start of the waveform at the common instant."""
-    pair = ("fast", "slow")
-    for stage in pair:
+    for stage in PAIR:
         daemons[stage].moving("goto", {"position_um": 5.0})
     leaves = {}
-    with StageGroup(pair) as group:
+    with StageGroup(PAIR) as group:
         recordings = group.start_recording("common")
-        started = group.wave({stage: {"x": RISE} for stage in pair}, 1.0, start_in_s=3.0)
+        started = group.wave({stage: {"x": RISE} for stage in PAIR}, 1.0, start_in_s=3.0)
         for stage, answer in started.answers.items():
             daemons[stage].moving("goto", {}, lambda now: now["axes"]["x"]["on_target"])
             assert group.status()[stage].axes["x"].motion == answer.motion
@@ -82,6 +83,53 @@ def test_waveforms_begin_within_one_period(daemons: Daemons, tmp_path: Path) -> 
         )
         assert last_s <= started.start_s < next_s
     print(f"difference: {1e3 * abs(leaves['fast'][1] - leaves['slow'][1]):.3f} ms")
+
+
+def arriving(daemons: Daemons, position_um: float) -> dict[str, tuple[Arrival, ...]]:
+    """Move two stages, and wait until both have arrived; repeat it if late cycles stop one."""
+    for _ in range(5):
+        for name in PAIR:
+            daemons[name].moving("goto", {"position_um": 5.0})
+        try:
+            with StageGroup(PAIR) as group:
+                return group.goto_and_wait({stage: {"x": position_um} for stage in PAIR})
+        except GroupError as error:
+            print(error)
+    raise AssertionError(daemons["fast"].text)
+
+
+def test_the_wait_ends_when_both_stages_are_on_target(daemons: Daemons) -> None:
+    """Then each daemon says so itself."""
+    arrived = arriving(daemons, 9.0)
+
+    for name in PAIR:
+        assert arrived[name][0].position_um == pytest.approx(9.0, abs=1.0)
+        assert daemons[name].status()["axes"]["x"]["target_um"] == 9.0
+
+
+@pytest.mark.parametrize("loss", ["estop", "hold", "loop", "supervisor"])
+def test_a_stage_that_is_lost_in_a_movement_lets_the_other_hold(
+    daemons: Daemons, loss: str
+) -> None:
+    """A fault, a hold of somebody else, and the end of a process: the other one stands still."""
+    victim, long = daemons["slow"], {"kind": "sine", "low": 4.0, "high": 8.0, "frequency_hz": 1.0}
+    for name in PAIR:
+        daemons[name].moving("goto", {"position_um": 5.0})
+    with StageGroup(PAIR) as group, ThreadPoolExecutor(1) as threads:
+        started = group.wave({stage: {"x": long} for stage in PAIR}, 600.0, start_in_s=3.0)
+        waiting = threads.submit(group.wait, started)
+        eventually(lambda: daemons["fast"].status()["lease"])
+        if loss == "loop":
+            os.kill(victim.loop_pid, signal.SIGKILL)
+        elif loss == "supervisor":
+            victim.signal(signal.SIGKILL)
+        else:
+            victim.do(loss)
+        with pytest.raises(GroupError, match="slow: ") as caught:
+            waiting.result(60.0)
+
+    assert "fast held" in str(caught.value)
+    assert daemons["fast"].until("HOLD")["axes"]["x"]["motion"] > 0
 
 
 @pytest.mark.parametrize("victim", ["loop", "supervisor", "both"])

@@ -4,17 +4,30 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
-from piezod.config.waveforms.combined import Sequence
+from piezod.config.waveforms.combined import Sequence, Sum
 from piezod.devices import registry
 from piezod.plant.variants import VARIANTS
 
 EXPERIMENTS = Path(__file__).parents[2] / "config" / "experiments"
 OTHER_FILES = {
     "afm": "beyond-afm.yaml",
+    "bipolar": "beyond-bipolar.yaml",
     "flexure": "beyond-flexure.yaml",
     "stack-uncalibrated": "beyond-uncalibrated.yaml",
 }
 """Variant → its experiment, if it is not that of the stack."""
+FOREIGN: Final = (
+    "coleman-hodgdon",
+    "duhem",
+    "maxwell-slip",
+    "bouc-wen-2",
+    "rate-plays",
+    "bipolar",
+    "bent-sensor",
+    "slow-amplifier",
+    "several-small",
+)
+"""Variants of classes, and with parts, that no model of piezod describes."""
 _LIGHTLY_DAMPED = "light-damping"
 """Its first mode is that of its data sheet; the gain of the trim follows from it."""
 _UNFILTERED, _UNFILTERED_DELAY_S = "no-antialias", 0.00013
@@ -89,6 +102,26 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
             "devices": {"rig": device.model_copy(update={"options": options})},
         }
     )
+
+
+def small_loops(config: ExperimentConfig) -> ExperimentConfig:
+    """Return an experiment whose cases are loops of 2, 5 and 10 % of a travel of 30 µm."""
+    (first, *_) = config.cases
+    cases = []
+    for height_um, swing_um in ((4.0, 0.6), (18.0, 1.5), (10.0, 3.0)):
+        parts = (
+            {"kind": "points", "points": [(0.0, 0.0), (2.0, height_um)]},
+            {"kind": "sine", "low": 0.0, "high": swing_um, "frequency_hz": 1.0},
+        )
+        update = {
+            "name": f"{swing_um:g} µm",
+            "period_s": 4.0,
+            "duration_s": 16.0,
+            "command_um": Sum.model_validate({"kind": "sum", "parts": parts}),
+            "reference_pct": {},
+        }
+        cases.append(first.model_copy(update=update))
+    return config.model_copy(update={"cases": tuple(cases)})
 
 
 def brief(config: ExperimentConfig) -> ExperimentConfig:

@@ -20,7 +20,13 @@ from piezod.devices.interface import Sample, Wiring
 from piezod.devices.wiring import ChannelPair
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.identify import identify_axes
-from piezod.experiment.virtual.stage import COMMAND_UM, TRUE_UM, VirtualStage, opened
+from piezod.experiment.virtual.stage import (
+    COMMAND_UM,
+    POSITION_UM,
+    TRUE_UM,
+    VirtualStage,
+    opened,
+)
 from piezod.hysteresis import Shadowed
 from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
@@ -153,8 +159,9 @@ class StressRig:
         self.channels.open()
         self.channels.activate(0)
         self.stage = VirtualStage(self.channels, config, lambda _cycles: None)
-        creeping = Creeping(self._model, self.stage.period_ns / NS_PER_S)
-        creeping.watch(self.stage.rest(approach_s)[0])
+        rest_v = config.axes["x"].limits.rest_v
+        creeping = Creeping(self._model, rest_v, self.stage.period_ns / NS_PER_S)
+        creeping.watch(self.stage.rest(approach_s)[0][:, POSITION_UM])
         creeping.zero()
         self.axis = compensated_axis(
             config.axes["x"],

@@ -186,10 +186,10 @@ def parameters() -> Reader:
 
 
 def record() -> Reader:
-    """CSV: a record of drive and position."""
+    """CSV and whatever else a record of drive and position may be."""
     samples = (f"{k / 100},{k % 7},{k % 5 / 3}\n" for k in range(12))
     good = ("t_s,drive_v,position_um\n" + "".join(samples)).encode()
-    read = _of("piezod.records.csv_file:read_csv")
+    read = _of("piezod.reading.record:read_record")
     return Reader(lambda path: read(path, min_samples=10), good, _refusals("DataError"))
 
 

@@ -12,7 +12,7 @@ from piezod.client.mirror import StageMirror
 from piezod.client.mover import StageMover
 from piezod.errors import ClientError, NotRunningError, RefusedError
 from piezod.gcs.readings import Readings
-from piezod.gcs.session import Session
+from piezod.gcs.session import GcsSession
 
 ResultT = TypeVar("ResultT")
 IDENTITY = "(c)2026 piezod, piezod bench, 0, 1.2.3"
@@ -135,7 +135,7 @@ class Dialogue:
         self.reports: list[str] = []
         self._replies = b""
         mover, readings = StageMover(link), controller.readings
-        self._session = Session(
+        self._session = GcsSession(
             mover, readings, "trimmed", IDENTITY, self.reports.append, self._receive
         )
         self._working = self._run(self._begun())

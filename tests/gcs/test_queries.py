@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.messages.answers import AXIS
 from tests.gcs.fake_stage import IDENTITY, Controller, Dialogue, gone
 
 
@@ -58,6 +59,8 @@ def test_help_lists_every_command(client: Dialogue) -> None:
     names = [text.split()[0] for text in texts]
     assert {"MOV", "MOV?", "SVO", "#5", "#24", "*IDN?"} <= set(names)
     assert len(names) == len(set(names))
+    position, unit = AXIS["position_um"].shown.what, client.ask("PUN? 1")
+    assert f"POS? [{{<axis>}}]: {position}, {unit[2:-1]}" in texts
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import typer
 import piezod
 from piezod.cli.daemon.gcs import gcs
 from piezod.errors import PiezodError
-from piezod.gcs.server import MOST_CLIENTS, Plan, identity_of, refusal, serve
+from piezod.gcs.server import MOST_CLIENTS, GcsPlan, identity_of, refusal, serve
 from piezod.messages.answers import Status
 from tests.client.fake_daemon import FakeDaemon
 
@@ -48,7 +48,7 @@ def test_identity_has_four_fields_and_names_piezod(stage: str, like: str, model:
 )
 def test_who_may_connect(address: str, clients: int, text: str) -> None:
     """This computer and the named addresses may connect, up to a number of clients."""
-    plan = Plan(Path("api.sock"), "trimmed", 0, [IPv4Address("10.0.0.5")])
+    plan = GcsPlan(Path("api.sock"), "trimmed", 0, [IPv4Address("10.0.0.5")])
 
     why = refusal(plan, IPv4Address(address), clients)
 
@@ -63,7 +63,7 @@ def test_port_in_use(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
 
         with pytest.raises(PiezodError, match=f"127.0.0.1:{port}: .*choose another port"):
-            serve(Plan(daemon.socket_path, "trimmed", port), announce=print, report=print)
+            serve(GcsPlan(daemon.socket_path, "trimmed", port), announce=print, report=print)
 
 
 def test_wrong_options() -> None:

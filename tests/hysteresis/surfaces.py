@@ -100,18 +100,25 @@ def invertible_with(path: PathRelaxation, coefficients: Floats) -> Floats:
     return steeper
 
 
-def relaxing(h: float, move: float, decay: float, skew: float) -> float:
+def relaxing(h: float, move: float, decay: float, skew: float, exponent: float = 1.0) -> float:
     """Return h after a move of the drive, by numerical integration of its differential equation."""
 
     def slope(_z: float, h: Floats) -> Floats:
-        bent: Floats = 1.0 - decay * np.sign(move) * h - decay * skew * np.abs(h)
+        share = (decay * (1.0 + skew) * np.abs(h)) ** (exponent - 1.0)
+        bent: Floats = 1.0 - decay * (np.sign(move) * h + skew * np.abs(h)) * share
         return bent
 
     solution = solve_ivp(slope, (0.0, move), [h], rtol=1e-9, atol=1e-11)
     return float(solution.y[0, -1])
 
 
-PATHS = st.builds(PathRelaxation, st.floats(-1.0, 1.0), st.floats(0.3, 30.0), st.floats(-0.9, 0.9))
+PATHS = st.builds(
+    PathRelaxation,
+    st.floats(-1.0, 1.0),
+    st.floats(0.3, 30.0),
+    st.floats(-0.9, 0.9),
+    st.one_of(st.just(1.0), st.floats(1.0, 4.0)),
+)
 """Parts that relax along the path."""
 SURFACES = st.integers(0, 10_000).map(drawn)
 """Surfaces that can be inverted."""

@@ -3,7 +3,7 @@
 from piezod.ioc.motor_fields import FIELDS, definition, derived
 from piezod.ioc.records import Names
 from piezod.ioc.server import names_of
-from piezod.ioc.table import AXIS, STAGE
+from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS
 from tests.ioc_tables import PAGE, page
 
 
@@ -14,7 +14,7 @@ def test_page_has_every_record() -> None:
 
 def test_descriptions_fit() -> None:
     """EPICS keeps 40 characters of a description, 25 of a text of a choice, 15 of a unit."""
-    for record in (*STAGE, *AXIS):
+    for record in (*STAGE_RECORDS, *AXIS_RECORDS):
         assert len(record.what) <= 40, record.name
         assert all(len(choice) <= 25 for choice in record.choices), record.name
         assert len(record.unit) <= 15, record.name
@@ -25,8 +25,8 @@ def test_names_differ() -> None:
     """No two records have the same name, for any name of an axis."""
     names = [name for name, _ in Names("p:", ("x", "y")).all()]
 
-    assert len(names) == len(set(names)) == len(STAGE) + 2 * len(AXIS)
-    assert all(record.name.isupper() for record in STAGE)
+    assert len(names) == len(set(names)) == len(STAGE_RECORDS) + 2 * len(AXIS_RECORDS)
+    assert all(record.name.isupper() for record in STAGE_RECORDS)
 
 
 def test_prefix() -> None:

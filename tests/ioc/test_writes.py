@@ -14,7 +14,7 @@ from piezod.errors import RefusedError
 from piezod.ioc.axis_motor import AxisMotor
 from piezod.ioc.readings import OK, REFUSED
 from piezod.ioc.records import Names
-from piezod.ioc.table import AXIS, STAGE, WAVES, Kind, Record
+from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS, WAVES, Kind, Record
 from piezod.ioc.writes import Writes
 from tests.gcs.fake_stage import FakeLink, FakeStage
 from tests.ioc.fakes import FakeMotor, FakeRecords, axis
@@ -159,7 +159,7 @@ def test_every_command_is_sent(bench: Bench) -> None:
     bench.records.settings["p:x:PLAY:TABLE"] = [0.0, 1.0]
     acting = [
         (axis, each.name)
-        for axis, table in (("", STAGE), ("x", AXIS))
+        for axis, table in (("", STAGE_RECORDS), ("x", AXIS_RECORDS))
         for each in table
         if each.kind.is_set and not each.saved and each.name != "PLAY:READ"
     ]
@@ -231,7 +231,9 @@ def test_what_no_axis_has_is_refused(bench: Bench, field: str, value: float) -> 
     assert "allowed range" in bench.reports[0]
 
 
-@pytest.mark.parametrize("record", [each for each in (*STAGE, *AXIS) if each.kind.is_set])
+@pytest.mark.parametrize(
+    "record", [each for each in (*STAGE_RECORDS, *AXIS_RECORDS) if each.kind.is_set]
+)
 def test_each_record_that_clients_write_refuses_what_it_cannot_be(record: Record) -> None:
     """What is not finite, no choice, beyond the range or too long; texts are cut by EPICS."""
     if record.kind is Kind.SET_TEXT:

@@ -10,9 +10,7 @@ from piezod.cli.look.status import axes_table
 from piezod.ioc import values
 from piezod.ioc.readings import UNKNOWN, Reading
 from piezod.ioc.records import Names
-from piezod.ioc.table import AXIS as AXIS_RECORDS
-from piezod.ioc.table import STAGE as STAGE_RECORDS
-from piezod.ioc.table import Kind, Record
+from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS, Kind, Record
 from piezod.messages import answers
 from piezod.messages.answers import AXIS, STAGE, AxisStatus, Status
 from piezod.messages.shown import COLUMN, DETAIL, NEEDED, Shown, ShownField, shown_fields
@@ -70,7 +68,8 @@ def test_new_field_is_a_column(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_new_field_is_a_detail_of_the_page() -> None:
     """The page gets its words, unit and digits."""
-    assert CREEP.document == {"words": "creep", "unit": "µm", "digits": 3, "detail": True}
+    words = {"words": "creep", "what": "Creep since arming"}
+    assert CREEP.document == {**words, "unit": "µm", "digits": 3, "detail": True}
 
 
 @pytest.mark.parametrize("field", [*AXIS.values(), *STAGE.values()], ids=lambda field: field.name)

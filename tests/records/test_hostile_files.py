@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from piezod.errors import DataError
-from piezod.records import opened
-from piezod.records.csv_file import LONGEST_LINE, MOST_COLUMNS, read_csv
+from piezod.reading import opened
+from piezod.reading.hdf5_structure import MOST_CHUNK_BYTES
+from piezod.reading.opened import is_hdf5, open_recording
+from piezod.reading.record import read_record
+from piezod.reading.table import MOST_COLUMNS
+from piezod.reading.text import LONGEST_LINE
 from piezod.records.experiment_file import read_hdf5
-from piezod.records.hdf5_structure import MOST_CHUNK_BYTES
-from piezod.records.opened import is_hdf5, open_recording
 from piezod.records.recording.reader import read_telemetry
 from piezod.records.recording.writer import TelemetryWriter
 from piezod.records.view import RecordingView
@@ -114,7 +116,7 @@ def test_structure_that_was_never_written_is_refused(
     assert str(caught.value).startswith(f"{file}: ")
 
 
-@pytest.mark.parametrize("read", [*READERS, read_hdf5, read_csv, is_hdf5])
+@pytest.mark.parametrize("read", [*READERS, read_hdf5, read_record, is_hdf5])
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
 def test_what_is_no_regular_file_is_refused(
     tmp_path: Path, read: Callable[[Path], object], kind: str
@@ -142,7 +144,7 @@ def test_very_wide_table_is_refused(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
 
     with pytest.raises(DataError, match="allowed"):
-        read_csv(path)
+        read_record(path)
 
 
 @pytest.mark.usefixtures("looks_elsewhere")
@@ -176,7 +178,7 @@ def test_process_with_both_bounds_looks_itself(
 ) -> None:
     """A process with a bound of memory alone may still loop for ever."""
     found = dict.fromkeys((RLIMIT_AS, RLIMIT_CPU), (10**9, 10**9))
-    monkeypatch.setattr("piezod.bounds.resource.getrlimit", lambda kind: found[kind])
+    monkeypatch.setattr("piezod.resource_limits.resource.getrlimit", lambda kind: found[kind])
     both = looks_here()
     found[RLIMIT_CPU] = (RLIM_INFINITY, RLIM_INFINITY)
 

@@ -23,7 +23,7 @@ from piezod.control.controller import StageController
 from piezod.control.warm_up import warm_up
 from piezod.control.watch.loop import LoopWatch
 from piezod.daemon import accepted_config
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputReader, LastOutputWriter
 from piezod.daemon.lock import Lock, device_lock
 from piezod.daemon.logging import EventRateLimit
 from piezod.daemon.loop.accept import load
@@ -294,7 +294,7 @@ class _VirtualRescuer(FakeRescuer):
     def wait(self) -> list[str]:
         """Ramp down; return why an axis is not at its safe voltage."""
         paths, clock = self._machine.paths, self._machine.clock
-        (last,) = read_last_output(paths.output_map)
+        (last,) = LastOutputReader(paths.output_map).read()
         with device_lock(paths.loop_lock):
             noted = Noted({"x": last.drive_v}, noted_identities(paths.identities))
             outcomes = ramp_down(self._config, noted, WAIT_FOR_SAFE_S, clock)

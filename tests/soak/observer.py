@@ -13,7 +13,7 @@ import numpy as np
 from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.faults.table import FAULTS, Reaction, Source, ids
+from piezod.control.faults.table import FAULTS, FaultSource, Reaction, ids
 from piezod.control.law.learned_models import ModelDrift
 from piezod.control.law.model import StageModel
 from piezod.hysteresis import LearnedModel
@@ -47,7 +47,7 @@ def _mask(least: Reaction) -> int:
 
 
 STOPPING, DEGRADING = _mask(Reaction.HOLD), _mask(Reaction.DEGRADE)
-OF_ADAPTATION = frozenset(rule.id for rule in FAULTS if rule.source is Source.ADAPTATION)
+OF_ADAPTATION = frozenset(rule.id for rule in FAULTS if rule.source is FaultSource.ADAPTATION)
 
 
 class Row(NamedTuple):

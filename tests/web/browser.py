@@ -13,7 +13,7 @@ import httpx
 from websockets.exceptions import ConnectionClosedError
 from websockets.sync.client import ClientConnection, connect
 
-from piezod.web.access import Access
+from piezod.web.access import Secrets
 from piezod.web.app import create_app
 from piezod.web.encryption import Certificate
 from piezod.web.public_url import PublicUrl
@@ -96,7 +96,7 @@ class Web(Browser):
             encrypted=certificate is not None,
         )
         port = self.endpoint.getsockname()[1]
-        self.access = Access(f"piezod-{port}", public=public)
+        self.access = Secrets(f"piezod-{port}", public=public)
         super().__init__(port, self.access.tokens.user)
         self._find = find
         self.stages: Stages | None = None

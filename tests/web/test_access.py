@@ -8,7 +8,7 @@ from websockets.frames import CloseCode
 
 from piezod.errors import PiezodError
 from piezod.messages.endpoints import Role
-from piezod.web.access import Access
+from piezod.web.access import Secrets
 from piezod.web.messages import LONGEST
 from piezod.web.server import bind
 from tests.daemon.service.fakes import Served
@@ -48,7 +48,7 @@ def test_without_the_token_nothing_is_served(web: Web, path: str, query: str) ->
 @pytest.mark.parametrize("value", ["", "wrong", "é"])
 def test_foreign_cookie_is_refused(web: Web, value: str) -> None:
     """A cookie of another server, or of an earlier start on the same port, is refused."""
-    answer = Access(f"piezod-{web.port}").with_cookie(Role.ENGINEER, secure=False)
+    answer = Secrets(f"piezod-{web.port}").with_cookie(Role.ENGINEER, secure=False)
     earlier = answer.headers["set-cookie"].partition(";")[0]
     name = earlier.partition("=")[0]
 

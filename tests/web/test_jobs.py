@@ -12,9 +12,9 @@ from piezod.config.yaml_loader import load_yaml
 from piezod.experiment.live.drive import read_drive
 from piezod.web.job_commands import (
     ChosenDrive,
-    Identify,
-    Learn,
-    Replay,
+    IdentifyJob,
+    LearnJob,
+    ReplayJob,
     identify_command,
     learn_command,
     replay_command,
@@ -27,7 +27,7 @@ DRIVE = {"low_v": 5.0, "high_v": 90.0, "duration_s": 10.0}
 
 def test_a_chosen_drive_is_one_that_the_command_takes(tmp_path: Path) -> None:
     """It starts at the lowest voltage, has the largest swing twice, and stays in the range."""
-    wanted = Identify(id=1, do="identify", stage="bench", axis="x", drive=ChosenDrive(**DRIVE))
+    wanted = IdentifyJob(id=1, do="identify", stage="bench", axis="x", drive=ChosenDrive(**DRIVE))
     arguments = identify_command(wanted, tmp_path)
     drive = read_drive(Path(arguments[arguments.index("--drive") + 1]))
     voltage = drive.drive_v.built(drive.duration_s)
@@ -43,7 +43,7 @@ def test_a_chosen_drive_is_one_that_the_command_takes(tmp_path: Path) -> None:
 
 def test_without_a_drive_the_command_designs_its_own(tmp_path: Path) -> None:
     """The complete drive needs no file."""
-    wanted = Identify(id=1, do="identify", stage="bench", axis="x")
+    wanted = IdentifyJob(id=1, do="identify", stage="bench", axis="x")
     assert "--drive" not in identify_command(wanted, tmp_path)
 
 
@@ -54,7 +54,7 @@ def test_a_waveform_is_one_that_the_command_takes(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     sine = {"kind": "sine", "low": 8.0, "high": 16.0, "frequency_hz": 50.0}
     arguments = learn_command(
-        Learn(id=1, do="learn", stage="bench", axis="x", command_um=sine), tmp_path
+        LearnJob(id=1, do="learn", stage="bench", axis="x", command_um=sine), tmp_path
     )
     document = load_yaml(Path(arguments[1]))
     document.data.setdefault("name", "wave")
@@ -68,7 +68,7 @@ def test_a_waveform_is_one_that_the_command_takes(
 
 def test_a_replay_uses_the_present_model(tmp_path: Path) -> None:
     """The command gets the model as a file; without one it uses that of the recording."""
-    wanted = Replay(id=1, do="replay", stage="bench", axis="x", recording="20240501T120000Z")
+    wanted = ReplayJob(id=1, do="replay", stage="bench", axis="x", recording="20240501T120000Z")
     arguments = replay_command(wanted, {"method": "lms"}, tmp_path)
     model = tmp_path / arguments[arguments.index("--model") + 1]
 

@@ -2,7 +2,7 @@ import json
 
 from piezod.messages.documents import Document
 from piezod.web.metrics import joined
-from piezod.web.rows import RATE_HZ, Pacer, Row, merged, telemetry_event
+from piezod.web.rows import RATE_HZ, Decimator, Row, merged, telemetry_event
 from tests.client.fake_daemon import interval
 
 
@@ -56,7 +56,7 @@ def test_new_axis_appears_in_a_merged_interval() -> None:
 def test_full_rate_passes_every_row_unchanged() -> None:
     """At the rate of the stage each row goes on as it is, so that all tabs share its text."""
     got: list[Row] = []
-    pacer = Pacer(RATE_HZ, got.append)
+    pacer = Decimator(RATE_HZ, got.append)
     rows = [row(100 + n / RATE_HZ + (n % 3) * 1e-3) for n in range(90)]
 
     for each in rows:
@@ -68,7 +68,7 @@ def test_full_rate_passes_every_row_unchanged() -> None:
 def test_lower_rate_merges_rows() -> None:
     """A lower rate gives fewer rows, and each cycle is in one of them."""
     got: list[Row] = []
-    pacer = Pacer(10.0, got.append)
+    pacer = Decimator(10.0, got.append)
 
     for n in range(91):
         pacer.feed(row(100 + n / RATE_HZ, float(n)))
@@ -81,7 +81,7 @@ def test_lower_rate_merges_rows() -> None:
 def test_nothing_is_caught_up_after_a_pause() -> None:
     """Rows after a gap are paced as before."""
     got: list[Row] = []
-    pacer = Pacer(10.0, got.append)
+    pacer = Decimator(10.0, got.append)
 
     for t_s in (100.0, 200.0, 200.033, 200.067, 200.1):
         pacer.feed(row(t_s))

@@ -19,7 +19,7 @@ from piezod.client.place import Place, find_place
 from piezod.config.private_files import kept_token, read_token
 from piezod.errors import ClientError, DataError, PiezodError
 from piezod.messages.endpoints import Role
-from piezod.web.access import Access, kept_tokens
+from piezod.web.access import Secrets, kept_tokens
 from piezod.web.encryption import Certificate, check_certificate
 from piezod.web.server import WebPlan, bind, serve
 from tests.daemon.service.fakes import Served
@@ -240,14 +240,14 @@ def test_tokens_last_until_they_are_removed(tmp_path: Path) -> None:
         "headers": [(b"authorization", f"Bearer {first.user}".encode())],
         "query_string": f"token={first.user}".encode(),
     }
-    renewed = Access("piezod-8080", (), second)
+    renewed = Secrets("piezod-8080", (), second)
     assert (renewed.header_role(scope), renewed.query_role(scope)) == (None, None)
 
 
 def test_recorded_cookie_ends_with_the_server(tmp_path: Path) -> None:
     """A cookie is of one start, also if the tokens last."""
     tokens = kept_tokens(tmp_path / "tokens")
-    before, now = Access("piezod-8080", (), tokens), Access("piezod-8080", (), tokens)
+    before, now = Secrets("piezod-8080", (), tokens), Secrets("piezod-8080", (), tokens)
     answer = before.with_cookie(Role.VIEWER, secure=True)
     recorded = answer.headers["set-cookie"].partition(";")[0].encode()
     scope = {"type": "http", "headers": [(b"cookie", recorded)]}

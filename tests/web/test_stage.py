@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.web.rows import Pacer, Row
+from piezod.web.rows import Decimator, Row
 from piezod.web.stage import WebStage
 from tests.client.fake_daemon import FakeDaemon, interval
 
@@ -31,14 +31,14 @@ def test_tab_that_watches_while_the_stream_closes_gets_rows(daemon: FakeDaemon) 
     async def run() -> tuple[int, int]:
         stage = WebStage("bench", daemon.socket_path, "web", lambda _text: None)
         rows: asyncio.Queue[Row] = asyncio.Queue()
-        stage.watch("tab", Pacer(30.0, rows.put_nowait))
+        stage.watch("tab", Decimator(30.0, rows.put_nowait))
         await rows.get()
         before = streams(daemon)
         stage.unwatch("tab")
-        stage.watch("other", Pacer(30.0, rows.put_nowait))
+        stage.watch("other", Decimator(30.0, rows.put_nowait))
         await rows.get()
         await stage.relocate(daemon.socket_path)
-        stage.watch("third", Pacer(30.0, rows.put_nowait))
+        stage.watch("third", Decimator(30.0, rows.put_nowait))
         await rows.get()
         await stage.close()
         return before, streams(daemon)

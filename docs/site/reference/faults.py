@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from docs.site.reference.text import code, sentence, table
 from piezod.control.faults.cases import CASES, Case
-from piezod.control.faults.table import FAULTS, Escalation, FaultRule, Latch, Source
+from piezod.control.faults.table import FAULTS, Escalation, FaultRule, FaultSource, Latch
 from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 from piezod.devices import registry
 from piezod.units import NS_PER_S
@@ -24,7 +24,7 @@ def page() -> Iterator[str]:
     yield ""
     yield "[Faults](../faults.md) explains the reactions, and what ends a fault."
     drivers = {name: registry.load(name).sees for name in registry.names()}
-    for source in Source:
+    for source in FaultSource:
         yield f"\n## {source.name.capitalize()}\n"
         for rule in FAULTS:
             if rule.source is source:

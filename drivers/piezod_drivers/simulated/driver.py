@@ -1,7 +1,6 @@
 """The driver `simulated`: sensor and amplifier of one or several simulated axes in one."""
 
 from collections.abc import Sequence
-from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -54,11 +53,12 @@ class SimulatedRig:
         self._wiring = wiring
         self._seed = seed
         inputs = [axis_and_quantity(name, wiring.outputs) for name in wiring.inputs]
-        # Driven axes first, each once: `_driven_axes` relies on this order. An input without an
+        # Driven axes first, each once: `_driven` relies on this order. An input without an
         # output is a stage that nothing drives.
         self._axes = tuple(dict.fromkeys((*wiring.outputs, *(axis for axis, _ in inputs))))
         self._inputs = [(self._axes.index(axis), quantity) for axis, quantity in inputs]
         self._channels: list[SimulatedAxis] = []
+        self._driven: list[SimulatedAxis] = []
         self._player, self._playing = TablePlayer([], 0, [], options.sub_step_ns), False
         self._origin_ns: int | None = None
         self._active = False
@@ -75,6 +75,7 @@ class SimulatedRig:
         # ones.
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
         self._channels = [make_axis(self._options, seed) for seed in seeds]
+        self._driven = self._channels[: len(self._wiring.outputs)]
         outputs, sub_step_ns = len(self._wiring.outputs), self._options.sub_step_ns
         self._player = TablePlayer(self._channels, outputs, self._inputs, sub_step_ns)
         self._origin_ns = None
@@ -111,7 +112,7 @@ class SimulatedRig:
     def close(self) -> None:
         """Command 0 V and drop the rig."""
         self._rest()
-        self._channels = []
+        self._channels, self._driven = [], []
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Take a sample of each input; invalid if the sensor is saturated. Real-time safe.
@@ -150,18 +151,21 @@ class SimulatedRig:
         Raises:
             DeviceError: If time went back.
         """
-        driven = self._driven_axes
+        driven = self._driven
         if not self._active or len(drive_v) != len(driven):
             return False
-        # All voltages are checked before one is commanded.
-        if not all(map(_takes, driven, drive_v)):
-            return False
+        # All voltages are checked before one is commanded; NaN compares false.
+        for axis_model, command_v in zip(driven, drive_v, strict=True):
+            if not axis_model.lowest_v <= command_v <= axis_model.highest_v:
+                return False
         t_ns = self._played_to(now_ns)
         if self._playing:
             return False
         for axis_model, command_v in zip(driven, drive_v, strict=True):
-            axis_model.plant.advance_to(t_ns)
-            axis_model.plant.command(float(command_v))
+            plant = axis_model.plant
+            if plant.now_ns != t_ns:
+                plant.advance_to(t_ns)
+            plant.command_v = float(command_v)
         return True
 
     def read_back(self, now_ns: int) -> Sequence[float]:
@@ -172,9 +176,11 @@ class SimulatedRig:
         """
         self._require_open()
         t_ns = self._played_to(now_ns)
-        for axis_model in self._driven_axes:
-            axis_model.plant.advance_to(t_ns)
-        return [axis_model.plant.drive_v for axis_model in self._driven_axes]
+        driven = self._driven
+        for axis_model in driven:
+            if axis_model.plant.now_ns != t_ns:
+                axis_model.plant.advance_to(t_ns)
+        return [axis_model.plant.drive_v for axis_model in driven]
 
     def player_capabilities(self) -> PlayerCapabilities:
         """Return the capabilities: points are on the grid of the physics."""
@@ -215,7 +221,7 @@ class SimulatedRig:
             self._played_to(now_ns)
         self._player.abort()
         self._playing = False
-        return tuple(axis_model.plant.command_v for axis_model in self._driven_axes)
+        return tuple(axis_model.plant.command_v for axis_model in self._driven)
 
     def recording(self, check: Check = go_on) -> PlayedRecord:
         """Return the record of the play that has ended."""
@@ -227,10 +233,6 @@ class SimulatedRig:
         """Return the true displacements at the samples of `recording`, in µm, shape (k, inputs)."""
         self._require_active()
         return self._player.true_recording()
-
-    @property
-    def _driven_axes(self) -> "list[SimulatedAxis]":
-        return self._channels[: len(self._wiring.outputs)]
 
     def _require_open(self) -> None:
         if not self._channels:
@@ -247,7 +249,7 @@ class SimulatedRig:
 
     def _played_to(self, now_ns: int) -> int:
         """Play up to now; return now in the rig's time, in ns."""
-        t_ns = self._elapsed_ns(now_ns)
+        t_ns = self._elapsed_ns(now_ns) if self._origin_ns is None else now_ns - self._origin_ns
         if self._playing:
             self._player.play_to(t_ns)
             self._playing = self._player.plays
@@ -257,7 +259,7 @@ class SimulatedRig:
         self._active = self._playing = False
         self._player.abort()
         for axis_model in self._channels:
-            axis_model.plant.command(_REST_V)
+            axis_model.plant.command_v = _REST_V
 
 
 def _sample(axis_model: SimulatedAxis, quantity: str, now_ns: int) -> Sample:
@@ -269,11 +271,6 @@ def _sample(axis_model: SimulatedAxis, quantity: str, now_ns: int) -> Sample:
     # `beyond` also extrapolates the calibration: the stage may move beyond the calibrated range.
     value = sensor_v if quantity else axis_model.calibration.beyond(sensor_v)
     return Sample(now_ns, value, valid)
-
-
-def _takes(axis_model: SimulatedAxis, drive_v: float) -> bool:
-    """Return whether the amplifier can output this voltage."""
-    return isfinite(drive_v) and axis_model.lowest_v <= drive_v <= axis_model.highest_v
 
 
 PLUGIN: Final = DriverPlugin(

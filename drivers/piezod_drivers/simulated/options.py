@@ -131,6 +131,15 @@ class SimulatedOptions(ConfigModel):
         "light-damping",
         "no-antialias",
         "gain-drift",
+        "coleman-hodgdon",
+        "duhem",
+        "maxwell-slip",
+        "bouc-wen-2",
+        "rate-plays",
+        "bipolar",
+        "bent-sensor",
+        "slow-amplifier",
+        "several-small",
     ] = Field("stack", description="kind of stage")
     effects: Effects = Field(Effects(), description="switches, all on by default")
     stage: Stage = Field(Stage(), description="exact values; the others vary with the seed")
@@ -173,7 +182,9 @@ class SimulatedOptions(ConfigModel):
         """Return the known curve of the sensor."""
         if self.calibration is not None:
             return self.calibration
-        return Commissioned() if VARIANTS[self.variant].calibrated else SensorLine()
+        variant = VARIANTS[self.variant]
+        known = Commissioned(residual_pct=variant.residual_pct)
+        return known if variant.calibrated else SensorLine()
 
     def _unused_parameters(self) -> Iterator[BrokenRule]:
         """Yield given parameters that the variant's class of hysteresis does not have."""

@@ -10,7 +10,7 @@ from piezod.cli.daemon.limited_report import LimitedReport
 from piezod.cli.stage_options import SocketOption, StageOption
 from piezod.client.places import find_socket
 from piezod.config.modes import Mode
-from piezod.gcs.server import Plan, serve
+from piezod.gcs.server import GcsPlan, serve
 
 
 def gcs(
@@ -52,5 +52,5 @@ def gcs(
         allowed = [IPv4Address(text) for text in allow or ()]
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--allow") from error
-    plan = Plan(socket or find_socket(stage), mode, port, allowed, pty, like)
+    plan = GcsPlan(socket or find_socket(stage), mode, port, allowed, pty, like)
     serve(plan, announce=typer.echo, report=LimitedReport())

@@ -9,7 +9,7 @@ import typer
 from piezod.cli.daemon.limited_report import LimitedReport
 from piezod.client.places import find_socket, running_stages
 from piezod.errors import NotRunningError
-from piezod.ioc.server import Plan, serve, write_lists
+from piezod.ioc.server import IocPlan, serve, write_lists
 
 
 def ioc(
@@ -59,7 +59,7 @@ def ioc(
     if len(sockets) > 1 and "{stage}" not in prefix:
         what = f"needs {{stage}} for several stages ({', '.join(sockets)})"
         raise typer.BadParameter(what, param_hint="--prefix")
-    plan = Plan(sockets, prefix, control, interfaces)
+    plan = IocPlan(sockets, prefix, control, interfaces)
     if write is not None:
         for file in write_lists(plan, write):
             typer.echo(f"written: {file}")

@@ -1,7 +1,8 @@
-"""`piezod group wave` and `piezod group play`: movements that begin together."""
+"""`piezod group goto`, `group wave` and `group play`: movements of several stages."""
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, TypeAlias
 
 import typer
 
@@ -22,6 +23,33 @@ from piezod.config.commands import Command, CommandPerAxis
 from piezod.messages.groups import GroupPlayFile, GroupWaveFile
 
 _START_IN_S: Final = 1.0
+_WaitOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--wait",
+        help="Return when all stages have arrived; if one cannot, the others hold, and the exit "
+        "code is 1.",
+    ),
+]
+
+
+def goto(
+    name: GroupArgument,
+    targets: Annotated[
+        list[str],
+        typer.Argument(metavar="STAGE[/AXIS]=UM...", help="Target of each stage or axis, in µm."),
+    ],
+    wait: _WaitOption = False,
+    groups: GroupsOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Move stages to positions.
+
+    If one stage refuses, the others hold.
+    """
+    with connect_group(name, groups) as group:
+        started = group.goto(_targets(group, targets))
+        _print(group, started, "on its way", wait=wait, json=json)
 
 
 def wave(
@@ -36,6 +64,7 @@ def wave(
         ),
     ],
     start_in: StartInOption = _START_IN_S,
+    wait: _WaitOption = False,
     groups: GroupsOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -48,7 +77,8 @@ def wave(
     with connect_group(name, groups) as group:
         waveforms = {stage: _per_axis(group, stage, each) for stage, each in loaded.stages.items()}
         started = group.wave(waveforms, loaded.duration_s, start_in_s=start_in)
-    _print(started, f"following for {loaded.duration_s:g} s", json=json)
+        done = f"following for {loaded.duration_s:g} s, from {started.start_s:.6f} s on"
+        _print(group, started, done, wait=wait, json=json)
 
 
 def play(
@@ -76,24 +106,49 @@ def play(
     tables = {stage: each.model_dump(exclude=without) for stage, each in loaded.stages.items()}
     with connect_group(name, groups) as group:
         started = group.play(tables, start_in_s=start_in)
-    _print(started, "playing", json=json)
+        done = f"playing, from {started.start_s:.6f} s on"
+        _print(group, started, done, wait=False, json=json)
 
 
 def _per_axis(group: StageGroup, stage: str, command_um: Command) -> Waveforms:
     if isinstance(command_um, CommandPerAxis):
         return command_um.axes
+    return {_only_axis(group, stage): command_um}
+
+
+def _targets(group: StageGroup, texts: Iterable[str]) -> dict[str, dict[str, float]]:
+    """Return the targets by stage and axis, in µm."""
+    found: dict[str, dict[str, float]] = {}
+    for text in texts:
+        place, _, number = text.rpartition("=")
+        stage, _, axis = place.partition("/")
+        try:
+            um = float(number)
+        except ValueError as error:
+            what = f"{text!r} is no target: write as in fast=5 or fast/x=5, in µm"
+            raise typer.BadParameter(what) from error
+        found.setdefault(stage, {})[axis or _only_axis(group, stage)] = um
+    return found
+
+
+def _only_axis(group: StageGroup, stage: str) -> str:
     axes = list(group.client(stage).status().axes)
     if len(axes) != 1:
-        what = f"stage {stage} has the axes {', '.join(axes)}: give it `axes:` with one for each"
-        raise typer.BadParameter(what, param_hint="'FILE'")
-    return {axes[0]: command_um}
+        what = f"stage {stage} has the axes {', '.join(axes)}: name each (in a file in `axes:`)"
+        raise typer.BadParameter(what)
+    return axes[0]
 
 
-def _print(started: GroupStart, done: str, *, json: bool) -> None:
+def _print(group: StageGroup, started: GroupStart, done: str, *, wait: bool, json: bool) -> None:
+    """Print what each stage does, or after a wait where it is."""
+    arrived = group.wait(started) if wait else {}
     if json:
-        answers = {stage: each.document for stage, each in started.answers.items()}
-        print_json({"start_s": started.start_s, "stages": answers})
+        stages: dict[str, Any] = {name: each.document for name, each in started.answers.items()}
+        for name, arrivals in arrived.items():
+            stages[name] = {"axes": {each.axis: each.document for each in arrivals}}
+        print_json({"start_s": started.start_s, "stages": stages})
         return
     console = new_console()
     for stage in started.answers:
-        console.print(f"{stage}: {done}, from {started.start_s:.6f} s on", soft_wrap=True)
+        where = (f"{each.axis} at {each.position_um:.3f} µm" for each in arrived.get(stage, ()))
+        console.print(f"{stage}: {', '.join(where) or done}", soft_wrap=True)

@@ -25,6 +25,7 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
     return {
         "data": str(fitted.data),
         "test_data": str(fitted.test_data) if fitted.test_data else None,
+        "read_as": fitted.understood,
         "samples": fitted.recorded.t_s.size,
         "rate_hz": 1.0 / fitted.recorded.period_s,
         "fitted_samples": record.t_s.size,

@@ -10,26 +10,37 @@ from piezod.cli.identify.method_choice import DEFAULT_ORDER, MethodChoice
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption, VectorOption
 from piezod.cli.paths import check_yaml_out, existing_file
+from piezod.cli.record_options import (
+    FORMATS,
+    ColumnsOption,
+    InvertOption,
+    OffsetOption,
+    RateHzOption,
+    ScaleOption,
+    choices_of,
+    record_file,
+)
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 from piezod.experiment.fit.method import Spacing
+from piezod.reading.choices import Choices
 
 DataArgument: TypeAlias = Annotated[
     Path | None,
     typer.Argument(
         metavar="DATA",
-        help="CSV file with the columns t_s, drive_v, position_um, evenly spaced in time, or "
-        "recording of a stage (.h5); none with --live.",
+        help=f"Table of time, voltage and position, evenly spaced in time: {FORMATS}; or recording "
+        "of a stage (.h5); none with --live.",
         readable=False,
-        callback=existing_file,
+        callback=record_file,
     ),
 ]
 TestOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
         metavar="OTHER",
-        help="Another record of the same stage, to test the model on.",
+        help="Another record of the same stage, to test the model on; with the same columns.",
         readable=False,
-        callback=existing_file,
+        callback=record_file,
     ),
 ]
 SkipOption: TypeAlias = Annotated[
@@ -127,6 +138,11 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     order: OrderOption = None,
     thresholds: ThresholdsOption = None,
     creep: CreepOption = None,
+    columns: ColumnsOption = "",
+    scale: ScaleOption = "",
+    offset: OffsetOption = "",
+    invert: InvertOption = "",
+    rate_hz: RateHzOption = None,
     out: OutOption = None,
     vector: VectorOption = False,
     live: LiveOption = False,
@@ -139,7 +155,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
 ) -> None:
     """Fit the inverse model to recorded data.
 
-    DATA is a CSV file, or a recording of a stage as `piezod record get` copies it. With --live the
+    DATA is a table, or a recording of a stage as `piezod record get` copies it. With --live the
     data are recorded on a running stage, which is driven from rest and disarmed at
     the end.
 
@@ -149,7 +165,8 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     position is the one with the smallest error, unless --delay-s gives it. A record of one
     frequency determines it only to about one sample.
     """
-    _check_usage(data, live=live, only_live=(drive, adopt, stage, socket))
+    choices = choices_of(columns, scale, offset, invert, rate_hz)
+    _check_usage(data, live=live, only_live=(drive, adopt, stage, socket), choices=choices)
     check_yaml_out(out)
     # numba, scipy and matplotlib take long to import.
     from piezod.cli.identify.run import FitJob, fit_file, fit_live
@@ -158,13 +175,15 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     settings = fit_settings(method, order, thresholds, creep)
     job = FitJob(test, skip_s, given_delay_s(delay_s, settings), settings, vector=vector)
     if data is not None:
-        fit_file(data, job._replace(axis=axis), out, json=json)
+        fit_file(data, job._replace(axis=axis, choices=choices), out, json=json)
         return
     with unwinding(), connect(stage, socket) as client:
         fit_live(client, job, axis, drive, out, adopt=adopt, json=json)
 
 
-def _check_usage(data: Path | None, *, live: bool, only_live: Iterable[object]) -> None:
+def _check_usage(
+    data: Path | None, *, live: bool, only_live: Iterable[object], choices: Choices
+) -> None:
     """Refuse arguments that exclude each other; `only_live` are false if not given."""
     if live and data is not None:
         raise typer.BadParameter("DATA and --live exclude each other")
@@ -172,4 +191,7 @@ def _check_usage(data: Path | None, *, live: bool, only_live: Iterable[object]) 
         raise typer.BadParameter("Missing argument 'DATA'; or --live, for a running stage")
     if not live and any(only_live):
         message = "--drive, --adopt, --stage and --socket need --live"
+        raise typer.BadParameter(message)
+    if live and choices:
+        message = "--columns, --scale, --offset, --invert and --rate-hz need DATA"
         raise typer.BadParameter(message)

@@ -19,6 +19,7 @@ from piezod.experiment.fit.outputs import write_model
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.live.drive import read_drive
 from piezod.experiment.live.identify import adopt_live, record_live
+from piezod.reading.choices import Choices
 from piezod.records.new_name import new_file
 
 _ADOPTED: Final = (
@@ -36,6 +37,7 @@ class FitJob(NamedTuple):
     delay_s: float | None  #: The delay, in s; None if it is to be estimated.
     settings: FitSettings | Wanted  #: Settings of the fit, or those that are fixed and not chosen.
     axis: str | None = None  #: Axis of a recording; None for the only one.
+    choices: Choices = Choices()  #: What it says about the columns of the files.
     vector: bool = False  #: Whether the figure is written as SVG and PDF, too.
 
     def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> FileFit:
@@ -58,6 +60,7 @@ class FitJob(NamedTuple):
                 delay_s=self.delay_s,
                 axis=self.axis,
                 settings=settings,
+                choices=self.choices,
                 progress=progress,
             )
 

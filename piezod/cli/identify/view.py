@@ -26,6 +26,8 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     """Print the record, the choice, the errors, the warnings, and the written files."""
     fit = fitted.chosen.fit
     console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
+    for each in fitted.understood:
+        console.print(each, markup=False, soft_wrap=True)
     if fitted.test_data:
         console.print(f"Test: {fitted.test_data}", soft_wrap=True)
     console.print(_smoothing(fit.settings, fitted.record))

@@ -14,7 +14,7 @@ from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.stage_options import connect
 from piezod.client import StageClient
 from piezod.errors import DataError
-from piezod.records.opened import is_hdf5
+from piezod.reading.hdf5_magic import is_hdf5
 from piezod.records.recording.part_names import RECORDING_NAME, without_part
 from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
 

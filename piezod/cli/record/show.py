@@ -10,7 +10,7 @@ from piezod.cli.record.recordings import RecordingArgument, local_file
 from piezod.cli.record.show_view import as_document, print_summary
 from piezod.cli.stage_options import SocketOption, StageOption
 from piezod.errors import DataError
-from piezod.records.opened import is_hdf5
+from piezod.reading.hdf5_magic import is_hdf5
 from piezod.records.recording.summary import summary_of
 
 

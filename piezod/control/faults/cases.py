@@ -10,9 +10,9 @@ from piezod.control.faults.table import (
     INDEX,
     Escalation,
     FaultRule,
+    FaultSource,
     Latch,
     Reaction,
-    Source,
 )
 from piezod.devices.status import DeviceFlag
 from piezod.units import NS_PER_S
@@ -105,7 +105,7 @@ _OTHER_CASES: Final = {
     (Fault.B10, Case.REQUEST): FaultRule(
         Fault.B10,
         "device has no such register or command",
-        Source.BUS,
+        FaultSource.BUS,
         Reaction.HOLD,
         Latch.ENGINEER,
         "error",
@@ -114,7 +114,7 @@ _OTHER_CASES: Final = {
     (Fault.B10, Case.BUSY): FaultRule(
         Fault.B10,
         "device or gateway repeatedly busy",
-        Source.BUS,
+        FaultSource.BUS,
         Reaction.HOLD,
         Latch.RESUME,
         "error",
@@ -123,7 +123,7 @@ _OTHER_CASES: Final = {
     (Fault.S10, Case.AMPLIFIER): FaultRule(
         Fault.S10,
         "amplifier is not the configured device",
-        Source.SENSOR,
+        FaultSource.SENSOR,
         Reaction.BLIND,
         Latch.ENGINEER,
         "error",

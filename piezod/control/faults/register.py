@@ -9,7 +9,7 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import CASES, rule_of
 from piezod.control.faults.detection import Detection, News
-from piezod.control.faults.table import FAULTS, INDEX, FaultRule, Latch, Reaction, Source, mask
+from piezod.control.faults.table import FAULTS, INDEX, FaultRule, FaultSource, Latch, Reaction, mask
 
 GOOD_CYCLES: Final = 20
 """A fault is gone after this many cycles in a row without a detection."""
@@ -47,7 +47,7 @@ class FaultRegister:
         )
         # For each source and reaction: the last cycle in which such a fault still counts as a
         # cause.
-        self._cause_until_cycle = [[0] * len(Reaction) for _ in Source]
+        self._cause_until_cycle = [[0] * len(Reaction) for _ in FaultSource]
 
     def update(self, detections: Sequence[Detection], t_ns: int) -> Reaction:
         """Take the detections of this cycle. Call once per cycle.
@@ -225,7 +225,7 @@ class FaultRegister:
 
     def _is_consequence(self, rule: FaultRule) -> bool:
         """Return whether a cause with at least as severe a reaction has appeared recently."""
-        if rule.source is Source.PROCESS:
+        if rule.source is FaultSource.PROCESS:
             return False
         return any(
             # Only causes with at least the same reaction: a mild one must not hide a severe
@@ -255,7 +255,7 @@ class FaultRegister:
         A rule that is itself a consequence of the other one is not asked: it has no reaction.
         """
         lately = self._cycle - self._since_cycle[other] <= CAUSE_CYCLES
-        return lately and Source.PROCESS not in {rule.source, self._rules[other].source}
+        return lately and FaultSource.PROCESS not in {rule.source, self._rules[other].source}
 
     def _end(self, index: int) -> None:
         """End a present fault; without a latch it is over."""
@@ -293,7 +293,7 @@ class FaultRegister:
         )
 
 
-def _source(detection: Detection) -> Source:
+def _source(detection: Detection) -> FaultSource:
     return FAULTS[INDEX[detection.fault]].source
 
 

@@ -47,8 +47,8 @@ class Latch(IntEnum):
     """`reset` by an engineer, likewise."""
 
 
-class Source(IntEnum):
-    """Source of a fault. A fault of a smaller source can cause a fault of a larger one."""
+class FaultSource(IntEnum):
+    """FaultSource of a fault. A fault of a smaller source can cause a fault of a larger one."""
 
     LOOP = 0
     BUS = 1
@@ -78,7 +78,7 @@ class FaultRule(NamedTuple):
 
     id: Fault  #: Short name.
     name: str  #: What the fault is, for people.
-    source: Source  #: Source of the fault.
+    source: FaultSource  #: FaultSource of the fault.
     reaction: Reaction  #: Reaction when the fault appears.
     latch: Latch  #: What ends the fault.
     severity: Severity  #: Severity of its events.
@@ -88,7 +88,7 @@ class FaultRule(NamedTuple):
     escalation: Escalation | None = None
 
 
-LOOP, BUS, AMPLIFIER, SENSOR, ADAPTATION, PROCESS = Source
+LOOP, BUS, AMPLIFIER, SENSOR, ADAPTATION, PROCESS = FaultSource
 NONE, WARN, DEGRADE, HOLD, RAMP, BLIND, CUT = Reaction
 ITSELF, RESUME, RESET, ENGINEER = Latch
 

@@ -4,7 +4,7 @@ Paper, section 3 and Fig. 4: reference, inverse compensator, identifier and swit
 """
 
 from math import nan
-from typing import Any, Final
+from typing import Final
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
@@ -22,7 +22,7 @@ from piezod.hysteresis.normalisation import AffineRange
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
 
-_NO_MOVEMENT: Final = {"target_um": nan, "on_target": False, "motion": 0}
+_ROUNDING: Final = 1e-9  # of normalised units
 
 
 class CompensatedAxis:
@@ -54,6 +54,7 @@ class CompensatedAxis:
         shaper: Shapes references for the modes.
         modal: Part of the displacement that the modes add; None if they are unknown.
         bound: Keeps the learned model near the identified one; None if there is no such model.
+        rests_inside: Whether it rests inside its range: where depends on where the voltage was.
     """
 
     def __init__(
@@ -76,12 +77,19 @@ class CompensatedAxis:
         shaper: ReferenceShaper,
         modal: ModalMotion | None = None,
         bound: LearnedBound | None = None,
+        rests_inside: bool = False,
     ) -> None:
+        self.rests_inside = rests_inside
         self._reference_um = reference_um
-        self._drive_v, self._position_um = drive_v, position_um
+        self._low_v, self._width_v = drive_v.low, drive_v.width
+        self._low_um, self._width_um = position_um.low, position_um.width
         self.compensator, self.identifier = compensator, identifier
-        self._history, self._limits = history, limits
-        self._in_force_v = in_force_v
+        self._history = history
+        self.limits, self.in_force_v = limits, in_force_v
+        """Limits of the drive, and the voltage in force, in V."""
+        low_v, high_v, _ = limits
+        rounding_v = _ROUNDING * (high_v - low_v)
+        self._above_low_v, self._below_high_v = low_v + rounding_v, high_v - rounding_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
         self._write_pending = False
         self._shaper, self._modal = shaper, modal
@@ -122,25 +130,17 @@ class CompensatedAxis:
         self.identifier.gate.skip()
 
     @property
-    def limits(self) -> Limits:
-        """Limits of the drive."""
-        return self._limits
-
-    @property
-    def in_force_v(self) -> float:
-        """Voltage in force, in V."""
-        return self._in_force_v
-
-    @property
     def holding_command_um(self) -> float:
         """Command that leaves the drive as it is, in µm."""
-        drive = self._drive_v.to_unit(self._in_force_v)
-        return self._position_um.from_unit(self.compensator.holding_command(drive, self.trim.value))
+        drive = (self.in_force_v - self._low_v) / self._width_v
+        return self._low_um + (
+            self.compensator.holding_command(drive, self.trim.value) * self._width_um
+        )
 
     @property
     def expected_um(self) -> float:
         """Position that the model expects the sensor to show, in µm."""
-        return self._position_um.from_unit(self.compensator.expected)
+        return self._low_um + self.compensator.expected * self._width_um
 
     def follow(self, reference_um: TimeFunction, start_ns: int) -> None:
         """Follow another reference from now on.
@@ -164,8 +164,9 @@ class CompensatedAxis:
 
     def zero(self) -> None:
         """Take the present displacement, at rest, as zero."""
-        self.compensator.zero()
-        self.identifier.zero(self.compensator.relaxing)
+        zero = -self._low_um / self._width_um
+        self.compensator.zero(zero)
+        self.identifier.zero(zero, self.compensator.position)
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Learn from the sample and compensate the reference; return the voltage to write.
@@ -178,65 +179,69 @@ class CompensatedAxis:
         self._write_pending = True
         # The write of the cycle before, or the old voltage if that write was not applied, is in
         # force now.
-        self._history.append(t_ns, self._in_force_v)
-        limited, expected = self.compensator.limited, self.compensator.position
+        compensator, identifier = self.compensator, self.identifier
+        in_force_v, low_um, width_um = self.in_force_v, self._low_um, self._width_um
+        self._history.append(t_ns, in_force_v)
+        limited, expected = compensator.limited, compensator.position
         if self._modal is not None:
             self._modal.advance(t_ns, expected)
         forced = self._forced_v == self._forced_v
         follows = not (forced or not_applied)
-        self.identifier.learn(t_ns, sample, limited=limited, expected=expected, follows=follows)
+        identifier.learn(t_ns, sample, limited=limited, expected=expected, follows=follows)
         if self.bound is not None:
             self.bound.update()
         # Paper, section 3, switch turned off: copy the parameters once they have converged.
-        if self.identifier.converged and self.compensator.adopt_first(self.identifier.weights):
-            self.proof.restart(LearnedModel(self.identifier.weights))
+        if identifier.converged and compensator.adopt_first(identifier.weights):
+            self.proof.restart(LearnedModel(identifier.weights))
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
         # The error of a forced voltage, or of a write that was not applied, is no error of the
         # model.
-        gate = self.identifier.gate
-        credible = gate.credible and follows and not gate.skipped
-        if self.compensator.learns_in_use and follows:
+        if follows and compensator.learns_in_use:
             self._prove_model(command_um)
         trim = 0.0
         if self.trim.active:
-            trim = self.trim.step(
-                self._error_of(sample), credible, self.compensator.limited_direction
-            )
+            gate = identifier.gate
+            credible = gate.credible and follows and not gate.skipped
+            trim = self.trim.step(self._error_of(sample), credible, compensator.limited_direction)
         # The value that the voltage of this cycle will reach, when it acts.
-        ahead = self._position_um.to_unit(self._shaped_reference.value(t_s + self._lookahead_s))
-        window = self._limits.window(self._in_force_v, self._period_s)
+        ahead = (self._shaped_reference.value(t_s + self._lookahead_s) - low_um) / width_um
+        window = self.limits.window(in_force_v, self._period_s)
         if forced:
-            drive_v = window.admit(self._forced_v, self._in_force_v)
+            drive_v = window.admit(self._forced_v, in_force_v)
             # A window of no width makes the compensator follow the forced voltage, with its memory.
             window = Window(drive_v, drive_v)
-        drive = self.compensator.step(
+        low_v, width_v, adaptation = self._low_v, self._width_v, identifier.adaptation
+        drive = compensator.step(
             ahead,
-            self._drive_v.to_unit(window.low_v),
-            self._drive_v.to_unit(window.high_v),
-            self.identifier.weights,
-            self.identifier.offset,
-            self.identifier.scale,
+            (window.low_v - low_v) / width_v,
+            (window.high_v - low_v) / width_v,
+            adaptation.weights,
+            adaptation.offset,
+            adaptation.scale,
             trim,
         )
-        drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)
+        drive_v = window.admit(low_v + drive * width_v, in_force_v)
         # Paper, section 3: x_r = V_r in normalised units.
-        uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
+        uncompensated_v = low_v + (command_um - low_um) / width_um * width_v
         by = DriveLimit.NONE if forced else self._limited(drive_v)
-        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns, by)
+        return AxisOutput(drive_v, command_um, uncompensated_v, in_force_v, t_ns, by)
 
     def applied(self, drive_v: float) -> None:
         """Take the voltage that is in force from now on, in V."""
-        self._in_force_v = drive_v
+        self.in_force_v = drive_v
         self._write_pending = False
 
-    def record(
+    def record(  # noqa: D417 - arguments are described in groups
         self,
         sample: Sample,
         output: AxisOutput,
         drive_v: float,
         read_back_v: float,
-        **movement: Any,
+        target_um: float = nan,
+        on_target: bool = False,
+        motion: int = 0,
+        remaining_s: float = nan,
     ) -> AxisRecord:
         """Return the record of this cycle.
 
@@ -245,22 +250,25 @@ class CompensatedAxis:
             output: The output of the axis.
             drive_v: Voltage that was written, in V.
             read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
-            movement: Fields of the record about the movement, by name; none without one.
+            target_um, on_target, motion, remaining_s: Fields of the record about the movement.
         """
         return AxisRecord(
             sample.t_ns,
             sample.position_um if sample.valid else nan,
             output.command_um,
-            uncompensated_v=output.uncompensated_v,
-            asked_v=output.drive_v,
-            drive_v=drive_v,
-            in_force_v=output.in_force_v,
-            read_back_v=read_back_v,
-            trim_um=self.trim.value * self._position_um.width,
-            mode=self.compensator.mode,
-            gate=self.identifier.gate.reason,
-            limited=output.limited,
-            **(movement or _NO_MOVEMENT),
+            target_um,
+            output.uncompensated_v,
+            output.drive_v,
+            drive_v,
+            output.in_force_v,
+            read_back_v,
+            self.trim.value * self._width_um,
+            self.compensator.mode,
+            self.identifier.gate.reason,
+            on_target,
+            motion,
+            output.limited,
+            remaining_s,
         )
 
     def _prove_model(self, command_um: float) -> None:
@@ -268,7 +276,7 @@ class CompensatedAxis:
         sample = self.identifier.compared
         if sample is None:
             return
-        command, first = self._position_um.to_unit(command_um), self.proof.first
+        command, first = (command_um - self._low_um) / self._width_um, self.proof.first
         errors = self._error_of(sample), self.identifier.error_of(first)
         if self.proof.add(command, *errors, self.compensator):
             self._drop_learned()
@@ -283,16 +291,15 @@ class CompensatedAxis:
 
     def _limited(self, drive_v: float) -> DriveLimit:
         """Return what limits a drive that follows the reference, in V."""
-        low_v, high_v, _ = self._limits
-        rounding_v = 1e-9 * (high_v - low_v)  # of normalised units
-        if self.compensator.limited and low_v + rounding_v < drive_v < high_v - rounding_v:
-            return DriveLimit.SLEW
-        beyond = self.compensator.limited or self.compensator.out_of_reach
-        return DriveLimit.RANGE if beyond else DriveLimit.NONE
+        compensator = self.compensator
+        if not compensator.limited:
+            return DriveLimit.RANGE if compensator.out_of_reach else DriveLimit.NONE
+        inside = self._above_low_v < drive_v < self._below_high_v
+        return DriveLimit.SLEW if inside else DriveLimit.RANGE
 
     def _error_of(self, sample: Sample) -> float:
         """Return the error at the instant that a sample shows, in units of the range."""
         # The sample shows the stage at its time stamp minus the delay of the sensor.
         shown_s = (sample.t_ns - self._sensor_delay_ns - self._start_ns) / NS_PER_S
         error_um = self._reference_um(shown_s) - sample.position_um
-        return error_um / self._position_um.width
+        return error_um / self._width_um

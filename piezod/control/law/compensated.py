@@ -46,7 +46,6 @@ from piezod.hysteresis import (
     has_even_thresholds,
 )
 from piezod.hysteresis.memory import FloatArray
-from piezod.hysteresis.path_relaxation import RELAXED_PATH, PathState
 from piezod.units import NS_PER_S, s_to_ns
 
 FADE_S = 0.1
@@ -97,12 +96,12 @@ def compensated_axis(
     reference_um: TimeFunction,
     start: Start,
 ) -> CompensatedAxis:
-    """Return an axis that follows a reference from rest, with a relaxed memory.
+    """Return an axis that follows a reference from rest.
 
     Args:
         config: Configuration of the axis.
         model: Model of the axis; the identifier starts from its weights.
-        creep: Creep so far.
+        creep: State of the stage.
         mode: Mode in which the axis starts.
         reference_um: Position over time since the start, in µm.
         start: Conditions at the start.
@@ -144,6 +143,7 @@ def compensated_axis(
         bound=_bound(config, model, identifier.adaptation, period_ns),
         shaper=shaper_of(config, dynamics, period_s),
         modal=modal,
+        rests_inside=model.rests_inside(config.limits.rest_v),
     )
 
 
@@ -156,7 +156,9 @@ def _identifier(
     modal: ModalMotion | None,
 ) -> Identifier:
     pace = _pace(config, model.form, period_ns)
-    adaptation = _adaptation(config, model.form, model.weights, pace, creep.path)
+    adaptation = _adaptation(config, model.form, model.weights, pace)
+    if creep.memory is not None:
+        adaptation.take_over(creep.memory)
     return Identifier(
         Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns)),
         model.drive_v,
@@ -203,22 +205,18 @@ def _convergence(model: StageModel, period_ns: int) -> Convergence | None:
 
 
 def _adaptation(
-    config: AxisConfig,
-    form: ModelForm,
-    weights: FloatArray,
-    pace: float,
-    path: PathState = RELAXED_PATH,
+    config: AxisConfig, form: ModelForm, weights: FloatArray, pace: float
 ) -> AdaptiveIdentifier:
     match form:
         case StopForm(bank):
             return _stop_adaptation(config, bank, weights, pace)
         case SurfaceForm():
-            return _surface_adaptation(config, form, weights, pace, path)
+            return _surface_adaptation(config, form, weights, pace)
     raise TypeError(f"no identifier for a {type(form).__name__}")
 
 
 def _surface_adaptation(
-    config: AxisConfig, form: SurfaceForm, weights: FloatArray, pace: float, path: PathState
+    config: AxisConfig, form: SurfaceForm, weights: FloatArray, pace: float
 ) -> SurfaceIdentifier:
     settings = config.compensator
     if settings.identifier != "rls":
@@ -227,7 +225,7 @@ def _surface_adaptation(
             "surface: use `identifier: rls`"
         )
     # Its memory follows the drive, which has no noise of the sensor: it needs no dead-band.
-    return SurfaceIdentifier(weights, form, pace=pace, path=path)
+    return SurfaceIdentifier(weights, form, pace=pace)
 
 
 def _stop_adaptation(

@@ -21,7 +21,6 @@ import numpy as np
 
 from piezod.config.modes import Mode
 from piezod.control.law.creep import AT_REST, CreepState
-from piezod.control.law.kernel import BEYOND, OUTSIDE, POSITION
 from piezod.control.law.kernels import new_kernel
 from piezod.control.law.pace import FOLLOWED_SHARE
 from piezod.hysteresis import LearnedModel, ModelForm
@@ -70,16 +69,11 @@ class Compensator:
         self._following = False
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
-        self._zeroed, self._lags = creep.zeroed, creep.lags.copy()
-        self._creep_weights = creep.creep.weights
+        self._zeroed = creep.zeroed
         # The kernel changes weights and lags in place.
-        self._kernel = new_kernel(form, self.weights, creep._replace(lags=self._lags))
-        self._carried = self._kernel.carried
-
-    @property
-    def mode(self) -> Mode:
-        """The present mode."""
-        return self._mode
+        self._kernel = new_kernel(form, self.weights, creep._replace(lags=creep.lags.copy()))
+        self._step = self._kernel.step
+        self._take_carried()
 
     @property
     def offset(self) -> float:
@@ -97,26 +91,15 @@ class Compensator:
         return self._following and not self._fading
 
     @property
-    def limited(self) -> bool:
-        """Whether the window limited the last requested drive."""
-        return self._carried.item(BEYOND) != 0.0
-
-    @property
     def out_of_reach(self) -> bool:
         """Whether the last displacement was asked for farther outside than creep explains."""
-        return self._strength_aim > 0.0 and abs(self._carried.item(OUTSIDE)) > CREEP_BEYOND
+        return self._strength_aim > 0.0 and abs(self._outside) > CREEP_BEYOND
 
     @property
     def limited_direction(self) -> int:
         """1 if the last drive or displacement could go no higher, -1 if no lower, else 0."""
-        excess = self._carried.item(BEYOND) or self._carried.item(OUTSIDE)
+        excess = self._beyond or self._outside
         return (excess > 0.0) - (excess < 0.0)
-
-    @property
-    def position(self) -> float:
-        """Displacement of the hysteresis after the last drive that was applied."""
-        position: float = self._carried.item(POSITION)
-        return position
 
     @property
     def merged_pairs(self) -> int:
@@ -131,7 +114,8 @@ class Compensator:
             proven: Model to use when the mode no longer follows the identifier; None for the one
                 in use.
         """
-        self._mode = mode
+        self.mode = mode
+        """The present mode."""
         self._strength_aim = 0.0 if mode is Mode.UNCOMPENSATED else 1.0
         if self._following:
             self._target.assign(proven or self)
@@ -164,22 +148,20 @@ class Compensator:
         self.adopt(weights)
         return True
 
-    def zero(self) -> None:
-        """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
-        self._zeroed = float(self._creep_weights @ self._lags) + self.relaxing
+    def zero(self, zero: float) -> None:
+        """Take the present displacement as zero: the stage rests, and its sensor was zeroed.
 
-    @property
-    def relaxing(self) -> float:
-        """Displacement that the path of the drive has left, which later moves relax."""
-        return self._kernel.relaxing
+        Args:
+            zero: The zero of the sensor, normalised.
+        """
+        self._zeroed += self.expected - zero
 
     @property
     def expected(self) -> float:
         """Displacement that the sensor is expected to show after the last drive, normalised."""
-        crept = float(self._creep_weights @ self._lags)
         # Inverse of the map in `step`: what the hysteresis has, plus creep and drift, as the sensor
         # shows it.
-        return (self.position + crept + self._offset) / (1.0 + self._scale) - self._zeroed
+        return (self.position + self._crept + self._offset) / (1.0 + self._scale) - self._zeroed
 
     def holding_command(self, drive: float, trim: float) -> float:
         """Return the command that keeps a drive.
@@ -193,6 +175,15 @@ class Compensator:
     def discard_last(self) -> None:
         """Take back the last drive: it was not applied."""
         self._kernel.discard_last()
+        self._take_carried()
+
+    def _take_carried(self) -> None:
+        """Take what the kernel has left, as numbers of Python: they cost less to read."""
+        _, _, self._beyond, self._outside, position, self._crept = self._kernel.carried.tolist()
+        self.position: float = position
+        """Displacement of the hysteresis after the last drive that was applied."""
+        self.limited = self._beyond != 0.0
+        """Whether the window limited the last requested drive."""
 
     def step(
         self,
@@ -220,8 +211,9 @@ class Compensator:
             target, offset, scale = self._target.weights, self._target.offset, self._target.scale
         # With n cycles left, 1/n of the remaining distance in each makes a straight fade that ends
         # exactly.
-        share = 1.0 / self._fading if self._fading else self._following * self._share
+        share = self._share if self._following else 0.0
         if self._fading:
+            share = 1.0 / self._fading
             self._strength += (self._strength_aim - self._strength) * share
             self._fading -= 1
         self._offset += share * (offset - self._offset)
@@ -229,7 +221,9 @@ class Compensator:
         stretch = 1.0 + self._scale
         # The sensor's zero contains what was there at that instant, so it is added to the command.
         added = stretch * self._zeroed - self._offset + trim
-        return self._kernel.step(target, share, self._strength, command, stretch, added, low, high)
+        drive = self._step(target, share, self._strength, command, stretch, added, low, high)
+        self._take_carried()
+        return drive
 
 
 class DriveHistory:
@@ -254,19 +248,18 @@ class DriveHistory:
         if self._empty:
             self._t_ns = [t_ns] * len(self._t_ns)
             self._empty = False
-        self._newest = (self._newest + 1) % len(self._t_ns)
-        self._t_ns[self._newest] = t_ns
-        self._drive_v[self._newest] = drive_v
+        self._newest = newest = (self._newest + 1) % len(self._t_ns)
+        self._t_ns[newest] = t_ns
+        self._drive_v[newest] = drive_v
 
     def at(self, t_ns: int) -> float:
         """Return the voltage that was in force at an instant, in V."""
-        later = self._newest
+        index = later = self._newest
         # Newest first: a delay is a few cycles, so this ends after a few steps.
-        for back in range(len(self._t_ns)):
-            index = self._newest - back
+        for _ in range(len(self._t_ns)):
             if self._t_ns[index] <= t_ns:
                 return self._between(index, later, t_ns)
-            later = index
+            later, index = index, index - 1
         return self._drive_v[later]
 
     def _between(self, earlier: int, later: int, t_ns: int) -> float:

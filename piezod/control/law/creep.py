@@ -6,8 +6,7 @@ import numpy as np
 
 from piezod.hysteresis.creep import NO_CREEP as NO_LAGS
 from piezod.hysteresis.creep import Creep
-from piezod.hysteresis.memory import FloatArray
-from piezod.hysteresis.path_relaxation import RELAXED_PATH, PathState
+from piezod.hysteresis.memory import FloatArray, Memory
 
 LAGS_PER_DECADE = 2
 TIME_CONSTANTS_S: FloatArray = 10.0 ** (np.arange(8) / LAGS_PER_DECADE - 1.5)
@@ -45,16 +44,21 @@ def logarithmic(weight: float) -> CreepLaw:
 
 
 class CreepState(NamedTuple):
-    """State of a stage beside its memory of turns; displacements are in units of the range."""
+    """State of a stage, for a law that starts; displacements are in units of the range."""
 
     creep: Creep  #: Law of the creep at the period of the loop.
     lags: FloatArray  #: (K,) state of the lags.
-    #: Creep, and what the path had left, when the sensor was zeroed: it does not show it.
+    #: Creep, and distance of the hysteresis from its relaxed state, when the sensor was zeroed: it
+    #: does not show them.
     zeroed: float
     quick: float  #: Displacement without creep.
-    #: State of the part that relaxes along the path: at the drive of this displacement, or before
-    #: the rise to it.
-    path: PathState = RELAXED_PATH
+    #: Memory of the hysteresis, which ends there; None if the drive has only risen to it.
+    memory: Memory | None = None
+
+    @property
+    def shown(self) -> float:
+        """Displacement that the sensor shows."""
+        return self.quick + float(self.creep.weights @ self.lags) - self.zeroed
 
 
 AT_REST = CreepState(NO_LAGS, np.empty(0), 0.0, 0.0)

@@ -1,7 +1,7 @@
 """Adaptation in the loop: which samples it learns from, how, and whether the result is better."""
 
 from collections import deque
-from math import isfinite
+from math import isfinite, nan
 from typing import Final, NamedTuple
 
 from piezod.config.gate_reasons import GateReason
@@ -91,8 +91,12 @@ class LearningGate:
         """Return the first reason that applies."""
         # Whatever the decision, everything that spans several cycles must be updated first.
         quiet = self._drive_swing.add(drive) < LEAST_SWING
-        self._limited_cycles = LIMITED_CYCLES + 1 if limited else max(self._limited_cycles - 1, 0)
-        self._skipped_cycles = max(self._skipped_cycles - 1, 0)
+        if limited:
+            self._limited_cycles = LIMITED_CYCLES + 1
+        elif self._limited_cycles:
+            self._limited_cycles -= 1
+        if self._skipped_cycles:
+            self._skipped_cycles -= 1
         self.credible = self.accurate = False
         if not (valid and isfinite(position)):
             return GateReason.INVALID
@@ -100,26 +104,29 @@ class LearningGate:
             return GateReason.LATE
         stuck = self._stuck.update(position, drive)
         spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise
-        self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
+        if spike:
+            self._spike_cycles = SPIKE_CYCLES
+        elif self._spike_cycles:
+            self._spike_cycles -= 1
         self.credible = not (stuck or spike)
         noisy = self._noise.unusual
         self.accurate = not (stuck or self._spike_cycles or noisy or self.doubted)
-        if reason := self._obstacle(stuck, noisy):
-            return reason
+        if not self.accurate or self._skipped_cycles or self._limited_cycles:
+            return self._obstacle(stuck, noisy)
         if quiet:
             return GateReason.QUIET
         # An equal sample may be the first of a stuck sensor, so it is not learned from.
         return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
 
-    def _obstacle(self, stuck: bool, noisy: bool) -> GateReason | None:
-        """Return what forbids to learn from a sample that came in time; None if nothing does."""
+    def _obstacle(self, stuck: bool, noisy: bool) -> GateReason:
+        """Return what forbids to learn from a sample that came in time."""
         if self.doubted:
             return GateReason.DOUBTED
         if self._skipped_cycles or self._limited_cycles:
             return GateReason.SKIPPED if self._skipped_cycles else GateReason.LIMITED
-        if stuck or self._spike_cycles:
-            return GateReason.STUCK if stuck else GateReason.SPIKE
-        return GateReason.NOISY if noisy else None
+        if noisy and not (stuck or self._spike_cycles):
+            return GateReason.NOISY
+        return GateReason.STUCK if stuck else GateReason.SPIKE
 
 
 class _Arrived(NamedTuple):
@@ -164,9 +171,11 @@ class Identifier:
         modal: ModalMotion | None = None,
     ) -> None:
         self.adaptation, self.gate, self._modal = adaptation, gate, modal
-        self._drive_v, self._position_um = drive_v, position_um
+        self._low_v, self._width_v = drive_v.low, drive_v.width
+        self._low_um, self._width_um = position_um.low, position_um.width
         self._history, self._delay_ns, self._convergence = history, delay_ns, convergence
-        self._creep, self._zeroed = creep.creep, creep.zeroed
+        self._creep_weights, self._creep_gains = creep.creep
+        self._zeroed = creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
         self._waiting = deque[_Arrived]()
         self._cycles_early = max(0, -(delay_ns // period_ns))
@@ -208,9 +217,15 @@ class Identifier:
         """Return the drive of the last sample minus its prediction by another model, normalised."""
         return self._drive - self.adaptation.predict(model.weights, model.offset, model.scale)
 
-    def zero(self, relaxing: float = 0.0) -> None:
-        """Take the present displacement as zero, at rest; `relaxing` is what the path has left."""
-        self._zeroed = float(self._creep.weights @ self._lags) + relaxing
+    def zero(self, zero: float, expected: float) -> None:
+        """Take the present displacement as zero: the stage rests, and its sensor was zeroed.
+
+        Args:
+            zero: The zero of the sensor, normalised.
+            expected: Displacement in the compensator's memory, normalised.
+        """
+        crept = float(self._creep_weights @ self._lags)
+        self._zeroed = (expected + crept + self.offset) / (1.0 + self.scale) - zero
         self._waiting.clear()  # they count from the zero before
 
     def learn(
@@ -226,7 +241,7 @@ class Identifier:
             follows: Whether the drive in force follows the command.
         """
         gate = self.gate
-        position = self._position_um.to_unit(sample.position_um)
+        position = (sample.position_um - self._low_um) / self._width_um
         # At rest S3 drops no sample. Far outside the range one would make a creep of many ranges,
         # from which wrong weights are learned. Without a model the range is unknown.
         valid = sample.valid and (self._convergence is not None or is_physical(position))
@@ -234,47 +249,58 @@ class Identifier:
         admitted = gate.admits(
             valid=valid, age_ns=age_ns, limited=limited, drive=drive, position=position
         )
-        comparable = gate.comparable and follows
-        self._waiting.append(_Arrived(sample, admitted, gate.accurate, comparable))
-        if len(self._waiting) <= self._cycles_early:
-            return
-        arrived = self._waiting.popleft()
+        comparable, accurate = follows and gate.comparable, gate.accurate
+        learns = admitted
         if self._cycles_early:
-            drive = self._drive_of(arrived.sample)  # which was not known when it arrived
-        self.compared = arrived.sample if arrived.comparable and comparable else None
-        # What closed the gate meanwhile may have spoilt the voltage that the sample waited for.
-        self._learn_from(arrived, drive, arrived.admitted and admitted, expected)
+            self._waiting.append(_Arrived(sample, admitted, accurate, comparable))
+            if len(self._waiting) <= self._cycles_early:
+                return
+            sample, admitted, accurate, was_comparable = self._waiting.popleft()
+            drive = self._drive_of(sample)  # which was not known when it arrived
+            position = (sample.position_um - self._low_um) / self._width_um
+            comparable = was_comparable and comparable
+            # What closed the gate meanwhile may have spoilt the voltage that the sample waited for.
+            learns = admitted and learns
+        self.compared = sample if comparable else None
+        if not accurate:
+            position = nan  # the displacement that the compensator expects takes its place
+        self._learn_from(sample.t_ns, position, drive, learns, expected)
 
     def _drive_of(self, sample: Sample) -> float:
         """Return the drive that a sample answers: the one in force one delay before it."""
-        return self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
+        drive_v = self._history.at(sample.t_ns - self._delay_ns)
+        return (drive_v - self._low_v) / self._width_v
 
-    def _learn_from(self, arrived: _Arrived, drive: float, learns: bool, expected: float) -> None:
+    def _learn_from(
+        self, sample_ns: int, position: float, drive: float, learns: bool, expected: float
+    ) -> None:
         """Advance by a sample whose voltage is known, in force by now.
 
-        If the sample is not accurate, the memory advances with the displacement that the
-        compensator expects: the stage moves anyway, and a missed extremum would be wrong for long.
+        If the position is NaN, the sample is not accurate. Then the memory advances with the
+        displacement that the compensator expects: the stage moves anyway, and a missed extremum
+        would be wrong for long.
         """
-        added = 0.0 if self._modal is None else self._modal.shown(arrived.sample.t_ns)
-        crept = added + advance_creep(
-            self._lags, self._creep.gains, self._creep.weights, self._quick
-        )
+        crept = advance_creep(self._lags, self._creep_gains, self._creep_weights, self._quick)
+        if self._modal is not None:
+            crept += self._modal.shown(sample_ns)
         self._drive = drive
         if self.gain_halved and learns:
             # Half of the samples halve the gain of any algorithm.
             self._skipped_last = not self._skipped_last
             learns = not self._skipped_last
         # Creep and modes are in the unit of the operators, the position in that of the sensor.
-        position = self._position_um.to_unit(arrived.sample.position_um)
-        without_creep = position + self._zeroed - crept / (1.0 + self.scale)
-        if not arrived.accurate:
-            without_creep = (expected + self.offset) / (1.0 + self.scale)
+        adaptation = self.adaptation
+        stretch = 1.0 + adaptation.scale
+        if position == position:  # noqa: PLR0124 - not NaN
+            without_creep = position + self._zeroed - crept / stretch
+        else:
+            without_creep = (expected + adaptation.offset) / stretch
         # The error and its convergence follow paper eq. (30) and the criterion below it.
         convergence = self._convergence
-        before = self.adaptation.position if convergence else 0.0
-        error = self.adaptation.step(without_creep, drive, learns)
+        before = adaptation.position if convergence else 0.0
+        error = adaptation.step(without_creep, drive, learns)
         # The lags of the creep follow this displacement at the next sample.
-        self._quick = (1.0 + self.scale) * without_creep - self.offset
+        self._quick = (1.0 + adaptation.scale) * without_creep - adaptation.offset
         # At rest any weights predict well, so that only motion counts.
-        if convergence and learns and self.adaptation.position != before:
+        if convergence and learns and adaptation.position != before:
             self.converged = convergence.update(error)

@@ -4,7 +4,8 @@ from typing import Protocol
 
 from piezod.hysteresis.memory import FloatArray
 
-NEXT, COMMAND, BEYOND, OUTSIDE, POSITION = 0, 1, 2, 3, 4
+NEXT, COMMAND, BEYOND, OUTSIDE, POSITION, CREPT = 0, 1, 2, 3, 4, 5
+CARRIED = 6
 """Indices of the array that carries values to the next step.
 
 - NEXT: input to which the memory will advance if the drive was applied; NaN for none.
@@ -12,6 +13,9 @@ NEXT, COMMAND, BEYOND, OUTSIDE, POSITION = 0, 1, 2, 3, 4
 - BEYOND: how far the requested drive lay outside the window; negative below it.
 - OUTSIDE: how far the requested displacement lay outside the range; negative below it.
 - POSITION: displacement of the hysteresis after the last drive that was applied.
+- CREPT: creep then.
+
+There are `CARRIED` of them.
 """
 
 
@@ -23,8 +27,7 @@ class CompensatorKernel(Protocol):
     trace. All quantities are normalised.
     """
 
-    #: (5,) values carried from step to step; always the same array. An array, because reading a
-    #: number from it costs the loop less than a property.
+    #: (6,) values carried from step to step; always the same array.
     carried: FloatArray
 
     def step(
@@ -51,10 +54,6 @@ class CompensatorKernel(Protocol):
             low: Lowest drive.
             high: Highest drive.
         """
-
-    @property
-    def relaxing(self) -> float:
-        """Displacement that the path of the drive has left, which later moves relax."""
 
     @property
     def merged_pairs(self) -> int:

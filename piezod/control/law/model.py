@@ -7,7 +7,7 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.first_mode import FirstModeConfig
-from piezod.control.law.creep import NO_CREEP, CreepLaw
+from piezod.control.law.creep import NO_CREEP, CreepLaw, CreepState
 from piezod.control.law.first_mode import FirstMode
 from piezod.control.law.held_delay import delay_at
 from piezod.errors import DataError
@@ -17,7 +17,10 @@ from piezod.hysteresis.memory import FloatArray
 AnyAxisConfig = TypeVar("AnyAxisConfig", bound=AxisConfig)
 
 REST_BEYOND = 0.01
-"""The rest voltage may be outside the model's voltages by this share of their range."""
+"""The rest voltage may be outside the model's voltages by this share of their range. If it is
+further inside, the displacement there depends on where the voltage has been."""
+RELAXING_SWINGS = 12
+"""Swings that end in the relaxed state of a stage that rests inside its range."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +61,33 @@ class StageModel:
                 f"the model holds from {self.drive_v.low:g} to {self.drive_v.high:g} V, but the "
                 f"rest voltage is {rest_v:g} V; identify with a drive that starts at rest"
             )
-        rest_um = self._rising_um(rest)
+        rest_um = self.position_um.from_unit(self.at_rest(rest_v, 1.0).quick)
         low, high = self.position_um
         return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
+
+    def rests_inside(self, rest_v: float) -> bool:
+        """Return whether the displacement at rest depends on where the voltage has been."""
+        return REST_BEYOND < self.drive_v.to_unit(rest_v) < 1.0 - REST_BEYOND
+
+    def at_rest(self, rest_v: float, period_s: float) -> CreepState:
+        """Return the state of a stage after a long rest, with a relaxed hysteresis.
+
+        At an end of the range that is the end itself. Inside, it is where swings end that become
+        smaller and smaller, as those of `condition`: the next rise and the next fall are alike.
+
+        Args:
+            rest_v: The rest voltage, in V.
+            period_s: Period of the loop, in s.
+        """
+        past, rest = self.form.slow.past(self.weights), self.drive_v.to_unit(rest_v)
+        drives = np.array([rest])
+        if self.rests_inside(rest_v):
+            left = np.linspace(1.0, 0.0, RELAXING_SWINGS)
+            drives = np.column_stack((rest + left * (1.0 - rest), rest - left * rest)).ravel()
+        quick = past.follow(drives)
+        lags = np.full(self.creep.weights.size, quick)
+        zeroed = float(self.creep.weights @ lags)
+        return CreepState(self.creep.at(period_s), lags, zeroed, quick, past.memory)
 
     def reach_um(self, low_v: float, high_v: float) -> tuple[float, float]:
         """Return the lowest and the highest position that commands can reach, in µm.

@@ -48,7 +48,9 @@ def _hysteresis(file: ModelFile) -> tuple[ModelForm, FloatArray]:
     if not file.is_surface:
         bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
         return StopForm(bank), np.array([*file.left_stop_weights, *file.right_stop_weights])
-    path = PathRelaxation(**file.surface_path.model_dump()) if file.surface_path else None
+    path = None
+    if file.surface_path:
+        path = PathRelaxation(**file.surface_path.model_dump(exclude_none=True))
     form = SurfaceForm(file.surface_activation, file.surface_prompt_slope, path=path)
     return form, np.array(file.surface_coefficients)
 

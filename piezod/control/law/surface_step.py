@@ -11,7 +11,7 @@ from math import isfinite
 import numpy as np
 
 from piezod.control.law.creep import CreepState
-from piezod.control.law.kernel import BEYOND, COMMAND, NEXT, OUTSIDE, POSITION
+from piezod.control.law.kernel import BEYOND, CARRIED, COMMAND, CREPT, NEXT, OUTSIDE, POSITION
 from piezod.hysteresis import SurfaceForm
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.everett_memory import (
@@ -22,8 +22,16 @@ from piezod.hysteresis.everett_memory import (
     drive_for,
     new_surface_memory,
 )
-from piezod.hysteresis.memory import MERGED, RAW, SEEN, FloatArray, IntArray, Memory, clamp
-from piezod.hysteresis.path_relaxation import FAST, beyond_relaxed
+from piezod.hysteresis.memory import (
+    MERGED,
+    RAW,
+    FloatArray,
+    IntArray,
+    Memory,
+    assign_memory,
+    clamp,
+)
+from piezod.hysteresis.path_relaxation import FAST
 from piezod.jit import compiled
 
 
@@ -55,7 +63,7 @@ def step(  # noqa: D417 - arguments are described in groups
 
     Args:
         levels, values, now, last, counts: Arrays of a memory of drives.
-        carried, terms: (5,) values that are carried from one step to the next; (7,) constants of
+        carried, terms: (6,) values that are carried from one step to the next; (8,) constants of
             the optional terms of the surface.
         weights, target, share: (24,) coefficients in use; those that they approach; share of the
             remaining distance that they move in this step.
@@ -81,7 +89,7 @@ def step(  # noqa: D417 - arguments are described in groups
     position = displacement_at(memory, weights, terms, clamp(drive, memory.last[RAW]))
     if position - position == 0.0:  # weights that are not finite leave it
         carried[POSITION] = position
-    carried[COMMAND] = command
+    carried[COMMAND], carried[CREPT] = command, crept
     carried[BEYOND] = requested_drive - drive
     return drive
 
@@ -118,12 +126,14 @@ class SurfaceKernel:
 
     def __init__(self, form: SurfaceForm, weights: FloatArray, creep: CreepState) -> None:
         self._memory, self._weights, self._terms = new_surface_memory(), weights, form.terms
-        last, self.carried = self._memory.last, np.zeros(5)
-        creep.path.put(last)
-        # The stage rests: it does not lag.
-        drive = drive_for(self._memory, weights, form.slow.terms, creep.quick)
-        left = beyond_relaxed(self._terms, last, drive)
-        self.carried[[COMMAND, NEXT, POSITION]] = creep.quick - left, drive, creep.quick
+        self.carried: FloatArray = np.zeros(CARRIED)
+        if creep.memory is not None:
+            assign_memory(self._memory, creep.memory)
+            drive = float(self._memory.last[RAW])
+        else:  # the stage rests: it does not lag
+            drive = drive_for(self._memory, weights, form.slow.terms, creep.quick)
+        self.carried[[COMMAND, NEXT, POSITION]] = creep.shown, drive, creep.quick
+        self.carried[CREPT] = float(creep.creep.weights @ creep.lags)
         # Bound once, as in `StopKernel`.
         self.step: Callable[
             [FloatArray, float, float, float, float, float, float, float], float
@@ -137,12 +147,6 @@ class SurfaceKernel:
             creep.creep.gains,
             creep.creep.weights,
         )
-
-    @property
-    def relaxing(self) -> float:
-        """Displacement that the path has left, which later moves relax."""
-        last = self._memory.last
-        return beyond_relaxed(self._terms, last, float(last[SEEN]))
 
     @property
     def merged_pairs(self) -> int:

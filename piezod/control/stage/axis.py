@@ -68,6 +68,7 @@ class StageAxis:
         self._voltage: Callable[[int], float] = lambda _t_ns: self.law.in_force_v
         self._forced = True
         self._ends_ns, self._ramps_to_v = 0, nan
+        self._held_v = nan  # while it is held
         self.ramp_cycles = 0
         """Cycles that the present ramp should still take; negative if it is overdue."""
         self.waits = self.lost = False
@@ -115,7 +116,9 @@ class StageAxis:
     def hold(self) -> None:
         """Hold the voltage in force."""
         held_v = self.law.in_force_v
-        self._force(lambda _t_ns: held_v, 0)
+        if held_v != self._held_v or self._paused is not None:
+            self._force(lambda _t_ns: held_v, 0)
+            self._held_v = held_v
 
     def pause(self) -> None:
         """Hold the voltage in force, and keep the movement for `rejoin`."""
@@ -174,7 +177,7 @@ class StageAxis:
 
     def _force(self, voltage: Callable[[int], float], ends_ns: int) -> None:
         self._voltage, self._forced, self._ends_ns = voltage, True, ends_ns
-        self._ramps_to_v = nan
+        self._ramps_to_v = self._held_v = nan
         self._motion, self.stream, self._is_on_target = rest_at(nan), None, False
         self.follows_input, self._paused = False, None
 
@@ -256,6 +259,7 @@ class StageAxis:
 
     def _move(self, motion: Motion, t_ns: int) -> None:
         self._motion, self._started_ns, self._forced = motion, t_ns, False
+        self._held_v = nan
         self._arrives_ns = t_ns + s_to_ns(motion.duration_s)
         self.stream, self._is_on_target, self.follows_input = None, False, False
         self._on_target.restart()
@@ -285,15 +289,13 @@ class StageAxis:
             self.crash = error
             return AxisOutput(self.law.in_force_v, nan, nan, self.law.in_force_v, t_ns)
         if self._forced:  # a forced voltage has no command
-            output = AxisOutput(output.drive_v, nan, nan, output.in_force_v, output.t_ns)
+            output.command_um = output.uncompensated_v = self.command_um = nan
+            return output
         self.command_um = output.command_um
-        self._update_on_target(t_ns, sample)
+        arrived = sample.valid and t_ns >= self._arrives_ns
+        error_um = output.command_um - sample.position_um if arrived else nan
+        self._is_on_target = self._on_target.update(error_um)
         return output
-
-    def _update_on_target(self, t_ns: int, sample: Sample) -> None:
-        error_um = self.command_um - sample.position_um if sample.valid else nan
-        arrived = not self._forced and t_ns >= self._arrives_ns
-        self._is_on_target = self._on_target.update(error_um if arrived else nan)
 
     def applied(self, drive_v: float) -> None:
         """Take the voltage that is in force from now on, in V."""
@@ -303,15 +305,16 @@ class StageAxis:
         self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
         """Return the record of this cycle; arguments as for `CompensatedAxis.record`."""
+        target_um = self._motion.target_um
         return self.law.record(
             sample,
             output,
             drive_v,
             read_back_v,
-            target_um=self._motion.target_um,
-            on_target=self._is_on_target,
-            motion=self.motion,
-            remaining_s=self._way_s(output.t_ns) if isfinite(self._motion.target_um) else nan,
+            target_um,
+            self._is_on_target,
+            self.motion,
+            self._way_s(output.t_ns) if isfinite(target_um) else nan,
         )
 
     def _way_s(self, t_ns: int) -> float:

@@ -101,6 +101,9 @@ class DeviceBoundary:
         amplifiers: Sequence[str] = (),
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
+        self.any_reads_back = any(reads_back)
+        """Whether an amplifier reports its voltage in force."""
+        self._all_read_back = all(reads_back)
         self.reports_restart, self.watchdog = reports_restart, watchdog or [False] * n_axes
         self.lag_cycles, self.amplifiers = lag_cycles, amplifiers or [""] * n_axes
         self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
@@ -165,14 +168,14 @@ class DeviceBoundary:
             self.sent_v = None
             return False
         before_v = self.sent_v or self._unknown_v
-        sent_v = _with_held(drive_v, self._unknown_v, held)
+        sent_v = _with_held(drive_v, self._unknown_v, held) if held else drive_v
         try:
             taken = self.devices.write(sent_v, now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             taken = False
         if taken:
-            self.written_v = _with_held(drive_v, self.written_v, held)
+            self.written_v = _with_held(drive_v, self.written_v, held) if held else drive_v
             self.sent_v = _with_held(self._unknown_v, before_v, held) if held else None
         else:
             self.sent_v = _with_held(drive_v, before_v, held)
@@ -198,10 +201,12 @@ class DeviceBoundary:
 
         It is also NaN for an amplifier without read-back, which only repeats the last write.
         """
-        if self.shadow or self.lent or not any(self.reads_back):
+        if self.shadow or self.lent or not self.any_reads_back:
             return self._unknown_v
         try:
             read_back_v = self.devices.read_back(now_ns)
+            if self._all_read_back and len(read_back_v) == len(self._unknown_v):
+                return [float(drive_v) for drive_v in read_back_v]
             return [
                 float(drive_v) if reads_back else nan
                 for drive_v, reads_back in zip(read_back_v, self.reads_back, strict=True)
@@ -332,12 +337,10 @@ class OutputKnowledge:
         Args:
             read_back_v: Voltage of each axis, in V; NaN if its amplifier does not report it.
         """
-        return any(
-            reads_back and not isfinite(drive_v) and i not in self.left
-            for i, (reads_back, drive_v) in enumerate(
-                zip(self._reads_back, read_back_v, strict=True)
-            )
-        )
+        for i, drive_v in enumerate(read_back_v):
+            if not isfinite(drive_v) and self._reads_back[i] and i not in self.left:
+                return True
+        return False
 
     def take_read_back(self, read_back_v: Sequence[float], *, driven: bool) -> Detection | None:
         """Take the read-back of this cycle; return A1 if it has been missing for too long.
@@ -348,19 +351,25 @@ class OutputKnowledge:
             read_back_v: Voltage of each axis, in V; NaN if the amplifier does not report it.
             driven: Whether voltages are written in this state.
         """
+        missing = self.missing(read_back_v)
         if not driven:
-            self._known = [
-                isfinite(drive_v) if reads_back else before
-                for drive_v, reads_back, before in zip(
-                    read_back_v, self._reads_back, self._known, strict=True
-                )
-            ]
+            if missing or self.left or not self.known:
+                self._find_known(read_back_v)
             self._silent_cycles = 0
             return None
-        self._silent_cycles = self._silent_cycles + 1 if self.missing(read_back_v) else 0
+        self._silent_cycles = self._silent_cycles + 1 if missing else 0
         if self._silent_cycles < SILENT_CYCLES:
             return None
         return Detection(Fault.A1, -1, self._silent_cycles, SILENT_CYCLES)
+
+    def _find_known(self, read_back_v: Sequence[float]) -> None:
+        """Note which voltages are known of a stage that is not driven."""
+        self._known = [
+            isfinite(drive_v) if reads_back else before
+            for drive_v, reads_back, before in zip(
+                read_back_v, self._reads_back, self._known, strict=True
+            )
+        ]
 
     def lose(self, *, traceable: bool) -> None:
         """Note that the amplifier was lost. Real-time safe.

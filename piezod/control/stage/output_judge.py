@@ -110,14 +110,17 @@ class OutputJudge:
             return
         self._answered = False
         law, watch = self._axes[index].law, self._watches[index]
+        sensor = watch.sensor
         expected_um = self._expected_um[index] = law.expected_um
-        learned_um = law.bound.distance * watch.sensor.width_um if law.bound else 0.0
+        bound = law.bound
+        learned_um = 0.0 if bound is None else bound.distance * sensor.width_um
         self._learned_um[index] = max(self._learned_um[index], learned_um)
         if not watch.amplifier.follows:
             self._means[index] = self._means[index].with_one(position_um - expected_um)
             return
-        near = abs(read_back_v - law.in_force_v) <= law.limits.read_back_tolerance_v
-        rests = near and watch.sensor.rests
+        rests = sensor.rests and (
+            abs(read_back_v - law.in_force_v) <= law.limits.read_back_tolerance_v
+        )
         if rests:
             wrong = self._register.present & _WRONG and self._is_wrong(index)
             before = self._rests[index].mean if self._rested[index] else _NO_MEAN
@@ -167,17 +170,18 @@ class OutputJudge:
             The last read-back of each axis, in V, NaN if there was none or if it is false, and the
             age of each, in s; None in shadow.
         """
-        if self._boundary.shadow or not any(self._boundary.reads_back):
+        if self._boundary.shadow or not self._boundary.any_reads_back:
             return None, None
         ages_ns = self._boundary.read_back_age_ns(t_ns)
+        last_v, since_ns, false = self._last_v, self._since_ns, self._false
         for i, drive_v in enumerate(read_back_v):
             if isfinite(drive_v):
                 taken_ns = t_ns - ages_ns[i]
-                is_false = i in self._false and not self._jumps(i, drive_v, taken_ns)
-                self._last_v[i], self._since_ns[i] = nan if is_false else drive_v, taken_ns
-            elif i in self._false:
-                self._last_v[i] = nan
-        return self._last_v, [(t_ns - since_ns) / NS_PER_S for since_ns in self._since_ns]
+                is_false = i in false and not self._jumps(i, drive_v, taken_ns)
+                last_v[i], since_ns[i] = nan if is_false else drive_v, taken_ns
+            elif i in false:
+                last_v[i] = nan
+        return last_v, [(t_ns - each_ns) / NS_PER_S for each_ns in since_ns]
 
     def _jumps(self, index: int, read_back_v: float, t_ns: int) -> bool:
         """Return whether a false read-back jumps, so that it may be right from now on."""

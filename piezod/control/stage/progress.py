@@ -30,6 +30,7 @@ _OUTPUT_FELL: Final = (Fault.A7, Fault.A9)
 _LOCAL_MODE: Final = mask([Fault.A8])
 _WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND, State.STOPPING})
 _DOUBTING = mask(DOUBTING)
+_NO_REACTION: Final = Reaction.NONE
 _OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
 _EVENTS: Final = {
     Reaction.RAMP: Event.FAULT_RAMP,
@@ -41,10 +42,12 @@ _EVENTS: Final = {
 def react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
     """Report the changes of faults, and carry out the most severe reaction."""
     register = stage.register
+    active_faults = register.present | register.latched
+    if not (active_faults or register.news) and reaction is _NO_REACTION:
+        return  # most cycles
     for news in register.news:
         if news.rule.reaction is not Reaction.NONE:  # such faults would flood the log
             stage.note(_fault_event(stage, t_ns, news))
-    active_faults = register.present | register.latched
     if active_faults or register.news:
         _halve_gains(stage, register.axes_of(Fault.D6) if active_faults & _OSCILLATING else 0)
         _doubt_samples(stage, active_faults & _DOUBTING)
@@ -133,12 +136,12 @@ def advance(
     if stage.boundary.played and _play_goes_on(stage, t_ns, read_back_v):
         return
     match stage.state:
+        case State.RUN:
+            _run(stage, t_ns)
         case State.BOOT:
             _boot(stage, t_ns, read_back_v)
         case State.HOLD:
             _hold(stage, t_ns, read_back_v)
-        case State.RUN:
-            _run(stage, t_ns)
         case State.IDENT:
             if stage.continue_drive(t_ns):
                 _zero_at_known_rest(stage, t_ns)
@@ -219,11 +222,13 @@ def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
 
 def _run(stage: Stage, t_ns: int) -> None:
     """Take the command inputs; hold if a stream of setpoints has stopped."""
-    quiet_ns = max(STREAM_CYCLES * stage.period_ns, STREAM_NS)
     for i, axis in enumerate(stage.axes):
+        if axis.stream is None:  # only a stream follows the command input
+            continue
+        quiet_ns = max(STREAM_CYCLES * stage.period_ns, STREAM_NS)
         if axis.follows_input:
             axis.take_command(stage.boundary.devices.commands()[i])
-        if axis.stream is None or t_ns - axis.commanded_ns <= quiet_ns:
+        if t_ns - axis.commanded_ns <= quiet_ns:
             continue
         text = f"no setpoint for {quiet_ns / 1e6:g} ms: the stream has stopped"
         if axis.follows_input:
@@ -354,11 +359,11 @@ def _has_failed(stage: Stage, axis: StageAxis) -> bool:
 
 
 def _zero_at_known_rest(stage: Stage, t_ns: int) -> None:
-    """Zero each sensor whose rest depends on the path of the drive: only now the path is known."""
+    """Zero each sensor whose rest depends on the past of the drive: only now that is known."""
     axes = [
         i
         for i, axis in enumerate(stage.axes)
-        if axis.has_sensor and axis.law.compensator.rest_depends_on_path
+        if axis.has_sensor and (axis.law.rests_inside or axis.law.compensator.rest_depends_on_path)
     ]
     if axes:
         stage.zero.begin(axes, stage.period_ns, t_ns)

@@ -11,14 +11,13 @@ from piezod.devices.status import Flags
 class AbsentSensor:
     """No sample, hence no fault. Real-time safe."""
 
-    noise_um = width_um = model_error_um = 0.0
-    gain_um_per_v = nan
-    answer_ns = 0
-    rests = False
-    ready = True
-    """Modes of other axes need not wait for it; those of this axis are refused."""
-    sample = Sample(0, nan, False)
-    """The sample for use by the control law, never valid."""
+    def __init__(self) -> None:
+        self.noise_um = self.width_um = self.model_error_um = 0.0
+        self.gain_um_per_v, self.answer_ns, self.rests = nan, 0, False
+        self.ready = True
+        """Modes of other axes need not wait for it; those of this axis are refused."""
+        self.sample = Sample(0, nan, False)
+        """The sample for use by the control law, never valid."""
 
     def check(
         self,

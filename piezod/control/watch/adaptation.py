@@ -63,12 +63,14 @@ class Oscillation:
         """
         error = command - position
         self._command.add(command)
-        limit = max(LEAST_AMPLITUDE, NOISE_SIGMAS * noise)
-        if abs(error) > limit:
+        limit, size = NOISE_SIGMAS * noise, abs(error)
+        limit = max(limit, LEAST_AMPLITUDE)
+        if size > limit:
             # Only errors beyond the limit count, so noise around zero makes no alternations.
-            self._alternations += error * self._side < 0.0
+            if error * self._side < 0.0:
+                self._alternations += 1
             self._side = error
-        self._largest = max(self._largest, abs(error))
+        self._largest = max(self._largest, size)
         self._cycles += 1
         if self._cycles == self._segment_cycles:
             # A command that moves makes errors of both signs by itself: judge segments at rest
@@ -113,7 +115,8 @@ class AdaptationWatch:
         position_um: AffineRange,
         period_ns: int,
     ) -> None:
-        self._axis, self._position_um = axis, position_um
+        self._axis = axis
+        self._low_um, self._width_um = position_um.low, position_um.width
         self._adaptation, self._proof = adaptation, proof
         self._shadowed = adaptation if isinstance(adaptation, Shadowed) else None
         self._restored, self._restored_cycles = 0, [-inf] * RESTORATIONS
@@ -140,16 +143,19 @@ class AdaptationWatch:
             self._not_finite = not is_finite(self._adaptation)
         drifts = self._drifts()
         restored, worse = self._restored_too_often(), self._proof.take_verdict()
+        if not closed and not self._not_finite:
+            self._oscillation.forget()
+            return drifts
         if not closed:
             self._oscillation.forget()
             # In an open loop the learned model does not act on the drive. It is saved and shown.
-            not_finite = (Detection(Fault.D2, self._axis),) if self._not_finite else _NOTHING
-            return (*not_finite, *drifts)
+            return (Detection(Fault.D2, self._axis), *drifts)
         if isfinite(command_um) and isfinite(position_um):
+            low_um, width_um = self._low_um, self._width_um
             self._oscillation.update(
-                self._position_um.to_unit(command_um),
-                self._position_um.to_unit(position_um),
-                noise_um / self._position_um.width,
+                (command_um - low_um) / width_um,
+                (position_um - low_um) / width_um,
+                noise_um / width_um,
             )
         if not (restored or worse or self._not_finite or self._oscillation.found):
             return drifts
@@ -175,7 +181,7 @@ class AdaptationWatch:
 
     def _detections(self, restored: bool, worse: tuple[float, float] | None) -> Sequence[Detection]:
         """Return the detections of a loop that is closed."""
-        found, width_um = [], self._position_um.width
+        found, width_um = [], self._width_um
         if self._not_finite:
             found.append(Detection(Fault.D2, self._axis))
         if worse:

@@ -76,7 +76,7 @@ class AmplifierWatch:
         self.reports_move = False
         """Whether the amplifier has reported since the last acknowledged write that its output
         fell, or that it is in local mode: that write need not be in force."""
-        self._is_local = False
+        self._is_local = self._had_flags = False
 
     def check(self, read_back_v: float, flags: Flags) -> Sequence[Detection]:
         """Return the faults of the channel. Call once per cycle, before the write.
@@ -93,18 +93,25 @@ class AmplifierWatch:
             self.forget()
         # Most cycles end with the early return below: what follows it may cost more.
         before_v, self._read_back_v = self._read_back_v, read_back_v
-        self.overloaded = DeviceFlag.OVERLOAD in flags
-        self._is_local = DeviceFlag.LOCAL_MODE in flags
-        self.reports_move |= not MOVED.isdisjoint(flags)
-        wrong = bool(flags) or self._not_taken or self._not_finite
-        wrong |= (
-            self._range_limited_cycles >= RANGE_CYCLES or self._slew_limited_cycles >= SLEW_CYCLES
+        wrong = (
+            self._not_taken
+            or self._not_finite
+            or self._range_limited_cycles >= RANGE_CYCLES
+            or self._slew_limited_cycles >= SLEW_CYCLES
         )
+        if flags or self._had_flags:
+            self._take_flags(flags)
+            wrong = wrong or self._had_flags
         deviation_v, self.follows = 0.0, False
         if read_back_v - read_back_v == 0.0:
-            deviation_v = self._deviation_v(read_back_v)
-            self.follows = self._written and deviation_v == 0.0
-            wrong |= self._has_over_voltage(read_back_v) or deviation_v > 0.0
+            if self._written:
+                deviation_v = self._deviation_v(read_back_v)
+                self.follows = deviation_v == 0.0
+            if self._low_v <= read_back_v <= self._high_v:
+                self._was_inside, self._outside_cycles = True, 0
+            else:
+                wrong = self._has_over_voltage(read_back_v) or wrong
+            wrong = wrong or deviation_v > 0.0
         if self.unexplained_fall and isnan(read_back_v):
             self.unexplained_fall = False
         found = self._found(flags, read_back_v, before_v, deviation_v) if wrong else _NOTHING
@@ -112,6 +119,13 @@ class AmplifierWatch:
             self._mismatch_cycles = 0
         self._written = self._after_gap = False
         return found
+
+    def _take_flags(self, flags: Flags) -> None:
+        """Take flags that are not those of the cycle before."""
+        self._had_flags = bool(flags)
+        self.overloaded = DeviceFlag.OVERLOAD in flags
+        self._is_local = DeviceFlag.LOCAL_MODE in flags
+        self.reports_move |= not MOVED.isdisjoint(flags)
 
     def after_gap(self, skipped: int) -> None:
         """Take the number of periods that were skipped just before this cycle."""
@@ -181,15 +195,11 @@ class AmplifierWatch:
 
     def _deviation_v(self, read_back_v: float) -> float:
         """Return how far the read-back is from all recent writes, in V; 0 within the tolerance."""
-        if not self._written:
-            return 0.0
         deviation_v = max(self._written_v.low - read_back_v, read_back_v - self._written_v.high)
         return deviation_v if deviation_v > self._tolerance_v else 0.0
 
     def _has_over_voltage(self, read_back_v: float) -> bool:
-        """Return whether the read-back has been outside the range for too long."""
-        if self._low_v <= read_back_v <= self._high_v:
-            self._was_inside = True
+        """Return whether a read-back outside the range has been there for too long."""
         over = not self._low_v - OVER_VOLTAGE_V <= read_back_v <= self._high_v + OVER_VOLTAGE_V
         # A stage that was outside its range when it was taken over is brought back, not cut off.
         self._outside_cycles = self._outside_cycles + 1 if over and self._was_inside else 0

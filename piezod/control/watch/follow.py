@@ -15,7 +15,8 @@ from piezod.control.law.model import StageModel
 from piezod.control.signals import RecentRange
 from piezod.units import NS_PER_S
 
-_TABLE_SIZE = 65
+_INTERVALS: Final = 64
+_LAST: Final = 64.0
 
 
 class Plausible:
@@ -25,27 +26,36 @@ class Plausible:
     """
 
     def __init__(self, model: StageModel) -> None:
-        grid = np.linspace(0.0, 1.0, _TABLE_SIZE)
+        grid = np.linspace(0.0, 1.0, _INTERVALS + 1)
         low, high = model.form.position_range(model.weights, grid)
         self._low: list[float] = low.tolist()
         self._high: list[float] = high.tolist()
-        self._drive_v = model.drive_v
+        self._low_v, self._width_v = model.drive_v.low, model.drive_v.width
 
-    def bounds(self, low_v: float, high_v: float) -> tuple[float, float]:
-        """Return the range of positions that a stage can have while its drive is in a range.
+    def low(self, drive_v: float) -> float:
+        """Return the lowest position without creep at this drive, or at a higher one.
 
         Args:
-            low_v: Lowest drive, finite, in V.
-            high_v: Highest drive, finite, in V.
+            drive_v: The drive, finite, in V.
 
         Returns:
-            Lowest and highest position without creep, in units of the model's range.
+            Position in units of the model's range.
         """
-        return self._at(low_v, self._low), self._at(high_v, self._high)
+        return self._at(drive_v, self._low)
+
+    def high(self, drive_v: float) -> float:
+        """Return the highest position at this drive, or at a lower one, likewise."""
+        return self._at(drive_v, self._high)
 
     def _at(self, drive_v: float, table: list[float]) -> float:
-        place = min(max(self._drive_v.to_unit(drive_v), 0.0), 1.0) * (_TABLE_SIZE - 1)
-        index = min(int(place), _TABLE_SIZE - 2)
+        place = (drive_v - self._low_v) / self._width_v * _LAST
+        if place <= 0.0:
+            place = 0.0
+        elif place >= _LAST:
+            place = _LAST
+        index = int(place)
+        if index == _INTERVALS:
+            index -= 1
         return table[index] + (table[index + 1] - table[index]) * (place - index)
 
 
@@ -103,11 +113,12 @@ class FollowWatch:
         if self._plausible is not None:
             # Any drive of the response time may explain the position, so take the range over all of
             # them.
-            low, high = self._plausible.bounds(recent_v.low, recent_v.high)
+            low, high = self._plausible.low(recent_v.low), self._plausible.high(recent_v.high)
             beyond = max(low - position, position - high)
             if beyond <= MARGIN:
                 # Leave twice as fast as enter: noise at the limit never adds up to a fault.
-                self._outside_cycles = max(self._outside_cycles - 2, 0)
+                if self._outside_cycles:
+                    self._outside_cycles = max(self._outside_cycles - 2, 0)
             else:
                 self._outside_cycles = min(self._outside_cycles + 1, self._limit_cycles)
                 self.measured, self.limit = beyond, MARGIN
@@ -145,16 +156,17 @@ class _Strides:
     def update(self, position: float, drive: float, noise: float) -> bool:
         """Take a cycle; return whether the last strides were wrong."""
         moved = drive - self._start_drive
+        way, farthest = abs(moved), abs(self._farthest)
         # A turn back, or across the start of the stride.
-        turned = abs(moved) < abs(self._farthest) - TURNED or moved * self._farthest < 0.0
-        rests = self._cycles >= self._min_cycles and abs(self._farthest) < TURNED
-        if self._cycles < 0 or turned or rests:  # at rest, creep may go either way
+        turned = way < farthest - TURNED or moved * self._farthest < 0.0
+        rests = self._cycles >= self._min_cycles and farthest < TURNED
+        if turned or rests or self._cycles < 0:  # at rest, creep may go either way
             self._begin(position, drive)
             return self._wrong_strides >= WRONG_STRIDES
         self._cycles += 1
-        if abs(moved) > abs(self._farthest):
+        if way > farthest:
             self._farthest = moved
-        if self._cycles >= self._min_cycles and abs(moved) >= STRIDE:
+        if way >= STRIDE and self._cycles >= self._min_cycles:
             along = copysign(1.0, moved) * (position - self._start)
             # Both ends of the stride have noise: each may be off by four standard deviations.
             if along < -(AGAINST + 8.0 * noise):

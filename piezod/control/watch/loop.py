@@ -65,7 +65,8 @@ class LoopWatch:
         self._period_ns = period_ns
         self._late_ns = round(LATE_PART * period_ns)
         self._judge = _Strict(period_ns) if strict else _Tolerant(period_ns)
-        self._clocks: tuple[int, int] | None = None
+        self._wall_offset_ns = self._boot_offset_ns = 0
+        self._clocks_known = False
 
     def check(self, timing: CycleTiming) -> Sequence[Detection]:
         """Return the faults of the loop in this cycle. Call once per cycle, first.
@@ -74,20 +75,21 @@ class LoopWatch:
         L7 over the window, and seconds for L4 and for a suspended machine (L5).
         """
         # A cycle that overran loses periods even if none was skipped yet.
-        lost = max(timing.skipped, timing.busy_ns // self._period_ns)
-        late = lost > 0 or timing.late_ns > self._late_ns
-        found = self._judge.check(timing.skipped, lost, late=late)
-        clocks = timing.wall_offset_ns, timing.boot_offset_ns
-        if clocks != self._clocks:
-            found = [*self._jumps(clocks), *found]
-        return found
+        late_ns, skipped, busy_ns, wall_offset_ns, boot_offset_ns = timing
+        lost = skipped if busy_ns < self._period_ns else max(skipped, busy_ns // self._period_ns)
+        late = lost > 0 or late_ns > self._late_ns
+        found = self._judge.check(skipped, lost, late=late)
+        jumps = self._jumps(wall_offset_ns, boot_offset_ns)
+        return [*jumps, *found] if jumps else found
 
-    def _jumps(self, now: tuple[int, int]) -> Sequence[Detection]:
+    def _jumps(self, wall_offset_ns: int, boot_offset_ns: int) -> Sequence[Detection]:
         """Return the faults of clocks that jumped since the cycle before."""
-        before, self._clocks = self._clocks, now
-        if before is None:
+        wall_ns = abs(wall_offset_ns - self._wall_offset_ns)
+        boot_ns = boot_offset_ns - self._boot_offset_ns
+        self._wall_offset_ns, self._boot_offset_ns = wall_offset_ns, boot_offset_ns
+        if not self._clocks_known:
+            self._clocks_known = True
             return _NOTHING
-        wall_ns, boot_ns = abs(now[0] - before[0]), now[1] - before[1]
         # After a suspend the wall clock has jumped by the length of the sleep. That is L5 only.
         if boot_ns > SUSPENDED_NS:
             return [self._judge.suspended(boot_ns)]
@@ -107,8 +109,8 @@ class _Tolerant:
 
     def check(self, skipped: int, lost: int, *, late: bool) -> Sequence[Detection]:
         """Return the faults of this cycle."""
-        lost_share = self._lost.add(lost > 0, 1 + skipped)
-        late_share = self._late.add(late, 1 + skipped)
+        lost_share = self._lost.add(1 if lost else 0, 1 + skipped)
+        late_share = self._late.add(1 if late else 0, 1 + skipped)
         self._lasts = lost_share > (PUNCTUAL_SHARE if self._lasts else LASTING_SHARE)
         self._often = late_share > (SELDOM_SHARE if self._often else LATE_SHARE)
         if not (lost or self._often):

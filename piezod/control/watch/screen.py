@@ -174,18 +174,17 @@ class JumpWatch:
         self._steady, self._learned_cycles = False, 0
         self._last_position, self._spikes = nan, 0
         self._noise = NoiseLevel()
+        self.noise = sqrt(self._noise.variance)
+        """Standard deviation of the noise, in units of the range."""
         self.jump, self.allowed = 0.0, 0.0
         """Distance between the last two positions, and the largest distance that is no jump."""
 
     @property
-    def noise(self) -> float:
-        """Standard deviation of the noise, in units of the range."""
-        return sqrt(self._noise.variance)
-
-    @property
     def excess(self) -> float:
         """Amplitude of the noise over the usual one; 1 until the usual one is known."""
-        return sqrt(self._noise.excess) if self._learned_cycles >= LEARNED_CYCLES else 1.0
+        if self._learned_cycles < LEARNED_CYCLES:
+            return 1.0
+        return sqrt(self._noise.excess)
 
     def move(self, reference: float, swing: float) -> None:
         """Take the motion of this cycle. Call once per cycle.
@@ -196,12 +195,12 @@ class JumpWatch:
                 drive.
             swing: Motion of the drive during the response time, in units of its range.
         """
-        bend = abs(reference - 2.0 * self._reference + self._reference_before)
+        bend = REACH_PER_SWING * abs(reference - 2.0 * self._reference + self._reference_before)
         self._reference_before, self._reference = self._reference, reference
-        self._reach = max(REACH_PER_SWING * swing, self._reach * self._decay)
-        self._bend *= self._decay
-        # This order of the arguments keeps the old value if `bend` is NaN.
-        self._bend = max(self._bend, REACH_PER_SWING * bend)
+        reach, faded = REACH_PER_SWING * swing, self._reach * self._decay
+        self._reach = faded if faded > reach else reach
+        faded = self._bend * self._decay
+        self._bend = bend if bend > faded else faded  # the old value if `bend` is NaN
 
     def update(self, position: float) -> int:
         """Take a position, in units of the range.
@@ -234,11 +233,13 @@ class JumpWatch:
     def _learn(self, position: float) -> None:
         """Learn the noise from this position if the stage does not accelerate."""
         noise = self._noise
-        before, self._steady = self._steady, self._bend < STEADY_SIGMAS * sqrt(noise.variance)
+        before, self._steady = self._steady, self._bend < STEADY_SIGMAS * self.noise
         if not self._steady:
             return
         if not before:
             # NaN clears the two samples that the second difference needs.
             noise.update(nan)  # the sample before the motion is no neighbour
         noise.update(position)
-        self._learned_cycles = min(self._learned_cycles + 1, LEARNED_CYCLES)
+        self.noise = sqrt(noise.variance)
+        if self._learned_cycles < LEARNED_CYCLES:
+            self._learned_cycles += 1

@@ -107,7 +107,9 @@ class SensorWatch:
 
     def __init__(self, axis: int, sensor: WatchedSensor, period_ns: int) -> None:
         self._axis = axis
-        self._drive_v, self._position_um = sensor.drive_v, sensor.position_um
+        self._low_v, self._width_v = sensor.drive_v.low, sensor.drive_v.width
+        self._low_um, self.width_um = sensor.position_um.low, sensor.position_um.width
+        """Lowest position and width of the range of positions, in µm."""
         self.answer_ns = sensor.answer_ns
         """Time until the stage has followed the drive, in ns."""
         self.model_error_um = sensor.error_um
@@ -154,17 +156,20 @@ class SensorWatch:
             self.sample = Sample(sample.t_ns, sample.position_um, False)
             return found
         self.sample = sample
-        position = self._position_um.to_unit(sample.position_um)
+        position = (sample.position_um - self._low_um) / self.width_um
         spikes = self._jumps.update(position)
         self._still.update(position)
         if driven and known:
-            found = (*found, *self._check_motion(sample, position, in_force_v, spikes, needed))
+            motion = self._check_motion(sample, position, in_force_v, spikes, needed)
+            if motion:
+                found = (*found, *motion)
         else:
             # Without a drive of ours, or with an unknown one, motion proves nothing.
             self._follow.forget()
             self._stuck.forget()
-        if self._jumps.excess > EXCESS_FACTOR:
-            found = (*found, Detection(Fault.S12, self._axis, self._jumps.excess, EXCESS_FACTOR))
+        excess = self._jumps.excess
+        if excess > EXCESS_FACTOR:
+            found = (*found, Detection(Fault.S12, self._axis, excess, EXCESS_FACTOR))
         if self._still.still:
             found = (*found, Detection(Fault.S13, self._axis, self._still.samples, STILL_SAMPLES))
         return found
@@ -187,28 +192,23 @@ class SensorWatch:
         """
         if self._plausible is None or drive_v - drive_v != 0.0:
             return nan, nan
-        low, high = self._plausible.bounds(drive_v, drive_v)
-        return self._position_um.from_unit(low - MARGIN), self._position_um.from_unit(high + MARGIN)
-
-    @property
-    def width_um(self) -> float:
-        """Width of the range of positions, in µm."""
-        return self._position_um.width
+        low, high = self._plausible.low(drive_v) - MARGIN, self._plausible.high(drive_v) + MARGIN
+        return self._low_um + low * self.width_um, self._low_um + high * self.width_um
 
     @property
     def rests(self) -> bool:
         """Whether the drive has hardly moved during the response time."""
-        return self._recent_v.swing <= REST_PART * self._drive_v.width
+        return self._recent_v.swing <= REST_PART * self._width_v
 
     @property
     def gain_um_per_v(self) -> float:
         """Mean slope of the displacement over the drive, in µm/V; NaN without a model."""
-        return nan if self._plausible is None else self._position_um.width / self._drive_v.width
+        return nan if self._plausible is None else self.width_um / self._width_v
 
     @property
     def noise_um(self) -> float:
         """Standard deviation of the sensor noise, in µm."""
-        return self._jumps.noise * self._position_um.width
+        return self._jumps.noise * self.width_um
 
     def _take_drive(self, in_force_v: float, command_um: float) -> bool:
         """Take the voltage in force; return whether it is known."""
@@ -216,30 +216,28 @@ class SensorWatch:
             self._recent_v.forget()
             return False
         self._recent_v.add(in_force_v)
-        has_command = command_um - command_um == 0.0
-        reference = (
-            self._position_um.to_unit(command_um)
-            if has_command
-            else self._drive_v.to_unit(in_force_v)
-        )
-        self._jumps.move(reference, self._recent_v.swing / self._drive_v.width)
+        if command_um - command_um == 0.0:
+            reference = (command_um - self._low_um) / self.width_um
+        else:
+            reference = (in_force_v - self._low_v) / self._width_v
+        self._jumps.move(reference, self._recent_v.swing / self._width_v)
         return True
 
     def _check_motion(
         self, sample: Sample, position: float, in_force_v: float, spikes: int, needed: bool
     ) -> Sequence[Detection]:
         """Return the faults of a usable sample while the stage is driven."""
-        axis, width_um = self._axis, self._position_um.width
         if spikes:
+            axis, width_um = self._axis, self.width_um
             jump_um, allowed_um = self._jumps.jump * width_um, self._jumps.allowed * width_um
             if spikes > SPIKE_SAMPLES and self._jumps.jump > self._jumps.allowed + LASTING_JUMP:
                 return (Detection(Fault.S9, axis, jump_um, allowed_um + LASTING_JUMP * width_um),)
             # The sample after the last allowed spike is accepted: the stage has really moved there.
             self.sample = Sample(sample.t_ns, sample.position_um, spikes > SPIKE_SAMPLES)
             return (Detection(Fault.S4, axis, jump_um, allowed_um),)
-        drive = self._drive_v.to_unit(in_force_v)
+        drive = (in_force_v - self._low_v) / self._width_v
         stuck = self._stuck.update(position, drive)
-        follow = self._follow
+        follow, axis, width_um = self._follow, self._axis, self.width_um
         implausible = follow.update(position, drive, self._recent_v, self._jumps.noise)
         if not (stuck or implausible):
             return _NOTHING

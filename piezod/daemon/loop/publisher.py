@@ -8,11 +8,11 @@ from piezod.control.watch.loop import LATE_PART
 from piezod.daemon.loop.pacer import Tick
 from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.telemetry.cycle_counts import CycleCounter
-from piezod.telemetry.encoder import encode_axis, encode_cycle
+from piezod.telemetry.encoder import encode_axis
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.learned import LearnedValues
 from piezod.telemetry.learned_writer import LearnedWriter
-from piezod.telemetry.record import CycleHeader, CycleRecord, StageEvent
+from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word
@@ -68,33 +68,21 @@ class Publisher:
         if write_late_ns != NOT_WRITTEN:
             write_late_ns -= deadline_ns
         busy_ns = end_ns - deadline_ns - late_ns  # the cycle began at deadline + late
-        values = encode_cycle(
-            CycleHeader(
-                t_ns=record.t_ns,
-                late_ns=late_ns,
-                read_ns=timed.read_ns,
-                compute_ns=busy_ns - timed.read_ns - timed.write_ns,
-                write_late_ns=write_late_ns,
-                write_ns=timed.write_ns,
-                skipped=self._skipped,
-                present_lo=record.present & _LOW,
-                present_hi=record.present >> 64,
-                latched_lo=record.latched & _LOW,
-                latched_hi=record.latched >> 64,
-                state=record.state,
-                shadow=record.shadow,
-                written=record.written,
-            )
-        )
-        for axis in record.axes:
+        t_ns, state, shadow, written, present, latched, axes = record
+        read_ns, write_ns, place = timed.read_ns, timed.write_ns, _STATES[id(state)]
+        compute_ns = busy_ns - read_ns - write_ns
+        # The fields of a `CycleHeader`, without the tuple.
+        values: list[float] = [t_ns, late_ns, read_ns, compute_ns, write_late_ns, write_ns]
+        values += self._skipped, present & _LOW, present >> 64, latched & _LOW, latched >> 64
+        values += place, shadow, written
+        counter = self._counter
+        for index, axis in enumerate(axes):
             values += encode_axis(axis)
+            counter.error(index, axis.command_um - axis.position_um)
         self._ring.append(values)
-        self._counter.cycle(late_ns, skipped, timed.read_ns, timed.write_ns, busy_ns)
-        for place, axis in enumerate(record.axes):
-            self._counter.error(place, axis.command_um - axis.position_um)
+        counter.cycle(late_ns, skipped, read_ns, write_ns, busy_ns)
         words = self._words
-        words[_STATE] = _STATES[id(record.state)]
-        words[_SKIPPED], words[_BEAT] = self._skipped, record.t_ns
+        words[_STATE], words[_SKIPPED], words[_BEAT] = place, self._skipped, t_ns
         if not skipped:  # a late cycle is a sign of life too, but not a healthy cycle
             self._healthy += 1
             words[_HEALTHY] = self._healthy

@@ -1,6 +1,7 @@
 """Measures the highest rate of the loop with its own devices, before anything may be armed."""
 
 from math import ceil
+from pathlib import Path
 from statistics import median
 from typing import Final
 
@@ -11,12 +12,33 @@ from piezod.units import NS_PER_S
 
 MIN_CYCLES, MAX_CYCLES = 9, 200
 MAX_DURATION_NS: Final = NS_PER_S // 4
-USABLE_PART: Final = 0.8
-"""Part of a period that cycle and spinning may use together: the kernel takes 50 ms of each second
-from a real-time thread that never sleeps."""
+THROTTLE: Final = (
+    Path("/proc/sys/kernel/sched_rt_runtime_us"),
+    Path("/proc/sys/kernel/sched_rt_period_us"),
+)
+"""Time that the kernel leaves to real-time threads, and out of which: 950 ms of each second unless
+somebody has changed it. A thread that uses more stands still for the rest."""
+ROOM_PART: Final = 0.15
+"""Part of a period that the loop leaves below that limit."""
+DRIVING: Final = 1.5
+"""A cycle that drives takes up to this many times as long as a measured one."""
 QUIET_PART: Final = 0.5
 """Part of a period that a measured cycle may take. It writes nothing and its data are in the
-caches; a cycle that drives takes up to 1.5 times as long, and publishing comes on top."""
+caches; a cycle that drives takes `DRIVING` times as long, and publishing comes on top."""
+
+
+def throttle_part() -> float:
+    """Return the part of the time that the kernel leaves to real-time threads, 1 without limit."""
+    try:
+        runtime_us, period_us = (int(path.read_text()) for path in THROTTLE)
+    except (OSError, ValueError):
+        return 1.0
+    return 1.0 if runtime_us < 0 else min(runtime_us / period_us, 1.0)
+
+
+def usable_part() -> float:
+    """Return the part of a period that cycle and spinning may use together."""
+    return max(throttle_part() - ROOM_PART, 0.0)
 
 
 def measure_busy_ns(controller: Controller, clock: Clock, pause_ns: int = 0) -> int:
@@ -61,5 +83,11 @@ def kept_period_ns(period_ns: int, busy_ns: int) -> int:
 
 
 def usable_spin_ns(asked_ns: int, busy_ns: int, period_ns: int) -> int:
-    """Return how long the loop may spin before a deadline and still sleep in each period, in ns."""
-    return max(0, min(asked_ns, round(USABLE_PART * period_ns) - busy_ns))
+    """Return how long the loop may spin before a deadline and still sleep in each period, in ns.
+
+    Args:
+        asked_ns: Configured time, in ns.
+        busy_ns: Duration of a measured cycle, in ns.
+        period_ns: Period, in ns.
+    """
+    return max(0, min(asked_ns, round(usable_part() * period_ns - DRIVING * busy_ns)))

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 from piezod.config.daemon import LoopConfig
 from piezod.daemon.loop.memory import lock_memory
 from piezod.daemon.loop.processor import ClaimedProcessor, claim_processor
+from piezod.daemon.loop.rate import throttle_part
 from piezod.telemetry.layout import PAGE
 from piezod.telemetry.shared_map import SharedMap
 
@@ -27,6 +28,9 @@ _PR_SET_TIMERSLACK: Final = 29
 _THREAD_CHECKS: Final = 100
 _OWN_PARTS: Final = ("answers", "learned", "events", "ring")
 """The parts of the shared memory that the loop process writes."""
+LEAST_THROTTLE: Final = 0.5
+"""With less than this part of the time, no loop keeps the rate that its cycle allows."""
+_ROOM: Final = "room in each second"
 _DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
 
 
@@ -67,6 +71,7 @@ class Realtime:
             ("timer slack", "1 ns", self._cut_timer_slack),
             ("garbage collection", "off", _stop_collecting),
             ("processor", str(chosen.cpu), partial(self._pin, chosen)),
+            ("throttle", _ROOM, _throttle),
             ("scheduling", f"SCHED_FIFO {self._config.priority}", self._raise_priority),
         )
         return list(_carried_out(steps))
@@ -145,6 +150,14 @@ def _carried_out(
             if isinstance(error, PermissionError) and "Limit" not in obtained:
                 obtained += "; run as the service does, or as root"
         yield RealtimeStep(name, wanted, obtained, obtained == wanted)
+
+
+def _throttle() -> str:
+    """Return that the kernel leaves real-time threads enough of each second, or what it leaves."""
+    part = throttle_part()
+    if part > LEAST_THROTTLE:
+        return _ROOM
+    return f"{part:.0%} of each second: set kernel.sched_rt_runtime_us to 950000"
 
 
 def _stop_collecting() -> str:

@@ -6,7 +6,6 @@ from piezod.control.stage.boundary import StageDevices
 from piezod.daemon.clock import Clock
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.devices.interface import Sample
-from piezod.devices.status import Flags
 
 NOT_WRITTEN = -1
 """Instead of the instant of a write, if a cycle wrote nothing."""
@@ -23,6 +22,8 @@ class TimedChannels:
 
     def __init__(self, devices: StageDevices, clock: Clock, last_output: LastOutputWriter) -> None:
         self._devices, self._now_ns, self._last_output = devices, clock.now_ns, last_output
+        # What is not measured costs no call more.
+        self.status, self.read_back_age_ns = devices.status, devices.read_back_age_ns
         self.read_ns = 0
         """Duration of reading and reading back since `start`, in ns."""
         self.write_ns = 0
@@ -59,10 +60,6 @@ class TimedChannels:
         """Return of each axis whether its amplifier reports the voltage in force."""
         return self._devices.reads_back()
 
-    def read_back_age_ns(self, now_ns: int) -> Sequence[int]:
-        """Return the age of the last read-back of each axis, in ns. Real-time safe."""
-        return self._devices.read_back_age_ns(now_ns)
-
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Set the voltage of every axis, in V; return whether that succeeded. Real-time safe."""
         self.write_begin_ns = begin_ns = self._now_ns()
@@ -72,10 +69,6 @@ class TimedChannels:
             return self._devices.write(drive_v, now_ns)
         finally:
             self.write_ns += self._now_ns() - begin_ns
-
-    def status(self, now_ns: int) -> Sequence[Flags]:
-        """Return the flags of the sensor of each axis, then of each amplifier. Real-time safe."""
-        return self._devices.status(now_ns)
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         """Use these displacements as zero from now on, in µm."""

@@ -14,8 +14,7 @@ from piezod.daemon.service.answers import LeaseHeldError
 from piezod.daemon.service.connection import Credentials
 from piezod.daemon.stage.errors import StageError
 from piezod.daemon.stage.peer import AuditEntry, Peer
-from piezod.messages.answers import Holder
-from piezod.messages.answers import Lease as HeldLease
+from piezod.messages.answers import Holder, Lease
 from piezod.messages.endpoints import Role
 
 GROUPS: Final = {"piezod-eng": Role.ENGINEER, "piezod": Role.OPERATOR}
@@ -99,8 +98,8 @@ class Holding(NamedTuple):
         return isinf(self.until_s)
 
 
-class Lease:
-    """Belongs to a user and client name; another client gets it when it is released or expires.
+class LeaseKeeper:
+    """Gives the lease to a user and client name, to others when it is released or expires.
 
     Args:
         now_s: Monotonic clock, in s.
@@ -116,7 +115,7 @@ class Lease:
         return self._held is not None and self._held.until_s > self._now_s()
 
     @property
-    def present(self) -> HeldLease | None:
+    def present(self) -> Lease | None:
         """The holder, and the time until it expires; None if the lease is free."""
         held = self._held
         if held is None or not self.held:
@@ -142,7 +141,7 @@ class Lease:
             )
         return held
 
-    def claim(self, peer: Peer) -> HeldLease:
+    def claim(self, peer: Peer) -> Lease:
         """Take the lease or renew it, for 30 s from now.
 
         Returns:
@@ -176,7 +175,7 @@ class Lease:
                 self._held = None
             raise
 
-    def bind(self, peer: Peer) -> HeldLease:
+    def bind(self, peer: Peer) -> Lease:
         """Take the lease for a session: it does not expire before `unbind`.
 
         Raises:
@@ -220,8 +219,8 @@ def _holder(peer: Peer) -> Holder:
     return Holder(user=peer.user, uid=peer.uid, client=peer.client)
 
 
-def _answer(peer: Peer, left_s: float) -> HeldLease:
-    return HeldLease(holder=_holder(peer), expires_in_s=left_s if isfinite(left_s) else None)
+def _answer(peer: Peer, left_s: float) -> Lease:
+    return Lease(holder=_holder(peer), expires_in_s=left_s if isfinite(left_s) else None)
 
 
 CLIENT_RATE_HZ: Final = 50.0

@@ -12,12 +12,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, cast
 
-import pydantic.dataclasses  # noqa: F401 - the first document needs it; an upgrade may come before
+import pydantic.dataclasses
+import pydantic.root_model  # noqa: F401 - the first document needs both; an upgrade may come before
 import uvicorn
 from fastapi import FastAPI
 
 from piezod import __version__
-from piezod.daemon.service.access import Lease, RateLimit, Roles, UrgentNotes
+from piezod.daemon.service.access import LeaseKeeper, RateLimit, Roles, UrgentNotes
 from piezod.daemon.service.answers import add_error_answers
 from piezod.daemon.service.connection import ConnectionLimits, PeerProtocol
 from piezod.daemon.service.gate import Gate
@@ -118,7 +119,7 @@ def create_app(
         title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )
     notes, streams = UrgentNotes(now_s), OpenStreams()
-    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), notes, streams, {})
+    app.state.service = ServiceState(stage, roles, LeaseKeeper(now_s), set(), notes, streams, {})
     app.state.methods_of = methods_of
     app.state.reading = asyncio.Semaphore(1)
     app.add_middleware(Gate, rate_limit=RateLimit(now_s))
@@ -134,7 +135,7 @@ fails as many times."""
 _NOT_OTHERS: Final = 0o117  # user and group may use the socket; its folder sets the group
 
 
-class ApiServer(uvicorn.Server):
+class SupervisedServer(uvicorn.Server):
     """A server that leaves signals to the supervisor, and ends when `should_exit` is set."""
 
     @contextmanager
@@ -156,7 +157,7 @@ class ApiServer(uvicorn.Server):
         )
 
 
-def make_server(app: FastAPI, limits: ConnectionLimits) -> ApiServer:
+def make_server(app: FastAPI, limits: ConnectionLimits) -> SupervisedServer:
     """Return a server; `await server.serve(sockets=[bind(path)])` runs it."""
     protocol = partial(PeerProtocol, limits=limits)
     config = uvicorn.Config(
@@ -176,7 +177,7 @@ def make_server(app: FastAPI, limits: ConnectionLimits) -> ApiServer:
         timeout_keep_alive=limits.idle_s,
         timeout_graceful_shutdown=5,
     )
-    return ApiServer(config)
+    return SupervisedServer(config)
 
 
 def bind(path: Path) -> socket.socket:

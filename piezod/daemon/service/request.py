@@ -9,7 +9,7 @@ from fastapi import Request as HttpRequest
 
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.access import Lease, Roles, UrgentNotes
+from piezod.daemon.service.access import LeaseKeeper, Roles, UrgentNotes
 from piezod.daemon.service.answers import SupersededError
 from piezod.daemon.stage.errors import BadValueError, NotNowError, StageError
 from piezod.daemon.stage.peer import AuditEntry, Peer
@@ -86,7 +86,7 @@ class ServiceState(NamedTuple):
 
     stage: RunningStage  #: The stage.
     roles: Roles  #: Gives the role of each user.
-    lease: Lease  #: The lease of the stage.
+    lease: LeaseKeeper  #: The lease of the stage.
     downloads: set[int]  #: Users with a download in progress.
     urgent_notes: UrgentNotes  #: Limits the audit entries of urgent requests.
     streams: OpenStreams  #: The setpoint streams in progress.

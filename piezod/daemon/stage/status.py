@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Final
 
+import piezod
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
@@ -63,6 +64,7 @@ def status(
         faults=faults_of(shared, record),
         rate_hz=config.rate_hz,
         skipped_cycles=shared.words[Word.SKIPPED_CYCLES],
+        build=piezod.build(),
         not_realtime=tuple(step["name"] for step in obtained["steps"] if not step["ok"]),
         axes=axes,
         devices=obtained["devices"],

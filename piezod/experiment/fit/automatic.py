@@ -44,9 +44,9 @@ not describe the loops; if they predict the position of one record best, that is
 so on two records, and were worse on the tests."""
 LARGEST_LOSS = 1.02
 """Largest rms error of the chosen model, as a multiple of that of the best one."""
-_OFFSET, _RATE, _PATH, _MODE = 1, 2, 3, 3
-# Of a surface: a lag with the rate and a prompt slope; weight, decay and skew of a path; frequency,
-# damping and lag of a mode.
+_OFFSET, _RATE, _PATH, _EXPONENT, _MODE = 1, 2, 3, 1, 3
+# Of a surface: a lag with the rate and a prompt slope; weight, decay and skew of a path, and its
+# exponent; frequency, damping and lag of a mode.
 REFERENCE_ORDER = 19
 """Largest number of operators of the model that estimates the delay."""
 
@@ -78,6 +78,7 @@ class Candidate:
             optional = (
                 _RATE * (self.fit.rate_lag > 0.0)
                 + _PATH * (self.fit.path is not None)
+                + _EXPONENT * (self.fit.path is not None and self.fit.path.exponent != 1.0)
                 + _MODE * (self.fit.shows_mode is not None)
             )
             return settings.n_weights + _OFFSET + slow + optional

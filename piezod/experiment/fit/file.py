@@ -16,7 +16,7 @@ from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
-from piezod.experiment.fit.source import Source, read_source
+from piezod.experiment.fit.source import NO_CHOICES, Source, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
 from piezod.experiment.fit.warnings import (
@@ -29,6 +29,7 @@ from piezod.experiment.fit.warnings import (
 from piezod.experiment.prefix import prefix_errors
 from piezod.experiment.progress import Progress
 from piezod.hysteresis import AffineRange
+from piezod.reading.choices import Choices
 
 START_S = 2.0
 """Part of a record in which a start away from rest shows most, in s."""
@@ -61,6 +62,7 @@ class FileFit:
     warnings: tuple[str, ...]  #: Warnings for the user of the model, a sentence each.
     #: First mode in the configuration of the axis; None if there is none, or if it is unknown.
     configured_mode: FirstModeConfig | None = None
+    understood: tuple[str, ...] = ()  #: What was inferred about the file, a sentence each.
 
     def with_configured_mode(self, configured_mode: FirstModeConfig | None) -> "FileFit":
         """Return the fit beside the configuration of its axis, with a warning if they differ.
@@ -73,7 +75,7 @@ class FileFit:
         return replace(self, configured_mode=configured_mode, warnings=(*self.warnings, *warnings))
 
 
-def identify_file(
+def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
     data: Path,
     *,
     test: Path | None,
@@ -81,24 +83,26 @@ def identify_file(
     delay_s: float | None,
     axis: str | None = None,
     settings: FitSettings | Wanted,
+    choices: Choices = NO_CHOICES,
     progress: Progress = lambda _label, _share: None,
 ) -> FileFit:
     """Fit a model to a recorded file.
 
     Args:
-        data: CSV file with the columns t_s, drive_v, position_um, or recording of a stage.
+        data: Table of time, drive and position in any known format, or recording of a stage.
         test: Another such file, on which the model is judged, too.
         skip_s: First seconds of each file that do not count.
         delay_s: Delay in s; estimated from the data if None.
         axis: Axis of a recording; None for the only one.
         settings: Settings of the fit, or the fixed part of an automatic choice.
+        choices: What the person says about the columns of the files.
         progress: Called while models are chosen.
 
     Raises:
         DataError: If a file cannot be used; the text starts with its name.
         OSError: If a file cannot be read.
     """
-    given = _read(data, test, skip_s, axis)
+    given = _read(data, test, skip_s, axis, choices)
     record, test_record = given.record, given.test_record
     if delay_s is None:
         delay_s = given.source.delay_s
@@ -132,6 +136,7 @@ def identify_file(
             *doubts,
             *residual_warnings(chosen, parts),
         ),
+        understood=given.source.understood,
     )
 
 
@@ -144,12 +149,14 @@ class _Given(NamedTuple):
     notes: tuple[str, ...]  #: What to know about the files, a sentence each.
 
 
-def _read(data: Path, test: Path | None, skip_s: float, axis: str | None) -> _Given:
-    source = read_source(data, skip_s, axis)
+def _read(
+    data: Path, test: Path | None, skip_s: float, axis: str | None, choices: Choices
+) -> _Given:
+    source = read_source(data, skip_s, axis, choices)
     record, notes = thinned(source.record), tuple(_notes("record", source))
     if not test:
         return _Given(source, record, None, notes)
-    test_source = read_source(test, skip_s, axis)
+    test_source = read_source(test, skip_s, axis, choices)
     test_notes = _notes("test", test_source)
     return _Given(source, record, thinned(test_source.record), (*notes, *test_notes))
 

@@ -1,7 +1,7 @@
 """Turns a fitted model into the contents of a model file."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -17,10 +17,16 @@ from piezod.errors import ModelError
 from piezod.experiment.fit.fit import Fit
 from piezod.hysteresis import StopForm, SurfaceForm
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.path_relaxation import PathRelaxation
+from piezod.reading.part import split_path
 
 
 def to_model_file(
-    fit: Fit, source: Path, errors_pct: Mapping[str, float], created_at: datetime
+    fit: Fit,
+    source: Path,
+    errors_pct: Mapping[str, float],
+    created_at: datetime,
+    understood: Sequence[str] = (),
 ) -> ModelFile:
     """Return the contents of a model file, with exact numbers.
 
@@ -29,17 +35,23 @@ def to_model_file(
         source: The data file of the fit; it is read again for its hash.
         errors_pct: Errors on that data, from `Fit.errors_pct`.
         created_at: Time at which the model was made, with a time zone.
+        understood: What was inferred about the data file, a sentence each.
 
     Raises:
         ModelError: If a number exceeds the range of a model file.
         OSError: If the data file cannot be read.
     """
+    file, part = split_path(source)
     try:
         return ModelFile(
             created_at=created_at.isoformat(timespec="seconds"),
             created_by=f"piezod {piezod.__version__}",
             method=fit.settings.method.value,
-            source=SourceConfig(file=source.name, sha256=_sha256(source)),
+            source=SourceConfig(
+                file=f"{file.name}:{part}" if part else file.name,
+                sha256=_sha256(file),
+                read_as=" ".join(understood) or None,
+            ),
             fit=FitConfig(**errors_pct),
             **model_fields(fit.model),
         )
@@ -74,10 +86,15 @@ def model_fields(model: StageModel) -> dict[str, Any]:
                 "surface_coefficients": tuple(model.weights.tolist()),
                 "surface_activation": model.form.activation,
                 "surface_prompt_slope": model.form.prompt_slope,
-                "surface_path": PathConfig(**asdict(path)) if path else None,
+                "surface_path": _path_fields(path) if path else None,
             }
         case _:
             raise TypeError(f"no model file for a {type(model.form).__name__}")
+
+
+def _path_fields(path: PathRelaxation) -> PathConfig:
+    exponent = None if path.exponent == 1.0 else path.exponent
+    return PathConfig(**asdict(path) | {"exponent": exponent})
 
 
 def _stop_fields(bank: FloatArray, weights: FloatArray) -> dict[str, Any]:

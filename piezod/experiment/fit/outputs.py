@@ -29,7 +29,9 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime, *, vector: bo
         OSError: If a file cannot be written.
     """
     chosen = fitted.chosen
-    text = dump_model(to_model_file(chosen.fit, fitted.data, chosen.train, created_at))
+    text = dump_model(
+        to_model_file(chosen.fit, fitted.data, chosen.train, created_at, fitted.understood)
+    )
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     numbers = numbers_of_fit(

@@ -1,4 +1,4 @@
-"""Reads the record for a fit from a CSV file or from the recording of a running stage."""
+"""Reads the record for a fit from a table of others or from the recording of a running stage."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,9 +19,10 @@ from piezod.experiment.fit.recorded import (
 )
 from piezod.experiment.fit.run_in import mark_unknown_past
 from piezod.experiment.prefix import prefix_errors
-from piezod.records.csv_checks import MAX_STEP_PERIODS
-from piezod.records.csv_file import read_csv
-from piezod.records.opened import is_hdf5
+from piezod.reading.checks import MAX_STEP_PERIODS
+from piezod.reading.choices import Choices
+from piezod.reading.record import read_record
+from piezod.records.recording.reader import is_recording
 
 LONG_STEP_S: Final = 0.1
 """A time step from which on the time is probably in ms."""
@@ -39,22 +40,34 @@ class Source(NamedTuple):
     record: Record  #: The record.
     notes: tuple[str, ...]  #: Warnings about the file, a sentence each.
     delay_s: float | None  #: Delay to use instead of an estimate, in s; None to estimate it.
+    understood: tuple[str, ...] = ()  #: What was inferred about the file, a sentence each.
 
 
-def read_source(path: Path, skip_s: float, axis: str | None = None) -> Source:
+NO_CHOICES: Final = Choices()
+
+
+def read_source(
+    path: Path, skip_s: float, axis: str | None = None, choices: Choices = NO_CHOICES
+) -> Source:
     """Return the record in a file, without its first seconds.
 
     Args:
-        path: A CSV file with the columns t_s, drive_v, position_um, or a recording of a stage.
+        path: A table of time, drive and position in any known format, or a recording of a stage.
         skip_s: First seconds that do not count.
         axis: Axis of a recording; None for the only one.
+        choices: What the person says about the columns of a table.
 
     Raises:
         DataError: If the file cannot be used; the text starts with its name.
         OSError: If the file cannot be read.
     """
-    recorded = is_hdf5(path)
-    columns, notes = columns_of_recording(path, axis) if recorded else columns_of_csv(path)
+    recorded = is_recording(path)
+    if recorded:
+        _refuse_choices(path, choices)
+        columns, notes = columns_of_recording(path, axis)
+        understood: tuple[str, ...] = ()
+    else:
+        columns, notes, understood = columns_of_table(path, choices)
     with prefix_errors(str(path)):
         record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
         record = mark_unknown_past(record).after(skip_s)
@@ -64,24 +77,41 @@ def read_source(path: Path, skip_s: float, axis: str | None = None) -> Source:
             f"The drive has one frequency, which does not determine the delay: {1e3 * delay_s:.3g} "
             "ms is used, that of the model which the stage used. Give another with --delay-s."
         )
-        return Source(record, (*notes, used), delay_s)
-    return Source(record, (*notes, *_doubts_about_units(record)), None)
+        return Source(record, (*notes, used), delay_s, understood)
+    return Source(record, (*notes, *_doubts_about_units(record)), None, understood)
 
 
-def columns_of_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
-    """Return the record in a CSV file, evenly in time, and what to know about it.
+def _refuse_choices(path: Path, choices: Choices) -> None:
+    if choices:
+        raise DataError(
+            f"{path}: this is a recording of a stage, whose columns are known; leave out "
+            "--columns, --scale, --offset, --invert and --rate-hz"
+        )
+
+
+def columns_of_table(
+    path: Path, choices: Choices = NO_CHOICES, command: str = "identify"
+) -> tuple[Columns, tuple[str, ...], tuple[str, ...]]:
+    """Return the record in a table, evenly in time; what to know, and what was inferred about it.
+
+    Args:
+        path: A table of time, drive and position in any known format.
+        choices: What the person says about its columns.
+        command: The command that needs it, for the remedy in an error.
 
     Raises:
         DataError: If the file cannot be used; the text starts with its name.
         OSError: If the file cannot be read.
     """
-    columns = read_csv(path, max_step_periods=MAX_FILLED + MAX_STEP_PERIODS)
+    longest = MAX_FILLED + MAX_STEP_PERIODS
+    read = read_record(path, choices, max_step_periods=longest, command=command)
+    columns, understood = read.columns, read.understood
     t_s = columns["t_s"]
     steps_s = np.diff(t_s)
     periods = np.maximum(np.rint(steps_s / np.median(steps_s)), 1.0).astype(int)
     missing = int(np.sum(periods - 1))
     if not missing:
-        return columns, ()
+        return columns, (), understood
     samples = t_s.size + missing
     if missing > MAX_MISSING_SHARE * samples:
         raise DataError(
@@ -92,7 +122,7 @@ def columns_of_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
     places = np.concatenate(([0], np.cumsum(periods)))
     even_s = np.interp(np.arange(places[-1] + 1), places, t_s)
     filled = {name: np.interp(even_s, t_s, column) for name, column in columns.items()}
-    return filled, told_missing(missing, even_s.size)
+    return filled, told_missing(missing, even_s.size), understood
 
 
 def _doubts_about_units(record: Record) -> Iterator[str]:

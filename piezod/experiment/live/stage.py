@@ -1,4 +1,8 @@
-"""A running stage, step by step: at rest, armed, along a waveform, recorded; and left safe."""
+"""A running stage, step by step: at rest, armed, along a waveform, recorded; and left safe.
+
+It opens, judges and guards nothing, because the daemon does; the end of its session is the daemon's
+ramp, which comes even if this process is killed.
+"""
 
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack, closing, suppress

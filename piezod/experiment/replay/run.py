@@ -15,7 +15,6 @@ from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensated import Start, check_identifier, compensated_axis
-from piezod.control.law.creep import CreepState
 from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.output import TimeFunction
 from piezod.control.law.trim_gains import check_trim
@@ -116,10 +115,7 @@ def _law(
     recorded: RecordedAxis, config: AxisConfig, model: StageModel, mode: Mode, period_ns: int
 ) -> CompensatedAxis:
     """Return the control law at the start of a recording, as after a long rest."""
-    rest = model.position_um.to_unit(0.0)
-    lags = np.full(model.creep.weights.size, rest)
-    zeroed = float(model.creep.weights @ lags)
-    creep = CreepState(model.creep.at(period_ns / NS_PER_S), lags, zeroed, rest)
+    creep = model.at_rest(config.limits.rest_v, period_ns / NS_PER_S)
     start = Start(0, period_ns, float(recorded.in_force_v[0]))
     return compensated_axis(config, model, creep, mode, _command(recorded), start)
 

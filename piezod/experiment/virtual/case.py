@@ -51,8 +51,9 @@ def run_case(
     for name, reference in references.items():
         _check_range(case, name, reference, identified[name].model)
     # The creep during the rest is part of the state at the start.
-    for axis, position_um in zip(identified.values(), stage.rest(config.settle_s), strict=True):
-        axis.creeping.watch(position_um)
+    for axis, trace in zip(identified.values(), stage.rest(config.settle_s), strict=True):
+        axis.creeping.watch(trace[:, POSITION_UM])
+        axis.creeping.follow(trace[:, IN_FORCE_V])
         axis.creeping.zero()
     axes = _axes(stage, config, identified, references, mode)
     forms = [axis.model.form for axis in identified.values()]

@@ -1,36 +1,32 @@
-"""What a stage carries from run to run: its creep, and what relaxes along the path of its drive."""
+"""What a stage carries from run to run: its creep, and where its drive has been."""
 
 import numpy as np
 
 from piezod.control.law.creep import CreepState
 from piezod.control.law.model import StageModel
-from piezod.hysteresis import SurfaceForm
 from piezod.hysteresis.creep import remove_creep
-from piezod.hysteresis.memory import FloatArray
-from piezod.hysteresis.path_relaxation import RELAXED_PATH
-from piezod.hysteresis.surface_form import SurfaceStage
+from piezod.hysteresis.memory import MERGED, FloatArray, copy_memory
 
 
 class Creeping:
-    """The creep of one axis, from its measured positions, and its path, from its voltages.
+    """The creep of one axis, from its measured positions, and its hysteresis, from its voltages.
 
     Args:
         model: Model of the axis, with its zero at rest.
+        rest_v: Voltage at rest, in V.
         period_s: Sample period, in s.
     """
 
-    def __init__(self, model: StageModel, period_s: float) -> None:
-        self._position_um = model.position_um
-        self._creep = model.creep.at(period_s)
-        self._rest = self._quick = model.position_um.to_unit(0.0)
-        self._lags = np.full(model.creep.weights.size, self._rest)
+    def __init__(self, model: StageModel, rest_v: float, period_s: float) -> None:
+        state = model.at_rest(rest_v, period_s)
+        self._position_um, self._drive_v = model.position_um, model.drive_v
+        self._rest = model.position_um.to_unit(0.0)
+        self._creep, self._lags, self._quick = state.creep, state.lags, state.quick
+        self._past = model.form.sampled(period_s).past(model.weights)
+        if state.memory is not None:
+            self._past.take_over(state.memory)
+        self._driven = self._quick
         self._zeroed = 0.0
-        self._drive_v = model.drive_v
-        self._path: SurfaceStage | None = None
-        form = model.form
-        if isinstance(form, SurfaceForm) and form.path:
-            self._path = form.sampled(period_s).stage(model.weights)
-            self._rest_drive = form.slow.drives_at(model.weights, np.array([self._rest])).item()
         self.zero()
 
     def watch(self, position_um: FloatArray) -> None:
@@ -48,21 +44,16 @@ class Creeping:
 
     def follow(self, drive_v: FloatArray) -> None:
         """Follow voltages in force, shape (n,), in V."""
-        if self._path:
-            for drive in self._drive_v.to_unit(drive_v).tolist():
-                self._path.step(drive)
+        self._driven = self._past.follow(self._drive_v.to_unit(drive_v))
 
     def zero(self) -> None:
         """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
-        left = 0.0
-        if self._path:
-            self._path.step(self._rest_drive)
-            left = self._path.relaxing
-        self._quick = self._rest + left
-        self._zeroed = float(self._creep.weights @ self._lags) + left
+        self._quick = self._driven
+        self._zeroed = float(self._creep.weights @ self._lags) + self._driven - self._rest
 
     @property
     def state(self) -> CreepState:
-        """Present state of creep and path."""
-        path = self._path.path if self._path else RELAXED_PATH
-        return CreepState(self._creep, self._lags, self._zeroed, self._quick, path)
+        """Present state of creep and hysteresis."""
+        memory = copy_memory(self._past.memory)
+        memory.counts[MERGED] = 0
+        return CreepState(self._creep, self._lags, self._zeroed, self._quick, memory)

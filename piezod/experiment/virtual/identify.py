@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from piezod.config.axes import AxisConfig
+from piezod.config.daemon import ConditioningConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.modes import Mode
@@ -15,6 +16,7 @@ from piezod.control.law.gains import LoopProperties, check_axis_gains, check_gai
 from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import read_model
 from piezod.control.law.output import TimeFunction
+from piezod.control.reference.programs import conditioning
 from piezod.errors import DataError
 from piezod.experiment.fit.errors import judge
 from piezod.experiment.fit.fit import fit_model
@@ -66,6 +68,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
     }
     settings = config.identification
     if settings is None:
+        _condition(stage, config.axes, from_file)
         return from_file
     # The rest zeroes the sensors, so that the record counts from rest.
     stage.rest(settings.settle_s)
@@ -79,6 +82,27 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         properties = LoopProperties(one.model.form, one.model.delay_s, period_s)
         check_axis_gains(name, one.config, properties, trimmed=trimmed)
     return identified
+
+
+def _condition(
+    stage: VirtualStage, axes: Mapping[str, AxisConfig], identified: Mapping[str, IdentifiedAxis]
+) -> None:
+    """Condition axes that rest inside their range: where they have been before is not known."""
+    inside = {
+        name: conditioning(ConditioningConfig(), axis.limits)
+        for name, axis in axes.items()
+        if identified[name].model.rests_inside(axis.limits.rest_v)
+    }
+    if not inside:
+        return
+    waveforms = [
+        inside[name].drive_v if name in inside else _constant(axis.limits.rest_v)
+        for name, axis in axes.items()
+    ]
+    duration_s = max(program.duration_s for program in inside.values())
+    for one, trace in zip(identified.values(), stage.open_loop(waveforms, duration_s), strict=True):
+        one.creeping.watch(trace[:, POSITION_UM])
+        one.creeping.follow(trace[:, IN_FORCE_V])
 
 
 def _drive(
@@ -139,8 +163,9 @@ def _from_record(
             doubts += trim_warnings(judged, axis.trim)
     title = "recorded run of the identification"
     numbers = numbers_of_fit(fit, record, judged.validation, axis=name, title=title)
-    creeping = Creeping(model, record.period_s)
-    creeping.watch(record.position_um)
+    creeping = Creeping(model, axis.limits.rest_v, record.period_s)
+    # The zero of the record is where the stage was at rest before it.
+    creeping.watch(record.position_um + model.position_um.low - fit.model.position_um.low)
     creeping.follow(record.drive_v)
     return IdentifiedAxis(
         with_found_mode(axis, model),
@@ -165,7 +190,7 @@ def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> Ident
     with prefix_errors(name):
         model = in_file.zeroed_at(axis.limits.rest_v).at(period_ns / NS_PER_S)
     numbers = numbers_of_file(file, model, axis=name, title=f"model file {path.name}")
-    creeping = Creeping(model, period_ns / NS_PER_S)
+    creeping = Creeping(model, axis.limits.rest_v, period_ns / NS_PER_S)
     return IdentifiedAxis(with_found_mode(axis, model), model, creeping, numbers, ())
 
 

@@ -1,4 +1,8 @@
-"""The stage of an experiment: its devices in virtual time, run phase by phase."""
+"""The stage of an experiment: its devices in virtual time, run phase by phase.
+
+It has no states, faults and waits of a running stage, because its time stands still between two
+cycles: nothing can happen there, and nobody else can ask for anything.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,7 +20,7 @@ from piezod.control.stage.zeroing import ZERO_OVER_S
 from piezod.control.table_guard import TableGuard
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, Identity, KnowsTruth
-from piezod.devices.played_axis import AxisRecord, AxisTable, PlayedAxis
+from piezod.devices.played_axis import AxisTable, PlayedAxis, PlayedRecord
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
@@ -145,12 +149,12 @@ class VirtualStage:
         """Go to the rest voltage and hold it, then zero the sensors.
 
         Returns:
-            Positions on the way, from the previous zero, in µm, shape (axes, cycles).
+            The trace as of `run`; its positions are from the previous zero.
         """
         trace = self.go_to_rest(duration_s)
         last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
         self._zero(trace[:, -last:])
-        return trace[:, :, POSITION_UM]
+        return trace
 
     def go_to_rest(self, duration_s: float) -> FloatArray:
         """Go to the rest voltage and hold it; return the trace as `run` does."""
@@ -176,7 +180,7 @@ class VirtualStage:
         """Return the read-back voltage of an axis, in V."""
         return self._channels.read_back(self.now_ns)[self._names.index(axis)]
 
-    def play(self, axis: str, table: AxisTable, guard: TableGuard) -> AxisRecord:
+    def play(self, axis: str, table: AxisTable, guard: TableGuard) -> PlayedRecord:
         """Play a table on one axis, while the others hold their voltages; return its record.
 
         Raises:

@@ -1,5 +1,14 @@
 """Figures of records, each drawn on its own canvas: no window, no global plot."""
 
+from importlib.util import find_spec
+
+from piezod.errors import FiguresMissingError
+
+if find_spec("matplotlib") is None:
+    raise FiguresMissingError(
+        "drawing needs matplotlib, which is not installed: pip install 'piezod[figures]'"
+    )
+
 from piezod.records.figures.case import case_figure
 from piezod.records.figures.fit import identification_figure
 from piezod.records.figures.overview import overview_figure

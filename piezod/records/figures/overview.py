@@ -30,7 +30,7 @@ _WIDE_RATIO: Final = 30.0
 """Ratio of the largest to the smallest error above which an axis has fewer tick labels."""
 
 
-class Mark(NamedTuple):
+class Dot(NamedTuple):
     """Appearance of a dot."""
 
     shape: str  #: Name of the matplotlib marker.
@@ -56,17 +56,17 @@ class Mark(NamedTuple):
 
 
 MODE_MARKS: Final = {
-    "uncompensated": Mark("o", GREY),
-    "feedforward": Mark("s", BLUE),
-    "adaptive": Mark("D", GREEN),
-    "trimmed": Mark("^", VERMILLION),
+    "uncompensated": Dot("o", GREY),
+    "feedforward": Dot("s", BLUE),
+    "adaptive": Dot("D", GREEN),
+    "trimmed": Dot("^", VERMILLION),
 }
 """Modes differ in shape as well as in colour, and look the same in every figure."""
 _OTHER_MARKS: Final = (
-    Mark("v", PURPLE),
-    Mark("P", ORANGE),
+    Dot("v", PURPLE),
+    Dot("P", ORANGE),
 )
-_REFERENCE_MARK: Final = Mark("|", BLACK, size=14.0, edge=1.8)
+_REFERENCE_MARK: Final = Dot("|", BLACK, size=14.0, edge=1.8)
 
 
 @house_style()
@@ -113,7 +113,7 @@ def _panels(metrics: Iterable[str]) -> list[tuple[str, ...]]:
     return [tuple(sorted(names, key=metric_group)) for names in panels.values()]
 
 
-def mode_marks(modes: Iterable[str]) -> dict[str, Mark]:
+def mode_marks(modes: Iterable[str]) -> dict[str, Dot]:
     """Return the mark of each mode: that of its name, or the next free one."""
     others = cycle(_OTHER_MARKS)
     return {mode: MODE_MARKS.get(mode) or next(others) for mode in modes}
@@ -143,7 +143,7 @@ def _draw_metrics(
     axes: Axes,
     names: tuple[str, ...],
     rows: Mapping[int, Recording],
-    marks: Mapping[str, Mark],
+    marks: Mapping[str, Dot],
     reference: Reference | None,
 ) -> None:
     unit = metric_unit(names[0])

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.reading.opened import MOST_READ_BYTES
 from piezod.records.nexus import axis_names
-from piezod.records.opened import MOST_READ_BYTES
 from piezod.records.recording.columns import ENTRY, FORMS
 
 _MOST_RATE_HZ: Final = 1e7

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.errors import DataError
+from piezod.reading.hdf5_magic import is_hdf5
+from piezod.reading.opened import damage_is_an_error, open_recording
 from piezod.records.experiment_result import Recording
 from piezod.records.nexus import CHUNK_CACHE_BYTES, axis_names
-from piezod.records.opened import damage_is_an_error, open_recording
-from piezod.records.recording.columns import FORMS
+from piezod.records.recording.columns import ENTRY, FORMS
 from piezod.records.recording.events import AdoptedModel, read_events, read_models
 from piezod.records.recording.header import TelemetryHeader
 from piezod.records.recording.header_reader import names_of_numbers, read_header
@@ -127,6 +128,19 @@ class RecordedTelemetry:
     def _mode(self, numbers: NDArray[Any]) -> str:
         found = np.unique(numbers)
         return self.header.names["mode"][int(found[0])] if found.size == 1 else "mixed"
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a file is the recording of a stage, perhaps a damaged one; else it is another.
+
+    Raises:
+        DataError: If it is no regular file, or damaged HDF5.
+        OSError: If it cannot be read.
+    """
+    if not is_hdf5(path):
+        return False
+    with open_recording(path, foreign=True) as file, damage_is_an_error(path):
+        return ENTRY in file and "NX_class" in file.attrs
 
 
 def read_telemetry(

@@ -8,7 +8,8 @@ disk is full, that is an error before HDF5 is involved.
 import os
 from pathlib import Path
 
-from piezod.records.repair import END_OF_FILE, HDF5_MAGIC, lock_for_writing
+from piezod.reading.hdf5_magic import HDF5_MAGIC
+from piezod.records.repair import END_OF_FILE, lock_for_writing
 
 
 class Reserved:

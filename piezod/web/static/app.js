@@ -20,7 +20,7 @@ const stages = new Map(); // STAGE documents by name
 const handlers = new Set(); // of the mounted page: called with each change of its stage
 let route = { name: "", view: "overview", file: "" };
 let watched = ""; // name of the stage whose telemetry arrives
-let me = { client: "", role: "", tables: {}, shown: null }; // this tab, as the server knows it
+let me = { client: "", role: "", tables: {} }; // this tab, as the server knows it
 let shows = 0; // how often a page was shown
 let mounted = null; // promise of the function that ends the mounted page
 
@@ -31,7 +31,7 @@ const context = {
   /** Return the STAGE document of the stage that is shown: `stage` (its name), `up`, `since`, `status`. */
   stage: () => stages.get(route.name) ?? { stage: route.name, up: false, since: null, status: null },
   stages: () => [...stages.values()],
-  /** This tab: `client`, its name for the lease, `role`, the largest that it may use, why `tables` of a format cannot be made, and how fields are `shown`. */
+  /** This tab: `client`, its name for the lease, `role`, the largest that it may use, and why `tables` of a format cannot be made. */
   me: () => me,
   /** The recording that the address names, or "". */
   file: () => route.file,

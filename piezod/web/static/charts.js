@@ -1,17 +1,19 @@
 /** The charts over time, on uPlot: at most two series each, in the colours of the theme. */
 
 import { el, setText } from "./dom.js";
-import { clockTime, fixed } from "./format.js";
+import { capital, clockTime, fixed } from "./format.js";
+import { AXIS, STAGE } from "./shown.js";
 import { colour, onTheme } from "./theme.js";
 
 /* global uPlot */
 const SCALE_PX = 54; // of the left scale: numbers of any length fit, so that nothing moves
+const SHOWN = { ...STAGE, ...AXIS };
 /** In place of an error. */
 export const NO_ERROR = "nothing is commanded";
 const FONT = "11px system-ui, sans-serif";
 
 /** Return the options that all charts share: scales in quiet colours, and no legend by uPlot. */
-export function baseOptions({ unit, width, height }) {
+export function baseOptions({ width, height }) {
   const axis = {
     stroke: () => colour("--muted"),
     grid: { stroke: () => colour("--grid"), width: 1 },
@@ -29,7 +31,6 @@ export function baseOptions({ unit, width, height }) {
       { ...axis, size: 26, space: 80 },
       { ...axis, size: SCALE_PX, space: 28, values: (_, splits) => splits.map((each) => scaleText(each, splits)) },
     ],
-    unit,
   };
 }
 
@@ -77,12 +78,15 @@ export function frame(title, unit, series, note = "") {
 /** A chart of one or two quantities over time. */
 export class TimeChart {
   /**
-   * @param {object} options `title`, `unit`, `series` (each `label`, `ink`, `column`), `least` (smallest
-   *   height of the scale, in the unit), `fromZero`, `wide`, `empty` (what no known value means).
+   * @param {object} options `columns` (one or two fields of telemetry of the same unit), `inks`, `least`
+   *   (smallest height of the scale, in the unit), `fromZero`, `wide`, `empty` (what no known value means).
    * @param {() => object} view Returns `ring`, `span_s` and `now_s`.
    */
   constructor(options, view) {
-    const { figure, plot, noteLine } = frame(options.title, options.unit, options.series);
+    const fields = options.columns.map((name) => SHOWN[name]);
+    this.series = fields.map(({ words }, index) => ({ label: words, ink: options.inks[index], wide: options.wide && !index }));
+    const title = fields.length > 1 ? capital(fields.map(({ words }) => words).join(" and ")) : fields[0].what;
+    const { figure, plot, noteLine } = frame(title, fields[0].unit, this.series);
     figure.classList.toggle("wide", Boolean(options.wide));
     Object.assign(this, { options, view, figure, element: plot, noteLine, width: 0, chart: null });
     this.range = steadyRange(options.least, options.fromZero);
@@ -104,8 +108,7 @@ export class TimeChart {
   draw() {
     if (!this.chart) return;
     const { ring, span_s, now_s } = this.view();
-    const columns = this.options.series.map(({ column }) => column);
-    const data = ring.lines.since(now_s - span_s - 1, ["time_s", ...columns]);
+    const data = ring.lines.since(now_s - span_s - 1, ["time_s", ...this.options.columns]);
     this.chart.setData(data);
     if (!this.options.empty) return;
     const known = data[1].some((each) => each != null);
@@ -119,8 +122,8 @@ export class TimeChart {
   }
 
   #create(width, height) {
-    const { series, unit } = this.options;
-    const base = baseOptions({ unit, width, height });
+    const { series } = this;
+    const base = baseOptions({ width, height });
     // A time at the very end would be cut off.
     base.axes[0].values = (u, splits) => splits.map((each) => (u.valToPos(each, "x") > u.width - SCALE_PX - 36 ? "" : clockTime(each)));
     this.chart = new uPlot({

@@ -20,6 +20,9 @@ export function short(value) {
 export const microns = (value) => fixed(value, 3);
 export const volts = (value) => fixed(value, 2);
 
+/** Return a text that begins with a capital. */
+export const capital = (text) => text[0].toUpperCase() + text.slice(1);
+
 /** Return a value as the description of its field says: a number with its unit, yes or no, or words. */
 export function described(value, { unit, digits }) {
   if (value == null || value === "") return UNKNOWN;

@@ -1,7 +1,9 @@
-/** Displacement against another quantity: the loop of the hysteresis, older parts fainter. */
+/** Position against another quantity: the loop of the hysteresis, older parts fainter. */
 
 import { baseOptions, frame, scaleText, steadyRange } from "./charts.js";
 import { setText } from "./dom.js";
+import { capital } from "./format.js";
+import { AXIS } from "./shown.js";
 import { colour, onTheme } from "./theme.js";
 
 /* global uPlot */
@@ -13,12 +15,15 @@ export class LoopChart {
   each_ms = 66;
 
   /**
-   * @param {object} options `title`, `column` (against which the displacement is drawn), its `unit`,
-   *   `least` (smallest width of its scale, in the unit), `empty` (what no known value means).
+   * @param {object} options `column` (against which the position is drawn), `least` (smallest width of
+   *   its scale, in its unit), `empty` (what no known value means).
    * @param {() => object} view Returns `ring`, `span_s` and `now_s`.
    */
   constructor(options, view) {
-    const { figure, plot, noteLine } = frame(options.title, `µm over ${options.unit}`, []);
+    const [up, across] = [AXIS.position_um, AXIS[options.column]];
+    this.units = [across.unit, up.unit];
+    const title = `${capital(up.words)} against ${across.words}`;
+    const { figure, plot, noteLine } = frame(title, `${up.unit} over ${across.unit}`, []);
     figure.classList.add("loop");
     Object.assign(this, { options, view, figure, element: plot, noteLine, chart: null });
     this.ranges = [steadyRange(options.least), steadyRange(0.5)];
@@ -46,8 +51,8 @@ export class LoopChart {
 
   #create(width, height) {
     const base = baseOptions({ width, height });
-    base.axes[0].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} ${this.options.unit}`);
-    base.axes[1].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} µm`);
+    base.axes[0].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} ${this.units[0]}`);
+    base.axes[1].values = (_, splits) => splits.map((each) => `${scaleText(each, splits)} ${this.units[1]}`);
     base.axes[1].size = 64;
     base.padding[1] = 28; // half a label of the last value
     this.chart = new uPlot({

@@ -4,6 +4,7 @@ import { nameOf } from "./availability.js";
 import { el, setText } from "./dom.js";
 import { clockTime, described, duration, fixed, microns, volts } from "./format.js";
 import { announce } from "./notices.js";
+import { AXIS, STAGE } from "./shown.js";
 import { rms } from "./signals.js";
 import { MEANINGS, reason } from "./states.js";
 
@@ -55,18 +56,18 @@ function leaseText(status, client) {
 
 /** Return the values that a person reads from a distance. */
 export function readoutsPanel(view) {
-  const tile = (label, unit, ink) => {
+  const tile = (name, ink, unit = AXIS[name].unit) => {
     const output = el("span", { class: "value" }, "–");
     const note = el("span", { class: "note" }, " ");
     const item = el(
-      "div", { class: "readout" }, el("dt", {}, el("i", { class: `swatch ${ink}` }), label, el("span", { class: "unit" }, unit)),
+      "div", { class: "readout" }, el("dt", {}, el("i", { class: `swatch ${ink}` }), AXIS[name].words, el("span", { class: "unit" }, unit)),
       el("dd", {}, output, note),
     );
     return { item, output, note };
   };
   const tiles = {
-    command: tile("command", "µm", "command"), position: tile("displacement", "µm", "position"),
-    error: tile("error", "nm", "error"), drive: tile("drive voltage", "V", "drive"),
+    command: tile("command_um", "command"), position: tile("position_um", "position"),
+    error: tile("error_um", "error", "nm"), drive: tile("drive_v", "drive"),
   };
   const element = el("dl", { class: "readouts" }, Object.values(tiles).map(({ item }) => item));
   let shown_ms = 0;
@@ -108,9 +109,8 @@ export function detailsPanel(context, axis) {
   let list = null;
   const show = ({ up, status }) => {
     const values = status?.axes?.[axis.name()];
-    const { shown } = context.me();
-    if (!up || !values || !shown) return;
-    const details = [[shown.axis, values], [shown.stage, status]].flatMap(([fields, of]) => (
+    if (!up || !values) return;
+    const details = [[AXIS, values], [STAGE, status]].flatMap(([fields, of]) => (
       Object.entries(fields).filter(([, { detail }]) => detail).map(([name, field]) => ({ name, field, value: of[name] }))
     ));
     if (!list) {

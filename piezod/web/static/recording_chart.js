@@ -4,6 +4,7 @@ import { scaleText } from "./charts.js";
 import { el, setText } from "./dom.js";
 import { short, UNKNOWN } from "./format.js";
 import { markInk } from "./recording_marks.js";
+import { AXIS } from "./shown.js";
 import { colour, onTheme } from "./theme.js";
 
 /* global uPlot */
@@ -14,7 +15,7 @@ const GAP_PERIODS = 2.5;
 /** Return the name of a column for people: "x: position, µm". */
 export function columnLabel({ name, unit }) {
   const [group, column] = name.split("/");
-  const words = column.replace(/_(um|v|ns|s)$/, "").replaceAll("_", " ");
+  const words = AXIS[column]?.words ?? column.replace(/_(um|v|ns|s)$/, "").replaceAll("_", " ");
   const owner = group === "cycles" ? "loop" : group.replace(/^axis_/, "");
   return `${owner}: ${words}${unit ? `, ${unit.replace(/^um$/, "µm")}` : ""}`;
 }

@@ -1,4 +1,4 @@
-/** The viewer of one recording: two columns over time, marks, and displacement against drive. */
+/** The viewer of one recording: two columns over time, marks, and position against drive. */
 
 import { button } from "./command_card.js";
 import { el, setText } from "./dom.js";

@@ -60,7 +60,7 @@ export class Ring {
 
   /** Forget everything. */
   clear() {
-    this.lines = new Columns(["time_s", ...RANGES, "late_us"], 2 * this.kept);
+    this.lines = new Columns(["time_s", ...RANGES, "late_max_us"], 2 * this.kept);
     this.samples = new Columns(["time_s", ...RANGES], this.kept);
     this.newest = null; // the newest row, as one object
     this.lastTime_s = 0;
@@ -89,7 +89,7 @@ export class Ring {
       late[name] = rising ? max : min;
       sample[name] = last;
     }
-    early.late_us = late.late_us = event.late_max_us[row];
+    early.late_max_us = late.late_max_us = event.late_max_us[row];
     // The first cycle of the interval, so that a steady motion gives a straight line.
     const cycles = Math.max(1, event.cycles[row]);
     early.time_s = time_s - step_s * (1 - 1 / cycles);
@@ -100,7 +100,7 @@ export class Ring {
     this.lastTime_s = time_s;
     this.newest = {
       ...sample,
-      late_us: event.late_max_us[row],
+      late_max_us: event.late_max_us[row],
       state: event.state[row],
       cycles: event.cycles[row],
       lost: event.lost[row],

@@ -15,21 +15,15 @@ import { HistogramChart, SpectrumChart } from "./statistics_charts.js";
 const SPANS_S = { 5: "5 s", 10: "10 s", 30: "30 s", 120: "2 min" };
 const AWAY_EACH_MS = 500; // the charts go on while nothing arrives, so that the gap is seen
 const CHARTS = [
-  {
-    title: "Command and displacement", unit: "µm", least: 0.5, wide: true,
-    series: [{ label: "command", ink: "command", column: "command_um", wide: true }, { label: "displacement", ink: "position", column: "position_um" }],
-  },
-  { title: "Error", unit: "µm", least: 0.02, empty: NO_ERROR, series: [{ label: "command − displacement", ink: "error", column: "error_um" }] },
-  { title: "Drive voltage", unit: "V", least: 2, series: [{ label: "drive", ink: "drive", column: "drive_v" }] },
-  {
-    title: "Lateness of cycles", unit: "µs", least: 20, fromZero: true,
-    series: [{ label: "largest", ink: "timing", column: "late_us" }],
-  },
+  { columns: ["command_um", "position_um"], inks: ["command", "position"], least: 0.5, wide: true },
+  { columns: ["error_um"], inks: ["error"], least: 0.02, empty: NO_ERROR },
+  { columns: ["drive_v"], inks: ["drive"], least: 2 },
+  { columns: ["late_max_us"], inks: ["timing"], least: 20, fromZero: true },
 ];
 /** Side by side: the loop that the compensation follows, and the line that it makes of it. */
 const LOOPS = [
-  { title: "Displacement against drive", column: "drive_v", unit: "V", least: 4 },
-  { title: "Displacement against command", column: "command_um", unit: "µm", least: 0.5, empty: NO_ERROR },
+  { column: "drive_v", least: 4 },
+  { column: "command_um", least: 0.5, empty: NO_ERROR },
 ];
 
 /** The axis that is shown, with its part of the configuration. */

@@ -8,7 +8,16 @@ import pytest
 from docs.site.reference.faults import ends, reaction
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import CASES, UNREACHABLE, Case, rule_of
-from piezod.control.faults.table import FAULTS, INDEX, FaultRule, Latch, Reaction, Source, ids, mask
+from piezod.control.faults.table import (
+    FAULTS,
+    INDEX,
+    FaultRule,
+    FaultSource,
+    Latch,
+    Reaction,
+    ids,
+    mask,
+)
 from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 from tests.fault_promises import PAGE, PROMISES
 
@@ -101,8 +110,8 @@ def test_case_has_another_reaction_or_latch_than_its_fault(fault: Fault, case: C
 @pytest.mark.parametrize("rule", [*FAULTS, *CASES.values()], ids=lambda rule: rule.id)
 def test_each_rule_is_consistent(rule: FaultRule) -> None:
     """Faults that stop the stage are latched, except for lateness; escalations are worse."""
-    letter = {"S": Source.SENSOR, "A": Source.AMPLIFIER, "B": Source.BUS, "L": Source.LOOP}
-    assert rule.source is {**letter, "D": Source.ADAPTATION}.get(rule.id[0], Source.PROCESS)
+    letters = {"S": "SENSOR", "A": "AMPLIFIER", "B": "BUS", "L": "LOOP", "D": "ADAPTATION"}
+    assert rule.source is FaultSource[letters.get(rule.id[0], "PROCESS")]
     assert (rule.severity == "error") >= (rule.reaction >= Reaction.HOLD)
     ends_by_itself = rule.id is Fault.L2 and rule.reaction is Reaction.HOLD
     assert (rule.latch >= Latch.RESUME or ends_by_itself) >= (rule.reaction >= Reaction.HOLD)

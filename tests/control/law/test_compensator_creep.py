@@ -180,7 +180,7 @@ def test_what_is_left_at_rest_counts_as_zero(kind: Kind) -> None:
     driven(kind, subject, stage, 0.3 + 0.2 * wander(2.0))
     for _ in range(100):
         zero = stage.step(subject.step(0.0, 0.0, 0.0, kind.weights))
-    subject.zero()
+    subject.zero(0.0)
 
     commands = wander(2.0)
     _, positions = driven(kind, subject, stage, commands)
@@ -207,6 +207,6 @@ def test_path_that_is_left_at_a_rest_inside_the_range_counts_as_zero() -> None:
         before = zeroed
         for _ in range(100):
             zeroed = stage.step(subject.step(0.0, rest, rest, LINE.weights)) - nominal
-        subject.zero()
+        subject.zero(nominal)
 
     assert abs(zeroed - before) > 1e-3

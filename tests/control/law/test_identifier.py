@@ -94,7 +94,7 @@ def test_samples_that_wait_do_not_count_from_a_zero_of_later() -> None:
     subject = identifier(lms, -MS // 2)
 
     learn(subject)
-    subject.zero()
+    subject.zero(0.0, 0.0)
     learn(subject)
 
     assert lms.pairs == []

@@ -16,7 +16,7 @@ from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.stage.states import HoldCause
 from piezod.control.watch.loop import CycleTiming
-from piezod.daemon.service.access import Lease, Roles, UrgentNotes
+from piezod.daemon.service.access import LeaseKeeper, Roles, UrgentNotes
 from piezod.daemon.service.answers import LeaseHeldError
 from piezod.daemon.service.request import OpenStreams, RequestContext, ServiceState
 from piezod.daemon.stage.errors import StageError
@@ -73,7 +73,7 @@ class CommandedStage(FaultyStage):
         self._taken_over = False
         """Whether a new loop runs its first cycle: it does not know the last write."""
         now_s: Callable[[], float] = lambda: self.t_ns / NS_PER_S  # noqa: E731 - a clock
-        self.lease = Lease(now_s)
+        self.lease = LeaseKeeper(now_s)
         self._service = ServiceState(
             cast("RunningStage", _Service(self)),
             cast("Roles", None),  # who may send what is checked before the context is made
@@ -139,7 +139,9 @@ class CommandedStage(FaultyStage):
         update = law.update
 
         def broken(t_ns: int, sample: Sample) -> AxisOutput:
-            return update(t_ns, sample)._replace(drive_v=drive_v, t_ns=t_ns - early_ns)
+            output = update(t_ns, sample)
+            output.drive_v, output.t_ns = drive_v, t_ns - early_ns
+            return output
 
         law.update = broken  # type: ignore[method-assign] # the mistake under test
         self.moves_freshly = not early_ns

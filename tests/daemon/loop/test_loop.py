@@ -8,7 +8,7 @@ import pytest
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputReader, LastOutputWriter
 from piezod.daemon.loop.device_counters import DeviceCounters
 from piezod.daemon.loop.loop import SUPERVISOR_LATE_NS, SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.loop.pacer import Pacer
@@ -169,7 +169,7 @@ def test_written_voltages_are_stored(rig: Rig) -> None:
     """The last voltage of each axis is in the file that `piezod safe` reads."""
     rig.run(3)
 
-    assert [output.drive_v for output in read_last_output(rig.output)] == [7.5, 8.5]
+    assert [output.drive_v for output in LastOutputReader(rig.output).read()] == [7.5, 8.5]
 
 
 def test_requests_are_executed_and_answered(rig: Rig) -> None:

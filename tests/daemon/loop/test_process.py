@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from piezod.config.states import State
-from piezod.daemon.last_output import read_last_output
+from piezod.daemon.last_output import LastOutputReader
 from piezod.daemon.noted_identities import noted_identities
 from piezod.messages.requests import Arm, Goto, Shutdown
 from piezod.telemetry.words import HUNG, Word
@@ -52,7 +52,7 @@ def test_stage_moves_and_comes_back(child: LoopChild) -> None:
     """An armed stage reaches its target; a shutdown ends at the safe voltage with code 0."""
     armed, moving = child.ask(Arm()), child.ask(Goto(position_um=5.0))
     eventually(lambda: child.latest()["axes"][0]["on_target"])
-    [moved] = read_last_output(child.runtime / "output.map")
+    [moved] = LastOutputReader(child.runtime / "output.map").read()
 
     leaving = child.ask(Shutdown())
     code = child.ended()
@@ -62,7 +62,7 @@ def test_stage_moves_and_comes_back(child: LoopChild) -> None:
     assert moved.drive_v > 5.0
     assert leaving.accepted
     assert code == 0
-    [left] = read_last_output(child.runtime / "output.map")
+    [left] = LastOutputReader(child.runtime / "output.map").read()
     assert left.drive_v == pytest.approx(0.0, abs=0.1)
 
 
@@ -92,7 +92,7 @@ def test_process_reports_what_it_obtained(resting: LoopChild) -> None:
     assert [one["placement"] for one in report["devices"]] == ["in the cycle"]
     assert resting.shared.words[Word.MEASURED_RATE_HZ] > 0
     assert resting.shared.words[Word.LOOP_PID] == resting.process.pid
-    assert isnan(read_last_output(resting.runtime / "output.map")[0].drive_v)
+    assert isnan(LastOutputReader(resting.runtime / "output.map").read()[0].drive_v)
 
 
 def test_rate_above_the_measured_one_is_not_armed(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from piezod.config.states import State
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.lock import device_lock
+from piezod.daemon.loop import rate
 from piezod.daemon.loop.devices import make_channels
 from piezod.daemon.loop.rate import (
     MAX_CYCLES,
@@ -284,6 +285,23 @@ def test_spinning_leaves_time_to_sleep(busy_ns: int, period_ns: int) -> None:
 
     assert 0 <= spin_ns <= 40_000
     assert spin_ns == 0 or spin_ns + busy_ns <= 0.8 * period_ns
+
+
+@pytest.mark.parametrize(
+    ("runtime", "part"), [("950000", 0.95), ("-1", 1.0), ("100000", 0.1), ("no number", 1.0)]
+)
+def test_loop_leaves_room_below_what_the_kernel_leaves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, runtime: str, part: float
+) -> None:
+    """A thread that uses more of the time than the kernel allows stands still for the rest."""
+    files = tmp_path / "runtime", tmp_path / "period"
+    for file, text in zip(files, (runtime, "1000000"), strict=True):
+        file.write_text(text, encoding="utf-8")
+    monkeypatch.setattr(rate, "THROTTLE", files)
+
+    assert rate.throttle_part() == part
+    assert 0.0 <= rate.usable_part() < part
+    assert usable_spin_ns(10**9, 10_000, 10**6) + 10_000 <= max(part * 10**6, 10_000)
 
 
 def test_rate_leaves_a_part_of_the_period_free() -> None:

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputReader, LastOutputWriter
 from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Wiring
@@ -60,7 +60,7 @@ def test_voltage_is_stored_before_it_is_written(timed: TimedChannels, tmp_path: 
     """A voltage that the device refuses is stored too, because it may be in force."""
     timed.write([1.0, 1e6], 10**10)
 
-    assert [each.drive_v for each in read_last_output(tmp_path / "output.map")] == [1.0, 1e6]
+    assert [each.drive_v for each in LastOutputReader(tmp_path / "output.map").read()] == [1.0, 1e6]
 
 
 def test_zero_is_passed_on(timed: TimedChannels, clock: FakeClock) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.last_output import LastOutputReader, LastOutputWriter
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.safe import rescue
 from piezod.daemon.safe.ramp import AxisOutcome
@@ -33,4 +33,4 @@ def test_mark_of_the_run_tells_whether_it_ended_in_order(
     rescue.Rescue(SIMULATED, paths).ramp()
 
     assert heard == [clean]
-    assert isnan(read_last_output(paths.output_map)[0].drive_v)
+    assert isnan(LastOutputReader(paths.output_map).read()[0].drive_v)

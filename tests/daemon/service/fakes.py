@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
-from piezod.daemon.service.access import Lease, UrgentNotes, User
+from piezod.daemon.service.access import LeaseKeeper, UrgentNotes, User
 from piezod.daemon.service.app import bind, create_app, make_server
 from piezod.daemon.service.connection import ConnectionLimits, Credentials
 from piezod.daemon.service.request import OpenStreams, ServiceState
@@ -222,7 +222,7 @@ class Served:
         self.app.state.service = ServiceState(
             self.stage,
             self.roles,
-            Lease(self.now),
+            LeaseKeeper(self.now),
             set(),
             UrgentNotes(self.now),
             OpenStreams(),

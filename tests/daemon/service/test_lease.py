@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.daemon.service.access import LEASE_S, Lease
+from piezod.daemon.service.access import LEASE_S, LeaseKeeper
 from piezod.daemon.service.answers import LeaseHeldError
 from piezod.daemon.service.route import ROUTES
 from piezod.daemon.stage.errors import NotNowError
@@ -26,7 +26,7 @@ STEPS = st.lists(
 def test_one_at_a_time_has_the_lease(steps: list[tuple[str, int, float]]) -> None:
     """No client gets the lease while another one has claimed it within 30 s."""
     now = FakeNow()
-    lease = Lease(now)
+    lease = LeaseKeeper(now)
     holder, until_s = -1, 0.0
 
     for what, who, wait_s in steps:
@@ -131,7 +131,7 @@ def test_malformed_command_takes_no_lease(served: Served) -> None:
 def test_lease_of_another_is_not_shortened() -> None:
     """A disconnect does not shorten the lease of another client."""
     now = FakeNow()
-    lease = Lease(now)
+    lease = LeaseKeeper(now)
     lease.claim(PEERS[0])
     lease.shorten(PEERS[1], 2.0)
     now.now_s += 10.0
@@ -181,7 +181,7 @@ def test_request_without_an_answer_keeps_the_lease(served: Served) -> None:
 
 def test_refusal_takes_no_lease_that_another_request_renewed() -> None:
     """Of two requests of one client at the same time only one may be refused."""
-    lease = Lease(FakeNow())
+    lease = LeaseKeeper(FakeNow())
     with pytest.raises(NotNowError), lease.claimed(PEERS[0]):
         lease.claim(PEERS[0])
         raise NotNowError("not now")

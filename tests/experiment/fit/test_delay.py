@@ -11,7 +11,7 @@ from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, estimate_delay, longest_delay_periods
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis import AffineRange, even_thresholds, new_bank, stop_regressors
-from piezod.records.csv_file import read_csv
+from piezod.reading.record import read_record
 from tests.experiment.made_up import FINER, ORDER, RATE_HZ, record_of, sine
 
 
@@ -105,7 +105,7 @@ def test_short_record_is_refused() -> None:
 
 def test_measured_stage_lags_by_about_two_samples(shared_data: Path) -> None:
     """The flexure stage was sampled every 5 ms, one sample late and at one frequency."""
-    columns = read_csv(shared_data / "data" / "ntu_p885" / "identification.csv")
+    columns = read_record(shared_data / "data" / "ntu_p885" / "identification.csv").columns
 
     record = Record(columns["t_s"], columns["drive_v"], columns["position_um"], run_in_s=1.0)
     found = estimate(record, order=19)

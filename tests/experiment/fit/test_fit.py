@@ -12,7 +12,7 @@ from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.prediction import predicted_v
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
-from piezod.records.csv_file import read_csv
+from piezod.reading.record import read_record
 from tests.experiment.made_up import (
     DRIVE_V,
     LEFT_WEIGHTS,
@@ -229,7 +229,7 @@ def test_rest_voltage_outside_the_model_is_refused() -> None:
 
 def measured(shared_data: Path, name: str) -> Record:
     """Return a record of the measured flexure stage, without its first second."""
-    columns = read_csv(shared_data / "data" / "ntu_p885" / name)
+    columns = read_record(shared_data / "data" / "ntu_p885" / name).columns
     return Record(columns["t_s"], columns["drive_v"], columns["position_um"], run_in_s=1.0)
 
 

@@ -101,16 +101,18 @@ def test_lag_with_the_rate_is_found_only_where_it_is(activation: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("decay", "skew"),
+    ("decay", "skew", "exponent"),
     [
-        (2.0, 0.1),
-        pytest.param(1.0, 0.0, marks=pytest.mark.stress),
-        pytest.param(8.0, -0.3, marks=pytest.mark.stress),
+        (2.0, 0.1, 1.0),
+        (3.0, 0.1, 2.0),
+        pytest.param(1.0, 0.0, 1.0, marks=pytest.mark.stress),
+        pytest.param(8.0, -0.3, 1.0, marks=pytest.mark.stress),
+        pytest.param(2.0, 0.0, 1.5, marks=pytest.mark.stress),
     ],
 )
-def test_relaxation_along_the_path_is_found(decay: float, skew: float) -> None:
+def test_relaxation_along_the_path_is_found(decay: float, skew: float, exponent: float) -> None:
     """A stage with it gets its parameters, in units of its range."""
-    path = PathRelaxation(-0.2, decay, skew)
+    path = PathRelaxation(-0.2, decay, skew, exponent)
     fit = fitted(swelling_record(path=path, creep=0.004, noise=NOISE, duration_s=50.0), creep=True)
 
     assert fit.path is not None
@@ -118,6 +120,7 @@ def test_relaxation_along_the_path_is_found(decay: float, skew: float) -> None:
     assert fit.path.weight * unit == pytest.approx(path.weight, rel=0.1)
     assert fit.path.decay == pytest.approx(decay, rel=0.15)
     assert fit.path.skew == pytest.approx(skew, abs=0.1)
+    assert fit.path.exponent == pytest.approx(exponent, rel=0.1)
     assert fit.smallest_slope > 0.0
     highest = fit.model.form.positions_at(fit.model.weights, np.array([1.0]))
     assert highest[0] == pytest.approx(1.0)

@@ -7,12 +7,12 @@ import pytest
 
 from piezod.experiment.fit.surface import terms
 from piezod.experiment.fit.surface.gauss_newton import LinearisedSurface
-from piezod.experiment.fit.surface.parameters import COUNT
-from piezod.experiment.fit.surface.terms import LARGEST_RATIO, Term, with_shown_terms
+from piezod.experiment.fit.surface.parameters import COUNT, Term
+from piezod.experiment.fit.surface.terms import LARGEST_RATIO, with_shown_terms
 from piezod.hysteresis.memory import FloatArray
 
 NONE: frozenset[Term] = frozenset()
-EVERY = frozenset(Term)
+BOTH = frozenset({Term.RATE, Term.PATH})
 
 
 class MadeUpFit:
@@ -47,7 +47,7 @@ def shown(
     return next(terms for terms, fit in fits.items() if cast(LinearisedSurface, fit) is found)
 
 
-@pytest.mark.parametrize("term", Term)
+@pytest.mark.parametrize("term", BOTH)
 @pytest.mark.parametrize(("part", "taken"), [(0.99, True), (1.01, False)])
 def test_a_term_is_taken_up_to_its_ratio(
     monkeypatch: pytest.MonkeyPatch, term: Term, part: float, taken: bool
@@ -59,7 +59,7 @@ def test_a_term_is_taken_up_to_its_ratio(
     assert shown(monkeypatch, fits, alone) == (alone if taken else NONE)
 
 
-@pytest.mark.parametrize("term", Term)
+@pytest.mark.parametrize("term", BOTH)
 @pytest.mark.parametrize(("rms", "taken"), [(0.9999, True), (0.99999, False), (2.0, False)])
 def test_the_residual_must_become_smaller_too(
     monkeypatch: pytest.MonkeyPatch, term: Term, rms: float, taken: bool
@@ -71,7 +71,7 @@ def test_the_residual_must_become_smaller_too(
     assert shown(monkeypatch, fits, alone) == (alone if taken else NONE)
 
 
-@pytest.mark.parametrize(("with_both", "taken"), [(0.13, EVERY), (0.15, {Term.RATE})])
+@pytest.mark.parametrize(("with_both", "taken"), [(0.13, BOTH), (0.15, {Term.RATE})])
 def test_the_better_term_is_taken_first(
     monkeypatch: pytest.MonkeyPatch, with_both: float, taken: frozenset[Term]
 ) -> None:
@@ -80,7 +80,22 @@ def test_the_better_term_is_taken_first(
         NONE: MadeUpFit(1.0, 1.0),
         frozenset({Term.RATE}): MadeUpFit(0.3, 0.2),
         frozenset({Term.PATH}): MadeUpFit(0.2, 0.3),
-        EVERY: MadeUpFit(0.1, with_both),
+        BOTH: MadeUpFit(0.1, with_both),
     }
 
-    assert shown(monkeypatch, fits, EVERY) == taken
+    assert shown(monkeypatch, fits, BOTH) == taken
+
+
+@pytest.mark.parametrize(("without_path", "taken"), [(0.3, True), (2.0, False)])
+def test_the_exponent_is_tried_beside_a_path_only(
+    monkeypatch: pytest.MonkeyPatch, without_path: float, taken: bool
+) -> None:
+    """Where the record does not show a path, no fit has an exponent."""
+    path, allowed = frozenset({Term.PATH}), frozenset({Term.PATH, Term.EXPONENT})
+    fits = {
+        NONE: MadeUpFit(1.0, 1.0),
+        path: MadeUpFit(without_path, without_path),
+        allowed: MadeUpFit(0.1, 0.1),
+    }
+
+    assert shown(monkeypatch, fits, allowed) == (allowed if taken else NONE)

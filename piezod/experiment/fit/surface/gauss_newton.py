@@ -31,6 +31,7 @@ from piezod.experiment.fit.surface.parameters import (
     DAMPING,
     DECAY,
     DELAY,
+    EXPONENT,
     FREQUENCY,
     MODE,
     MODE_LAG,
@@ -39,6 +40,7 @@ from piezod.experiment.fit.surface.parameters import (
     PROMPT,
     SKEW,
     START_MODE_LAG,
+    Term,
     form_of,
     penalised_gram,
     solved,
@@ -53,11 +55,13 @@ START_ACTIVATION = 0.003
 """Activation at which its search begins, as a share of the drive's range."""
 START_DECAY = 4.0
 """Decay of the path at which its search begins, in 1/range."""
+START_EXPONENT = 1.5
+"""Exponent of the path at which its search begins."""
 _ROUNDS = 13
 _SETTLED = 1e-8
 """The search ends where a step makes the rms error smaller by less than this share of it: with
 20 000 samples, one standard error of a parameter makes it larger by 2.5e-5."""
-_FORM_STEPS = {ACTIVATION: 2e-4, DECAY: 1e-3, SKEW: 1e-3}
+_FORM_STEPS = {ACTIVATION: 2e-4, DECAY: 1e-3, SKEW: 1e-3, EXPONENT: 1e-3}
 _MODE_STEPS = {DELAY: 1e-3, FREQUENCY: 1e-6, DAMPING: 1e-5, MODE_LAG: 1e-3}
 """Steps of differences."""
 
@@ -66,10 +70,10 @@ _MODE_STEPS = {DELAY: 1e-3, FREQUENCY: 1e-6, DAMPING: 1e-5, MODE_LAG: 1e-3}
 class LinearisedSurface(LinearProblem):
     """The problem of a surface around its solution; the predicted value is the displacement.
 
-    It has 42 parameters; the delay is in sample periods.
+    It has 43 parameters; the delay is in sample periods.
     """
 
-    fixed: Rows  #: (42,) mask of the parameters that are not searched.
+    fixed: Rows  #: (43,) mask of the parameters that are not searched.
     drives: FloatArray  #: (n,) drives of the record, delayed.
     period_s: float  #: Sample period, in s.
 
@@ -113,8 +117,7 @@ def fit_surface(
     creep: bool,
     delay_s: float | None,
     start_delay_s: float,
-    rate: bool = False,
-    path: bool = False,
+    terms: frozenset[Term] = frozenset(),
     mode: ModeGuess | None = None,
 ) -> LinearisedSurface:
     """Fit the coefficients and the offset, and the creep and the delay if requested.
@@ -124,22 +127,24 @@ def fit_surface(
         creep: Whether the lags of the creep are fitted.
         delay_s: Delay of the displacement behind the drive, in s; None if it is fitted.
         start_delay_s: Delay at which the search begins, in s.
-        rate: Whether the lag that grows with the rate is fitted.
-        path: Whether the part that relaxes along the path is fitted.
+        terms: Optional terms that are fitted.
         mode: First mode at which its search begins; None if none is fitted.
 
     Raises:
         ModelError: If the record does not determine the coefficients.
     """
+    rate, path, exponent = (each in terms for each in (Term.RATE, Term.PATH, Term.EXPONENT))
     fixed = np.zeros(COUNT, dtype=np.bool_)
     fixed[CREEP:OFFSET] = not creep
     fixed[DELAY] = delay_s is not None
     fixed[[PROMPT, ACTIVATION]] = not rate
     fixed[[PATH, DECAY, SKEW]] = not path
+    fixed[EXPONENT] = not exponent
     fixed[[*MODE]] = mode is None
     parameters = np.zeros(COUNT)
     parameters[ACTIVATION] = START_ACTIVATION if rate else 0.0
     parameters[DECAY] = START_DECAY if path else 0.0
+    parameters[EXPONENT] = START_EXPONENT if exponent else 1.0
     parameters[0] = 1.0  # displacement in proportion to the drive
     parameters[DELAY] = (start_delay_s if delay_s is None else delay_s) / record.period_s
     if mode is not None:

@@ -1,5 +1,6 @@
 """The parameters of the fit of a surface: their places, their bounds, and one linear problem."""
 
+from enum import Enum
 from typing import Final
 
 import numpy as np
@@ -16,12 +17,12 @@ from piezod.hysteresis.path_relaxation import PathRelaxation, steepest_relaxatio
 
 PROMPT, PATH, CREEP = SIZE, SIZE + 1, SIZE + 2
 OFFSET = CREEP + TIME_CONSTANTS_S.size
-DELAY, ACTIVATION, DECAY, SKEW, FREQUENCY, DAMPING, MODE_LAG, COUNT = (
-    OFFSET + i for i in range(1, 9)
+DELAY, ACTIVATION, DECAY, SKEW, EXPONENT, FREQUENCY, DAMPING, MODE_LAG, COUNT = (
+    OFFSET + i for i in range(1, 10)
 )
 """Places of the prompt slope, the weight of the path, the first lag, the offset, the delay in
-sample periods, the activation, decay and skew of the path, and the frequency (in cycles per
-sample), the damping ratio and the lag (in sample periods) of the first mode, behind the 24
+sample periods, the activation, decay, skew and exponent of the path, and the frequency (in cycles
+per sample), the damping ratio and the lag (in sample periods) of the first mode, behind the 24
 coefficients; and the number of all parameters."""
 MODE: Final = (FREQUENCY, DAMPING, MODE_LAG)
 RIDGE = 1e-6
@@ -36,6 +37,8 @@ MAX_ACTIVATION = 0.05
 DECAYS, LARGEST_SKEW = (0.3, 30.0), 0.9
 """Lowest and highest decay, in 1/range: what relaxes more slowly is part of the surface, and what
 relaxes faster looks like a jump at each reversal; and the largest skew of either sign."""
+HIGHEST_EXPONENT = 4.0
+"""Highest exponent of the path; with 1 a small state relaxes as a large one does."""
 FREQUENCIES = (0.002, 0.4)
 """Lowest and highest frequency of a mode, in cycles per sample: half a cycle per sample is the
 limit of sampling, and the motion of slower modes looks like that of the drive."""
@@ -50,6 +53,7 @@ _SCALAR_BOUNDS: Final = {
     ACTIVATION: (0.0, MAX_ACTIVATION),
     DECAY: DECAYS,
     SKEW: (-LARGEST_SKEW, LARGEST_SKEW),
+    EXPONENT: (1.0, HIGHEST_EXPONENT),
     FREQUENCY: FREQUENCIES,
     DAMPING: (LOWEST_DAMPING, HIGHEST_DAMPING),
     MODE_LAG: (0.0, HIGHEST_MODE_LAG),
@@ -58,15 +62,23 @@ _SCALAR_BOUNDS: Final = {
 """Lowest and highest value of a parameter; None for any."""
 
 
+class Term(Enum):
+    """An optional term of a surface."""
+
+    RATE = "lag with the rate"
+    PATH = "relaxation along the path"
+    EXPONENT = "its exponent"
+
+
 def form_of(parameters: FloatArray, period_s: float) -> SurfaceForm:
-    """Return the form of parameters, shape (42,)."""
-    weight, decay, skew = parameters[[PATH, DECAY, SKEW]].tolist()
-    path = PathRelaxation(weight, decay, skew) if decay else None
+    """Return the form of parameters, shape (43,)."""
+    weight, decay, skew, exponent = parameters[[PATH, DECAY, SKEW, EXPONENT]].tolist()
+    path = PathRelaxation(weight, decay, skew, exponent) if decay else None
     return SurfaceForm(float(parameters[ACTIVATION]), float(parameters[PROMPT]), period_s, path)
 
 
 def mode_of(parameters: FloatArray, period_s: float) -> FirstMode | None:
-    """Return the first mode of parameters, shape (42,); None if they have none."""
+    """Return the first mode of parameters, shape (43,); None if they have none."""
     if not parameters[FREQUENCY]:
         return None
     frequency, damping, lag = parameters[[*MODE]].tolist()
@@ -79,13 +91,13 @@ def solved(
     """Solve one linear problem for the parameters that are not fixed; the others stay.
 
     Args:
-        regressors: (n, 42) regressors of all parameters.
+        regressors: (n, 43) regressors of all parameters.
         target: (n,) values that they must add up to.
-        known: (42,) parameters; those that are fixed keep these values.
-        fixed: (42,) mask of the parameters that are not searched.
+        known: (43,) parameters; those that are fixed keep these values.
+        fixed: (43,) mask of the parameters that are not searched.
 
     Returns:
-        The parameters, shape (42,).
+        The parameters, shape (43,).
     """
     free = ~fixed
     rest = target - regressors[:, fixed] @ known[fixed]
@@ -104,8 +116,8 @@ def penalised_gram(regressors: FloatArray, free: Rows) -> FloatArray:
     """Return the Gram matrix of the free parameters, with penalties, shape (f, f).
 
     Args:
-        regressors: (n, 42) regressors of all parameters.
-        free: (42,) mask of these parameters.
+        regressors: (n, 43) regressors of all parameters.
+        free: (43,) mask of these parameters.
     """
     gram = regressors.T @ regressors
     power = np.where(free, np.diag(gram), 0.0)
@@ -121,10 +133,10 @@ def penalised_gram(regressors: FloatArray, free: Rows) -> FloatArray:
 
 
 def _constraints(free: Rows, skew: float) -> tuple[FloatArray, FloatArray]:
-    """Return A and b for which A p ≥ b, shapes (k, 42) and (k,).
+    """Return A and b for which A p ≥ b, shapes (k, 43) and (k,).
 
     Args:
-        free: (42,) mask of the parameters that are searched.
+        free: (43,) mask of the parameters that are searched.
         skew: Skew of the path.
     """
     slopes, units = np.pad(slope_rows(), ((0, 0), (0, COUNT - SIZE))), np.eye(COUNT)

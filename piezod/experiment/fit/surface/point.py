@@ -49,7 +49,7 @@ class Point:
     """
 
     record: SurfaceRecord  #: The record.
-    parameters: FloatArray  #: (42,) parameters.
+    parameters: FloatArray  #: (43,) parameters.
     drives: FloatArray  #: (n,) drives.
     #: (n, 26) regressors of the coefficients, of the prompt slope and of the weight of the path,
     #: without creep.
@@ -62,7 +62,7 @@ class Point:
 
     @classmethod
     def at(cls, record: SurfaceRecord, parameters: FloatArray) -> Self:
-        """Return the point of these parameters, shape (42,)."""
+        """Return the point of these parameters, shape (43,)."""
         period_s, weights = record.period_s, parameters[CREEP:OFFSET]
         rings = mode_of(parameters, period_s) is not None
         drives = record.drives_at(0.0 if rings else float(parameters[DELAY]) * period_s)
@@ -113,7 +113,7 @@ def shown(values: FloatArray, parameters: FloatArray, period_s: float) -> FloatA
 
     Args:
         values: (n,) or (n, p) values, evenly in time.
-        parameters: (42,) parameters.
+        parameters: (43,) parameters.
         period_s: Sample period, in s.
     """
     mode = mode_of(parameters, period_s)

@@ -15,11 +15,12 @@ from piezod.experiment.fit.surface.parameters import (
     CREEP,
     DELAY,
     OFFSET,
+    Term,
     form_of,
     mode_of,
 )
 from piezod.experiment.fit.surface.point import Point, SurfaceRecord
-from piezod.experiment.fit.surface.terms import Term, with_shown_terms
+from piezod.experiment.fit.surface.terms import with_shown_terms
 from piezod.hysteresis import AffineRange
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray
@@ -56,12 +57,11 @@ class SurfaceProblem(Problem):
                 creep=self._settings.creep,
                 delay_s=None if search_delay else delay_s,
                 start_delay_s=delay_s,
-                rate=Term.RATE in terms,
-                path=Term.PATH in terms,
+                terms=terms,
                 mode=mode,
             )
 
-        terms = (Term.RATE, Term.PATH) if self._settings.creep else (Term.RATE,)
+        terms = tuple(Term) if self._settings.creep else (Term.RATE,)
         allowed = frozenset(terms if search_terms else ())
         found = with_shown_terms(fitted, allowed)
         # The first samples that count depend on the delay that was found.
@@ -95,7 +95,7 @@ class SurfaceProblem(Problem):
         )
 
     def model(self, parameters: FloatArray) -> StageModel:
-        """Return the model of fitted parameters, shape (42,), in V and µm."""
+        """Return the model of fitted parameters, shape (43,), in V and µm."""
         coefficients, weights = parameters[:SIZE], parameters[CREEP:OFFSET]
         form = form_of(parameters, self.record.period_s)
         # [0, 1] becomes the range of the displacement without creep at the drives [0, 1].

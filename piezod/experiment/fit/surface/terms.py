@@ -1,7 +1,6 @@
 """The choice of the optional terms of a surface: only those that the record shows."""
 
 from collections.abc import Callable, Mapping
-from enum import Enum
 from functools import cached_property
 from types import MappingProxyType
 from typing import Final, TypeAlias
@@ -10,19 +9,13 @@ import numpy as np
 
 from piezod.experiment.fit.residuals import clearly_better, held_out_squares
 from piezod.experiment.fit.surface.gauss_newton import LinearisedSurface
-from piezod.experiment.fit.surface.parameters import form_of
+from piezod.experiment.fit.surface.parameters import Term, form_of
 from piezod.hysteresis.everett import SIZE
 from piezod.hysteresis.memory import FloatArray
 
-
-class Term(Enum):
-    """An optional term of a surface."""
-
-    RATE = "lag with the rate"
-    PATH = "relaxation along the path"
-
-
-LARGEST_RATIO: Final[Mapping[Term, float]] = MappingProxyType({Term.RATE: 0.9, Term.PATH: 0.7})
+LARGEST_RATIO: Final[Mapping[Term, float]] = MappingProxyType(
+    {Term.RATE: 0.9, Term.PATH: 0.7, Term.EXPONENT: 0.9}
+)
 """A term is part of the model if it makes the rms error of the position on held-out blocks smaller
 by at least this factor, and by more than chance. The path is searched beside a fitted creep only,
 because it would imitate the creep."""
@@ -54,7 +47,10 @@ def with_shown_terms(fitted: Fitted, allowed: frozenset[Term]) -> LinearisedSurf
     terms: frozenset[Term] = frozenset()
     found = _Trial(fitted(terms))
     while terms < allowed:
-        trials = {term: _Trial(fitted(terms | {term})) for term in allowed - terms}
+        tried = allowed - terms
+        if Term.PATH not in terms:
+            tried -= {Term.EXPONENT}
+        trials = {term: _Trial(fitted(terms | {term})) for term in tried}
         shown = [term for term, trial in trials.items() if _shows(term, trial, found)]
         if not shown:
             break

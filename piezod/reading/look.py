@@ -8,19 +8,19 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from piezod.bounds import bound
 from piezod.errors import DataError
-from piezod.records.opened import LOOK_WITHIN_S, open_recording
+from piezod.reading.opened import FOREIGN, LOOK_WITHIN_S, open_recording
+from piezod.resource_limits import bound
 
 MOST_BYTES: Final = 1_000_000_000
 """Most memory for a look."""
 
 
 def main() -> int:
-    """Look through the file that the first argument names."""
+    """Look through the file that the first argument names; the second says who wrote it."""
     bound(MOST_BYTES, LOOK_WITHIN_S)
     try:
-        open_recording(Path(sys.argv[1])).close()
+        open_recording(Path(sys.argv[1]), foreign=FOREIGN in sys.argv[2:]).close()
     except (DataError, OSError) as error:
         sys.stdout.buffer.write(str(error).encode(errors="surrogateescape"))
         return 1

@@ -9,22 +9,20 @@ from typing import Any, Final
 
 import h5py
 
-from piezod import bounds
+from piezod import resource_limits
 from piezod.errors import DataError
 from piezod.given_file import open_given
-from piezod.records.hdf5_structure import check_structure
-from piezod.records.repair import HDF5_MAGIC
+from piezod.reading.hdf5_magic import MOST_FILE_BYTES, superblock_of
+from piezod.reading.hdf5_structure import check_structure, usable_datasets
 
-MOST_FILE_BYTES: Final = 100_000_000_000
 MOST_READ_BYTES: Final = 4_000_000_000
 """Largest size of what is read at once."""
 LOOK_WITHIN_S: Final = 30
 """Longest time for a look through a file, in s."""
-_LOOK: Final = "piezod.records.look"
+_LOOK: Final = "piezod.reading.look"
 _REMEDY: Final = "take another copy of it, or record again"
 _WRITER_FLAGS: Final = 11
 """The byte of the superblock, version 3, in which a writer notes that it is at work."""
-_FIRST_USER_BLOCK: Final = 512
 _DAMAGE: Final = (
     ArithmeticError,
     AttributeError,
@@ -37,27 +35,11 @@ _DAMAGE: Final = (
 """What h5py raises, beside OSError, if a part is missing or has another type or an absurd size."""
 
 
-def is_hdf5(path: Path) -> bool:
-    """Return whether a file is in the format of recordings; a missing file is not.
-
-    Raises:
-        DataError: If it is no regular file.
-        OSError: If it cannot be read.
-    """
-    try:
-        with open_given(path, MOST_FILE_BYTES) as file:
-            end, place = file.seek(0, 2), 0
-            while place < end:  # HDF5 may begin behind a block of the user, whose size doubles
-                file.seek(place)
-                if file.read(len(HDF5_MAGIC)) == HDF5_MAGIC:
-                    return True
-                place = 2 * place or _FIRST_USER_BLOCK
-    except FileNotFoundError:
-        pass
-    return False
+FOREIGN: Final = "foreign"
+"""Word for the process that looks: another program wrote the file."""
 
 
-def open_recording(path: Path, **options: Any) -> h5py.File:
+def open_recording(path: Path, *, foreign: bool = False, **options: Any) -> h5py.File:
     """Open an HDF5 file for reading, after a look through it; it may be in progress.
 
     HDF5 may loop for ever, take all memory, or crash on a damaged file. Therefore a process of its
@@ -66,27 +48,31 @@ def open_recording(path: Path, **options: Any) -> h5py.File:
 
     Args:
         path: Path of the file.
+        foreign: Whether another program may have written it, so that anything may be beside the
+            plain arrays.
         **options: Further options of `h5py.File`.
 
     Raises:
         DataError: If it is no regular file, too large, damaged, or leads out of itself.
         OSError: If there is no such file, or it may not be read.
     """
+    begin = superblock_of(path)
     with open_given(path, MOST_FILE_BYTES) as file:
+        file.seek(begin or 0)
         superblock = file.read(_WRITER_FLAGS + 1)
     # Beside a writer, HDF5 reads metadata with a wrong checksum again and again, for hours. In a
     # finished file they are damaged.
     in_progress = superblock[_WRITER_FLAGS:] not in {b"", b"\0"}
-    if not is_hdf5(path):
+    if begin is None:
         raise DataError(f"{path}: this is not an HDF5 file; needed is one that piezod wrote")
-    bounded = bounds.is_bounded()
+    bounded = resource_limits.is_bounded()
     if not bounded:
-        _look(path)
+        _look(path, foreign=foreign)
     with damage_is_an_error(path), ExitStack() as stack:
         opened = h5py.File(path, "r", swmr=in_progress, libver="v110", **options)
         stack.callback(opened.close)
         if bounded:
-            check_structure(opened)
+            usable_datasets(opened) if foreign else check_structure(opened)
         stack.pop_all()
     return opened
 
@@ -107,8 +93,8 @@ def damage_is_an_error(path: Path) -> Iterator[None]:
         raise DataError(f"{path}: it is damaged, or another program wrote it: {what}") from error
 
 
-def _look(path: Path) -> None:
-    command = [sys.executable, "-m", _LOOK, str(path)]
+def _look(path: Path, *, foreign: bool) -> None:
+    command = [sys.executable, "-m", _LOOK, str(path), *([FOREIGN] if foreign else [])]
     nothing, pipe = subprocess.DEVNULL, subprocess.PIPE
     try:
         done = subprocess.run(  # noqa: S603 - our own interpreter and module

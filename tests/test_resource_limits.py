@@ -4,9 +4,10 @@ import subprocess
 import sys
 from resource import RLIMIT_AS, RLIMIT_CPU, prlimit
 
-from piezod.bounds import bound_other
+from piezod.resource_limits import bound_other
 
-SELF = "from piezod.bounds import bound; bound(5 * 10**8, 7); print('bounded'); bytearray(10**9)"
+SELF = """from piezod.resource_limits import bound
+bound(5 * 10**8, 7); print('bounded'); bytearray(10**9)"""
 
 
 def test_process_that_was_started_gets_both_bounds() -> None:

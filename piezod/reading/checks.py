@@ -1,47 +1,31 @@
 """Checks of recorded columns, and their messages."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import Final, NoReturn
 
 import numpy as np
 
 from piezod.errors import DataError
-from piezod.records.frozen import FloatArray
+from piezod.reading.table import FloatArray
 
 MAX_STEP_PERIODS: Final = 1.5
 """Longest allowed time step in median steps: a longer one is a gap, a shorter one is jitter."""
-
-FIRST_DATA_LINE: Final = 2
-"""Line of the first sample, counted from 1; the header is above it."""
 _MOST_SHOWN: Final = 300
+_WRAP_SHARE: Final = 0.5
+"""A step by more than this share of the range, while the drive hardly moves, is a wrap."""
+_WRAP_BACK: Final = 5
+"""Samples within which an outlier is over, unlike a wrap."""
+
+Place = Callable[[int], str]
+"""Returns where in its file a sample is."""
 
 
-def check_finite(path: Path, table: FloatArray, names: Sequence[str]) -> None:
-    """Raise an error for NaN and infinities.
-
-    Args:
-        path: Path of the file, for the message.
-        table: Values, shape (n_samples, n_columns).
-        names: Names of the columns.
-
-    Raises:
-        DataError: If a value is not finite; names the first one.
-    """
-    bad_rows, bad_columns = np.nonzero(~np.isfinite(table))
-    if bad_rows.size:
-        what = f"{names[bad_columns[0]]} is {table[bad_rows[0], bad_columns[0]]}"
-        remedy = "cut the record there, or fill in the measured value"
-        line = int(bad_rows[0]) + FIRST_DATA_LINE
-        fail(path, line, what, "allowed is any finite number", remedy)
-
-
-def check_time(path: Path, t_s: FloatArray, max_step_periods: float = MAX_STEP_PERIODS) -> None:
+def check_time(t_s: FloatArray, place: Place, max_step_periods: float = MAX_STEP_PERIODS) -> None:
     """Raise an error for time that does not rise, or that has gaps.
 
     Args:
-        path: Path of the file, for the message.
         t_s: Time in s, shape (n_samples,).
+        place: Where each sample is, for the message.
         max_step_periods: Longest allowed step, in median steps.
 
     Raises:
@@ -58,7 +42,7 @@ def check_time(path: Path, t_s: FloatArray, max_step_periods: float = MAX_STEP_P
         verb = "repeats" if t_s[index] == t_s[index - 1] else "comes after"
         what = f"t_s {t_s[index]} {verb} {t_s[index - 1]}"
         remedy = "sort the rows by time, delete double rows, or write t_s with more digits"
-        fail(path, index + FIRST_DATA_LINE, what, "allowed is time that rises", remedy)
+        fail(place(index), what, "allowed is time that rises", remedy)
     gaps = np.flatnonzero(steps_s > longest_s)
     if gaps.size:
         index = int(gaps[0]) + 1
@@ -67,16 +51,16 @@ def check_time(path: Path, t_s: FloatArray, max_step_periods: float = MAX_STEP_P
             f"allowed are {longest_s:.6g} s, {max_step_periods} times the median step; "
             f"{counted(gaps.size, 'such gap')} in the file"
         )
-        fail(path, index + FIRST_DATA_LINE, what, allowed, "cut the record there, or resample it")
+        fail(place(index), what, allowed, "cut the record there, or resample it")
 
 
-def check_varies(path: Path, name: str, values: FloatArray) -> None:
+def check_varies(name: str, values: FloatArray, place: Place) -> None:
     """Raise an error for a column that is constant.
 
     Args:
-        path: Path of the file, for the message.
         name: Name of the column.
         values: Its values, shape (n_samples,), at least one.
+        place: Where each sample is, for the message.
 
     Raises:
         DataError: If all values are equal.
@@ -84,7 +68,36 @@ def check_varies(path: Path, name: str, values: FloatArray) -> None:
     if np.ptp(values) == 0:
         what = f"{name} is {values[0]} in all {counted(values.size, 'sample')}"
         remedy = "check the cable and the channel, and record again"
-        fail(path, FIRST_DATA_LINE, what, "allowed is a signal that varies", remedy)
+        fail(place(0), what, "allowed is a signal that varies", remedy)
+
+
+def check_unwrapped(drive_v: FloatArray, position_um: FloatArray, place: Place) -> None:
+    """Raise an error for a position that jumps back by most of its range, as a phase does.
+
+    Args:
+        drive_v: The drive, shape (n_samples,).
+        position_um: The position, of the same shape.
+        place: Where each sample is, for the message.
+
+    Raises:
+        DataError: If it jumps at least twice while the drive hardly moves.
+    """
+    steps_um, steps_v = np.diff(position_um), np.abs(np.diff(drive_v))
+    range_um = np.ptp(position_um)
+    if np.percentile(np.abs(steps_um), 90.0) > 0.1 * range_um:
+        return  # noise, or a coarse record
+    wide = np.abs(steps_um) > _WRAP_SHARE * range_um
+    jumps = np.flatnonzero(wide & (steps_v < 0.1 * np.ptp(drive_v)))
+    apart = np.diff(jumps, prepend=-_WRAP_BACK - 1, append=steps_um.size + _WRAP_BACK) > _WRAP_BACK
+    alone = jumps[apart[:-1] & apart[1:]]  # an outlier jumps back at once
+    if len(alone) >= 2:
+        index, beside = int(alone[0]) + 1, np.clip((alone - 1, alone + 1), 0, steps_um.size - 1)
+        wraps_um = steps_um[alone] - steps_um[beside].mean(axis=0)
+        period_um = float(np.median(np.abs(wraps_um)))
+        what = f"position_um jumps by {steps_um[index - 1]:.4g} µm while the drive hardly moves"
+        allowed = f"{len(alone)} such jumps in the file, as of an interferometer that wraps"
+        remedy = f"unwrap it before, as with numpy.unwrap(position_um, period={period_um:.3g})"
+        fail(place(index), what, allowed, remedy)
 
 
 def counted(number: int, noun: str) -> str:
@@ -97,12 +110,11 @@ def shortened(text: str) -> str:
     return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]} …"
 
 
-def fail(path: Path, line: int, what: str, allowed: str, remedy: str) -> NoReturn:
+def fail(place: str, what: str, allowed: str, remedy: str) -> NoReturn:
     """Raise an error about a file, as one line that an editor can jump to.
 
     Args:
-        path: Path of the file.
-        line: Line, counted from 1.
+        place: Path of the file, and the line or sample.
         what: The problem and the value found.
         allowed: The allowed values.
         remedy: What to do about it.
@@ -110,4 +122,4 @@ def fail(path: Path, line: int, what: str, allowed: str, remedy: str) -> NoRetur
     Raises:
         DataError: Always.
     """
-    raise DataError(f"{path}:{line}: {what}; {allowed}; {remedy}")
+    raise DataError(f"{place}: {what}; {allowed}; {remedy}")

@@ -24,7 +24,12 @@ MOST_EXPANSION: Final = 1100
 _SLACK_BYTES: Final = 16_000_000
 _MOST_TEXT_BYTES: Final = 4_000_000
 """Largest size of an attribute, and of a dataset of texts."""
-_FILTERS: Final = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
+_FILTERS: Final = (
+    h5z.FILTER_DEFLATE,
+    h5z.FILTER_SHUFFLE,
+    h5z.FILTER_FLETCHER32,
+    h5z.FILTER_LZF,
+)
 _NUMBERS: Final = "biuf"
 
 
@@ -43,8 +48,34 @@ def check_structure(file: h5py.File) -> None:
             _check_dataset(place, item)
 
 
-def _objects(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
-    """Yield every group and dataset once, with its path; refuse links and other objects."""
+def usable_datasets(file: h5py.File) -> tuple[dict[str, h5py.Dataset], str]:
+    """Return the datasets of another program's file that can be read, by their paths.
+
+    Anything else in the file is left alone. The second value is why a dataset cannot be read; empty
+    if all can.
+
+    Raises:
+        DataError: If there are too many objects.
+    """
+    usable, reason = {}, ""
+    for place, item in _objects(file, foreign=True):
+        if isinstance(item, h5py.Dataset):
+            try:
+                _check_dataset(place, item)
+            except DataError as error:
+                reason = reason or str(error)
+            else:
+                usable[place] = item
+    return usable, reason
+
+
+def _objects(
+    file: h5py.File, *, foreign: bool = False
+) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
+    """Yield every group and dataset once, with its path; refuse links and other objects.
+
+    In a foreign file those are passed over.
+    """
     pending: list[tuple[str, h5py.Group]] = [("", file["/"])]
     seen = {h5o.get_info(file["/"].id).addr}
     yield "/", file["/"]
@@ -60,9 +91,13 @@ def _objects(file: h5py.File) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]
                 raise _refused(above or "/", what, f"at most {LONGEST_NAME}")
             place, link = f"{above}/{name}", group.get(name, getlink=True)
             if not isinstance(link, h5py.HardLink):
+                if foreign:
+                    continue
                 raise _refused(place, "a link, which may lead anywhere", "data in the file itself")
             item = group[name]
             if not isinstance(item, h5py.Group | h5py.Dataset):
+                if foreign:
+                    continue
                 raise _refused(place, "neither group nor dataset", "these two")
             if (address := h5o.get_info(item.id).addr) in seen:
                 continue
@@ -88,7 +123,7 @@ def _check_dataset(place: str, dataset: h5py.Dataset) -> None:
         raise _refused(place, "data in another file", "data in the file itself")
     for number in range(layout.get_nfilters()):
         if layout.get_filter(number)[0] not in _FILTERS:
-            raise _refused(place, "an unknown compression", "gzip, shuffle, fletcher32")
+            raise _refused(place, "an unknown compression", "gzip, lzf, shuffle, fletcher32")
     item_bytes = dataset.dtype.itemsize
     chunk_bytes = item_bytes
     for rows in dataset.chunks or ():
