@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from importlib.resources import files
+from itertools import chain, zip_longest
 from math import isfinite
 from pathlib import Path
 from string import Template
@@ -16,15 +17,25 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from piezod.config.fields import ConfigModel
 from piezod.config.model_file import ModelFile
+from piezod.control.law.creep import CreepState
 from piezod.control.law.kernel import COMMAND, NEXT
 from piezod.control.law.kernels import new_kernel
 from piezod.control.law.model import StageModel
 from piezod.errors import ModelError
 from piezod.hysteresis import StopForm, SurfaceForm
 from piezod.hysteresis.bank import GAINS, THRESHOLDS
-from piezod.hysteresis.memory import DEFAULT_CAPACITY, FloatArray
-from piezod.hysteresis.path_relaxation import AT_REST, FAST, SLOW, WEIGHT
+from piezod.hysteresis.memory import (
+    CHANGE,
+    DEFAULT_CAPACITY,
+    MAXIMUM,
+    MINIMUM,
+    PINNED,
+    SEEN,
+    FloatArray,
+)
+from piezod.hysteresis.path_relaxation import AT_REST, EXPONENT, FAST, SLOW, WEIGHT
 from piezod.hysteresis.rate_lag import ACTIVATION, ADVANCE, PROMPT
 from piezod.inverse.feedforward import Feedforward
 from piezod.inverse.loaded_model import LoadedModel
@@ -39,11 +50,11 @@ _PARTS: Final = {
     *("surface_coefficients", "surface_activation", "surface_prompt_slope", "surface_path"),
 }
 _KNOWN: Final = _ORIGIN | _RANGES | _PARTS
-_KNOWN_OF_PATH: Final = {"weight", "decay", "skew"}
+_KNOWN_OF_PATH: Final = {"weight", "decay", "skew", "exponent"}
 _NAN_UM: Final = 1e30
 """In the vectors of C, which has no constant for it on every compiler."""
 _OF_SURFACES: Final = {
-    *("activation", "prompt", "advance", "weight", "fast", "slow", "at_rest"),
+    *("activation", "prompt", "advance", "weight", "fast", "slow", "at_rest", "exponent"),
     *("start_pinned", "start_change"),
 }
 
@@ -81,18 +92,20 @@ def exported_code(model: LoadedModel, language: str, path: Path) -> str:
 
 def _check_parts(file: ModelFile) -> None:
     """Refuse parts of a model that this code does not know."""
-    fields = {name: getattr(file, name) for name in type(file).model_fields}
-    unknown = [
-        name
-        for name, field in type(file).model_fields.items()
-        if name not in _KNOWN and fields[name] != field.default
-    ]
+    unknown = _unknown(file, _KNOWN)
     if file.surface_path is not None:
-        own = set(type(file.surface_path).model_fields)
-        unknown += [f"surface_path.{name}" for name in sorted(own - _KNOWN_OF_PATH)]
+        unknown += [f"surface_path.{name}" for name in _unknown(file.surface_path, _KNOWN_OF_PATH)]
     if unknown:
         message = f"the model has {', '.join(unknown)}, which exported code does not have"
         raise ModelError(f"{message}; use `piezod voltages`, or identify without it")
+
+
+def _unknown(part: ConfigModel, known: set[str]) -> list[str]:
+    """Return the fields of a part of a file that have a value and no code."""
+    fields = type(part).model_fields.items()
+    return [
+        name for name, field in fields if name not in known and getattr(part, name) != field.default
+    ]
 
 
 def _numbers(stage: StageModel, model: LoadedModel) -> Numbers:
@@ -103,25 +116,39 @@ def _numbers(stage: StageModel, model: LoadedModel) -> Numbers:
         **{"rate_hz": model.rate_hz, "lookahead_s": model.lookahead_s(model.rate_hz)},
         **{"drive_low_v": low_v, "drive_high_v": high_v},
         **{"position_low_um": low_um, "position_high_um": high_um},
-        **{"start": float(carried[NEXT]), "start_command": float(carried[COMMAND])},
+        **{"start_next": float(carried[NEXT]), "start_command": float(carried[COMMAND])},
         "zeroed": start.zeroed,
     }
     creep = {"gain": start.creep.gains, "weight": start.creep.weights, "start": start.lags}
     arrays = {f"lag_{name}": array for name, array in creep.items()}
+    arrays["start"] = _turns(start)
     match stage.form:
         case SurfaceForm(terms=terms):
             indices = {
                 **{"activation": ACTIVATION, "prompt": PROMPT, "advance": ADVANCE},
                 **{"weight": WEIGHT, "fast": FAST, "slow": SLOW, "at_rest": AT_REST},
+                "exponent": EXPONENT,
             }
             values |= {name: float(terms[index]) for name, index in indices.items()}
-            values |= {"start_pinned": start.path.pinned, "start_change": start.path.change}
+            if start.memory is not None:
+                pinned, change = start.memory.last[[PINNED, CHANGE]].tolist()
+                values |= {"start_pinned": pinned, "start_change": change}
             arrays["coefficient"] = stage.weights
         case StopForm(bank):
             arrays |= {"threshold": bank[THRESHOLDS], "factor": stage.weights * bank[GAINS]}
         case _:
             raise ModelError(f"there is no code for a {type(stage.form).__name__}")
     return Numbers(values, arrays)
+
+
+def _turns(start: CreepState) -> FloatArray:
+    """Return the inputs that lead a relaxed memory to that of the start, shape (n,)."""
+    if start.memory is None:
+        return np.array([start.quick])
+    levels, counts = start.memory.levels, start.memory.counts
+    sides = (levels[side, 1 : counts[side]].tolist() for side in (MAXIMUM, MINIMUM))
+    turns = chain.from_iterable(zip_longest(*sides))
+    return np.array([*(each for each in turns if each is not None), start.memory.last[SEEN]])
 
 
 def _heading(model: LoadedModel, stage: StageModel, path: Path) -> Mapping[str, object]:
@@ -197,6 +224,8 @@ def _c(
             head,
             f"#define INVERSE_EXTREMA {DEFAULT_CAPACITY} /* turning points kept on each side */",
             f"#define INVERSE_LAGS {size}",
+            f"#define INVERSE_TURNS {arrays['start'].size}",
+            _c_array("start", arrays["start"]),
             *(_c_define(name, numbers.values[name]) for name in common),
             *(lags if size else ()),
             *constants,
@@ -235,6 +264,8 @@ def _c_surface(numbers: Numbers) -> list[str]:
         names |= {"lag": "activation", "prompt": "prompt", "advance": "advance"}
     if values["fast"]:
         names |= {"path": "weight", "fast": "fast", "slow": "slow", "at_rest": "at_rest"}
+        if values["exponent"] != 1.0:
+            names["exponent"] = "exponent"
     return [
         "#define INVERSE_SURFACE",
         "#define INVERSE_WIDTH 1",

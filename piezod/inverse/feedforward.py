@@ -24,7 +24,7 @@ class Feedforward:
         limits: Limits of the drive.
         period_s: Period of the steps, in s.
         rest_v: Voltage in force at the start, at rest, in V.
-        from_v: Voltage at which the stage has stood for long, after a rise from rest, in V; None
+        from_v: Voltage at which the stage has stood for long, after a move from rest, in V; None
             for a start at rest.
     """
 
@@ -96,9 +96,11 @@ class Feedforward:
 
 
 def _standing(model: StageModel, rest: CreepState, from_v: float) -> CreepState:
-    """Return the state after a rise from rest to a voltage and a long stay there."""
+    """Return the state after a move from rest to a voltage and a long stay there."""
     past = model.form.slow.past(model.weights)
     if rest.memory is not None:
         past.take_over(rest.memory)
-    quick = past.follow(np.array([min(max(model.drive_v.to_unit(from_v), 0.0), 1.0)]))
-    return rest._replace(quick=quick, lags=np.full(rest.lags.size, quick), memory=past.memory)
+    drive = min(max(model.drive_v.to_unit(from_v), 0.0), 1.0)
+    quick = past.follow(np.array([drive]))
+    lags = np.full(rest.lags.size, quick)
+    return rest._replace(quick=quick, lags=lags, memory=past.memory)

@@ -39,7 +39,7 @@ class Uncertainty(NamedTuple):
 class Plan(NamedTuple):
     """Voltages for a trajectory; all arrays have the shape (n,)."""
 
-    t_s: FloatArray  #: Instants from which the voltages hold, since the start, in s.
+    t_s: FloatArray  #: Instants from which the voltages hold, in s; the first is that given.
     drive_v: FloatArray  #: Voltages, in V.
     position_um: FloatArray  #: Positions of the trajectory at these instants, in µm.
     predicted_um: FloatArray  #: Positions that the model predicts at these instants, in µm.
@@ -162,7 +162,7 @@ class LoadedModel:
             t_s: (m,) times, in s; they increase.
             position_um: (m,) positions at these times, in µm, joined by straight lines.
             rate_hz: Rate of the voltages, in Hz; None for that of an even trajectory.
-            from_v: Voltage at which the stage has stood for long, after a rise from rest, in V;
+            from_v: Voltage at which the stage has stood for long, after a move from rest, in V;
                 None for a start at rest.
             after_v: (l,) voltages that were applied just before, in V, at the same rate.
 
@@ -198,7 +198,7 @@ class LoadedModel:
             shown_um[k] = law.expected_um
             limited.append(law.limited.value)
         return Plan(
-            at_s,
+            times_s[0] + at_s,
             drive_v,
             np.array([reference(each_s) for each_s in at_s.tolist()]),
             np.interp(at_s - lookahead_s, at_s, shown_um, left=before_um),
@@ -310,6 +310,6 @@ def even_rate_hz(times_s: FloatArray) -> float:
     median_s = float(np.median(steps_s))
     if float(np.max(steps_s)) > _EVEN * median_s:
         message = f"the times are {np.min(steps_s):.4g} to {np.max(steps_s):.4g} s apart"
-        raise DataError(f"{message}: give the rate of the voltages, in Hz (rate_hz, --rate-hz)")
+        raise DataError(f"{message}: give the rate of the voltages, in Hz (rate_hz, --loop-hz)")
     # The mean is exact for times that were rounded.
     return (times_s.size - 1) / float(times_s[-1] - times_s[0])

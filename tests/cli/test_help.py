@@ -37,6 +37,8 @@ def test_help_lists_verbs_under_headings(piezod: Command) -> None:
         "demo",
         "experiment",
         "identify",
+        "voltages",
+        "export-code",
         "response",
         "play",
         "check",

@@ -28,6 +28,13 @@ def loaded(file: ModelFile) -> LoadedModel:
     return LoadedModel(file, from_model_file(file), None, RATE_HZ)
 
 
+def with_exponent(exponent: float) -> ModelFile:
+    """Return the model with a part that relaxes along the path, and hardly where it is small."""
+    path = changed("path").surface_path
+    assert path is not None
+    return changed("path", surface_path=path.model_copy(update={"exponent": exponent}))
+
+
 MODELS: Final[Mapping[str, Callable[[], ModelFile]]] = {
     "stops": lambda: changed("stops", creep_time_constants_s=(), creep_weights=()),
     "stops-creep": lambda: changed("stops", **CREEPING),
@@ -35,8 +42,11 @@ MODELS: Final[Mapping[str, Callable[[], ModelFile]]] = {
     "surface-creep": lambda: changed("surface", **CREEPING),
     "lag": lambda: changed("lag"),
     "path": lambda: changed("path", **CREEPING),
+    "path-exponent": lambda: with_exponent(1.7),
+    "inside": lambda: changed("stops", drive_low_v=-50.0, **CREEPING),
+    "surface-inside": lambda: changed("surface", drive_low_v=-50.0, **CREEPING),
 }
-"""Each part that a model may have."""
+"""Each part that a model may have; the last ones rest inside their range."""
 
 
 def signals(count: int) -> Mapping[str, FloatArray]:

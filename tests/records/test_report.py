@@ -348,6 +348,20 @@ def test_figures_of_an_earlier_report_are_removed_and_nothing_else(
     assert {each.name for each in tmp_path.iterdir()} == foreign | ours
 
 
+def test_figures_are_vectors_too_if_asked(tmp_path: Path, result: ExperimentResult) -> None:
+    """Beside each PNG there is an SVG and a PDF, which go when the figure goes."""
+    one = replace(result, recordings=result.recordings[:1], identifications=())
+    write_report(tmp_path, one, vector=True)
+    images = {each.name for each in tmp_path.glob("*.png")}
+    beside = {f"{Path(name).stem}{ending}" for name in images for ending in (".svg", ".pdf")}
+
+    assert images | beside | {"report.html"} == {each.name for each in tmp_path.iterdir()}
+
+    write_report(tmp_path, replace(one, recordings=result.recordings[1:2]))
+    left = {each.name for each in tmp_path.glob("run_*")}
+    assert left == {f"run_01_{'_'.join(result.recordings[1].key).replace(' ', '_')}.png"}
+
+
 @pytest.mark.usefixtures("blank_figures")
 def test_a_page_of_somebody_else_removes_nothing(tmp_path: Path, result: ExperimentResult) -> None:
     """Figures of a foreign page stay, and its text need not be UTF-8."""

@@ -31,7 +31,7 @@ def export_code(
             "name of MODEL, in the current folder.",
         ),
     ] = None,
-    rate_hz: Annotated[
+    loop_hz: Annotated[
         float | None,
         typer.Option(
             metavar="HZ",
@@ -59,7 +59,7 @@ def export_code(
     from piezod.inverse.loaded_model import load_model
     from piezod.records.atomic import replacing
 
-    loaded = load_model(model, rate_hz=rate_hz, axis=axis_of(config, axis))
+    loaded = load_model(model, rate_hz=loop_hz, axis=axis_of(config, axis))
     text = exported_code(loaded, to.value, path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from piezod.inverse.loaded_model import LoadedModel, load_model
-from piezod.records.csv_file import read_csv
+from piezod.reading.record import read_record
 from piezod.records.figures.model import ModelCurves, Residual
 
 _SWINGS = (1.0, 0.75, 0.5, 0.25)
@@ -42,7 +42,7 @@ def model_curves(file: Path, record: Path | None) -> ModelCurves:
 
 
 def _residual(model: LoadedModel, record: Path) -> Residual:
-    columns = read_csv(record)
+    columns = read_record(record, command="plot").columns
     predicted_um = model.positions(columns["t_s"], columns["drive_v"])
     missed_um = columns["position_um"] - predicted_um
     # The zero of the sensor is not that of the model.

@@ -8,6 +8,16 @@ import typer
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import existing_file
 from piezod.cli.record.recordings import checked_out
+from piezod.cli.record_options import (
+    FORMATS,
+    ColumnsOption,
+    InvertOption,
+    OffsetOption,
+    RateHzOption,
+    ScaleOption,
+    choices_of,
+    record_file,
+)
 
 ModelArgument: TypeAlias = Annotated[
     Path,
@@ -18,7 +28,7 @@ ModelArgument: TypeAlias = Annotated[
         callback=existing_file,
     ),
 ]
-RateOption: TypeAlias = Annotated[
+LoopHzOption: TypeAlias = Annotated[
     float | None,
     typer.Option(
         metavar="HZ",
@@ -50,10 +60,10 @@ def voltages(  # noqa: PLR0913, PLR0917 - each argument is an option
         Path,
         typer.Argument(
             metavar="TRAJECTORY",
-            help="Positions over time: CSV file with the columns t_s and position_um, joined by "
-            "straight lines.",
+            help="Positions over time, joined by straight lines: a table with the columns t_s and "
+            f"position_um, or what --columns says: {FORMATS}.",
             readable=False,
-            callback=existing_file,
+            callback=record_file,
         ),
     ],
     out: Annotated[
@@ -64,12 +74,12 @@ def voltages(  # noqa: PLR0913, PLR0917 - each argument is an option
             help="File to write. Default: TRAJECTORY-voltages.csv in the current folder.",
         ),
     ] = None,
-    rate_hz: RateOption = None,
+    loop_hz: LoopHzOption = None,
     from_v: Annotated[
         float | None,
         typer.Option(
             metavar="V",
-            help="Voltage at which the stage has stood for long, after a rise from rest. Default: "
+            help="Voltage at which the stage has stood for long, after a move from rest. Default: "
             "it starts at rest.",
         ),
     ] = None,
@@ -78,13 +88,18 @@ def voltages(  # noqa: PLR0913, PLR0917 - each argument is an option
         typer.Option(
             metavar="FILE.csv",
             readable=False,
-            callback=existing_file,
-            help="Voltages just before, which the memory has seen: CSV file with the columns t_s "
+            callback=record_file,
+            help="Voltages just before, which the memory has seen: a table with the columns t_s "
             "and drive_v at the same rate, as an earlier FILE.csv.",
         ),
     ] = None,
     config: ConfigOption = None,
     axis: OfAxisOption = None,
+    columns: ColumnsOption = "",
+    scale: ScaleOption = "",
+    offset: OffsetOption = "",
+    invert: InvertOption = "",
+    rate_hz: RateHzOption = None,
     json: JsonOption = False,
 ) -> None:
     """Compute the voltages with which a stage follows a trajectory.
@@ -100,5 +115,6 @@ def voltages(  # noqa: PLR0913, PLR0917 - each argument is an option
     # numba takes long to import.
     from piezod.cli.inverse.voltages_run import Job, write_voltages
 
-    job = Job(model, trajectory, path, rate_hz, from_v, after, config, axis)
+    choices = choices_of(columns, scale, offset, invert, rate_hz)
+    job = Job(model, trajectory, path, loop_hz, from_v, after, config, axis, choices)
     write_voltages(job, json=json)

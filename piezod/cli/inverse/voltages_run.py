@@ -1,6 +1,7 @@
 """The work of `piezod voltages`."""
 
-from math import isfinite
+from collections.abc import Sequence
+from math import inf, isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -10,11 +11,11 @@ from piezod.cli.output import new_console, print_json, print_warnings
 from piezod.config.axes import AxisConfig
 from piezod.config.daemon import load_daemon
 from piezod.config.drive_limits import DriveLimit
-from piezod.config.files import read_points
 from piezod.devices import registry
 from piezod.errors import DataError
-from piezod.hysteresis.memory import FloatArray
 from piezod.inverse.loaded_model import LoadedModel, Plan, even_rate_hz, load_model
+from piezod.reading.choices import DRIVE, TIME, TRAJECTORY, Choices, Role
+from piezod.reading.record import ReadRecord, read_record
 from piezod.records.csv_file import write_csv
 
 _LIMITS: Final = (DriveLimit.RANGE, DriveLimit.SLEW)
@@ -26,19 +27,21 @@ class Job(NamedTuple):
     model: Path
     trajectory: Path
     out: Path
-    rate_hz: float | None  #: Rate of the voltages, in Hz; None for that of the trajectory.
+    loop_hz: float | None  #: Rate of the voltages, in Hz; None for that of the trajectory.
     from_v: float | None  #: Voltage at the start, in V; None for rest.
     after: Path | None  #: Voltages before.
     config: Path | None  #: Configuration of the stage.
     axis: str | None  #: Axis in it.
+    choices: Choices  #: What the command line says about the columns of the trajectory.
 
 
 def write_voltages(job: Job, *, json: bool) -> None:
     """Compute the voltages for a trajectory, write them, and print a summary."""
     model = load_model(job.model, axis=axis_of(job.config, job.axis))
-    t_s, position_um = _points(job.trajectory, "position_um")
-    rate_hz = job.rate_hz or even_rate_hz(t_s)
-    after_v = None if job.after is None else _points(job.after, "drive_v")[1]
+    read = _table(job.trajectory, TRAJECTORY, job.choices)
+    t_s, position_um = read.columns["t_s"], read.columns["command_um"]
+    rate_hz = job.loop_hz or even_rate_hz(t_s)
+    after_v = job.after and _table(job.after, (TIME, DRIVE), Choices()).columns["drive_v"]
     plan = model.plan(t_s, position_um, rate_hz=rate_hz, from_v=job.from_v, after_v=after_v)
     columns = plan._asdict()
     del columns["merged_pairs"]
@@ -57,11 +60,14 @@ def write_voltages(job: Job, *, json: bool) -> None:
                     kind.value: int(np.sum(plan.limited == kind.value)) for kind in _LIMITS
                 },
                 "uncertainty": model.uncertainty._asdict(),
+                "understood": read.understood,
                 "warnings": warnings,
             }
         )
         return
     console = new_console()
+    for sentence in read.understood:
+        console.print(sentence, soft_wrap=True)
     console.print(
         f"{job.out}: {plan.t_s.size} voltages at {rate_hz:.6g} Hz, {low_v:.4g} to {high_v:.4g} V, "
         f"largest slew {slew_v_per_s:.4g} V/s\n"
@@ -89,12 +95,11 @@ def axis_of(config: Path | None, name: str | None) -> AxisConfig | None:
     return axes[name]
 
 
-def _points(path: Path, column: str) -> tuple[FloatArray, FloatArray]:
-    try:
-        points = np.array(read_points(path, column))
-    except ValueError as error:
-        raise DataError(str(error)) from error
-    return np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+def _table(path: Path, roles: Sequence[Role], choices: Choices) -> ReadRecord:
+    """Return columns over time, which need not be even, in a file of any known format."""
+    return read_record(
+        path, choices, roles=roles, min_samples=2, max_step_periods=inf, command="voltages"
+    )
 
 
 def _errors_of(model: LoadedModel) -> str:

@@ -7,7 +7,6 @@ import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.output import print_one
-from piezod.cli.paths import existing_file
 from piezod.cli.record.recordings import (
     BeginOption,
     EndOption,
@@ -17,6 +16,7 @@ from piezod.cli.record.recordings import (
     local_file,
     read_part,
 )
+from piezod.cli.record_options import record_file
 from piezod.cli.stage_options import SocketOption, StageOption
 
 
@@ -33,11 +33,10 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
     record: Annotated[
         Path | None,
         typer.Option(
-            metavar="DATA.csv",
+            metavar="DATA",
             readable=False,
-            callback=existing_file,
-            help="Of a model file: record with t_s, drive_v and position_um, whose residual is "
-            "drawn.",
+            callback=record_file,
+            help="Of a model file: record of the stage, whose residual is drawn.",
         ),
     ] = None,
     axis: RecordedAxisOption = None,

@@ -47,4 +47,11 @@ static real inverse_log1(real x) {
   for (i = 23; i > 1; i -= 2) sum = (sum + R(1) / (real)i) * square;
   return (real)n * INVERSE_LN2_HIGH + (R(2) * z * (R(1) + sum) + (real)n * INVERSE_LN2_LOW);
 }
+
+#ifdef INVERSE_EXPONENT
+/* x to the power p, for x > 0 */
+static real inverse_power(real x, real p) {
+  return inverse_exp(p * (x < R(1) ? -inverse_log1(R(1) / x - R(1)) : inverse_log1(x - R(1))));
+}
+#endif
 #endif

@@ -78,9 +78,11 @@ void inverse_reset(inverse_state *s) {
   int j;
   inverse_relax(s);
   for (j = 0; j < 2 * INVERSE_ORDER; j++) s->value[INVERSE_TOP][0][j] = R(1);
-  inverse_locate(s, INVERSE_START);
-  inverse_output(s, INVERSE_START);
-  inverse_commit(s, INVERSE_START);
+  for (j = 0; j < INVERSE_TURNS; j++) {
+    inverse_locate(s, inverse_start[j]);
+    inverse_output(s, inverse_start[j]);
+    inverse_commit(s, inverse_start[j]);
+  }
 }
 
 real inverse_drive_v(inverse_state *s, real position_um) {

@@ -109,6 +109,32 @@ static real inverse_lagging(const inverse_state *s, real drive) { return (void)s
 #ifdef INVERSE_PATH
 #define INVERSE_BACKLASH R(1e-4)
 
+#ifdef INVERSE_EXPONENT
+/* dh/dz on a rise: a small h relaxes less. */
+static real inverse_rise_slope(real h) {
+  const real part = INVERSE_FAST * inverse_abs(h);
+  if (!(part > R(0))) return R(1);
+  h *= h >= R(0) ? INVERSE_FAST : INVERSE_SLOW;
+  return R(1) - h * inverse_power(part, INVERSE_EXPONENT - R(1));
+}
+
+/* By the method of Runge and Kutta. */
+static real inverse_risen(real h, real rise) {
+  const int steps = (int)(rise * R(8) * inverse_most(INVERSE_FAST, INVERSE_SLOW)) + 1;
+  const real step = rise / (real)steps;
+  int i;
+  for (i = 0; i < steps; i++) {
+    real a = inverse_rise_slope(h), b = inverse_rise_slope(h + R(0.5) * step * a);
+    real c = inverse_rise_slope(h + R(0.5) * step * b), d = inverse_rise_slope(h + step * c);
+    h += step * (a + R(2) * b + R(2) * c + d) / R(6);
+  }
+  return h;
+}
+#else
+static real inverse_rise_slope(real h) {
+  return R(1) - h * (h >= R(0) ? INVERSE_FAST : INVERSE_SLOW);
+}
+
 static real inverse_risen(real h, real rise) {
   if (h < R(0)) {
     real to_zero = inverse_log1(-h * INVERSE_SLOW) / INVERSE_SLOW;
@@ -119,6 +145,7 @@ static real inverse_risen(real h, real rise) {
   }
   return R(1) / INVERSE_FAST + (h - R(1) / INVERSE_FAST) * inverse_exp(-INVERSE_FAST * rise);
 }
+#endif
 
 static real inverse_path(const inverse_state *s, real drive, real *slope) {
   const real move = drive - s->pinned, sign = move > R(0) ? R(1) : R(-1);
@@ -126,7 +153,7 @@ static real inverse_path(const inverse_state *s, real drive, real *slope) {
   *slope = R(0);
   if (inverse_abs(move) <= INVERSE_BACKLASH) return s->change;
   h = inverse_risen(sign * (s->change + INVERSE_AT_REST), inverse_abs(move) - INVERSE_BACKLASH);
-  *slope = R(1) - h * (h >= R(0) ? INVERSE_FAST : INVERSE_SLOW);
+  *slope = inverse_rise_slope(h);
   return sign * h - INVERSE_AT_REST;
 }
 
@@ -160,11 +187,8 @@ static real inverse_beside(const inverse_state *s, real z, real *slope) {
   return INVERSE_PROMPT * inverse_behind(s, z) + INVERSE_PATH * change;
 }
 
-static void inverse_advance(inverse_state *s, real drive) {
-  real seen;
+static void inverse_see(inverse_state *s, real seen) {
   int start;
-  s->raw = inverse_clamp(drive, s->raw);
-  seen = inverse_lagging(s, s->raw);
   inverse_locate(s, seen);
   if (s->rising) {
     start = s->count[INVERSE_BOTTOM] - 1;
@@ -176,6 +200,13 @@ static void inverse_advance(inverse_state *s, real drive) {
              inverse_surface(s->level[INVERSE_TOP][start], seen).move;
   }
   inverse_commit(s, seen);
+}
+
+static void inverse_advance(inverse_state *s, real drive) {
+  real seen;
+  s->raw = inverse_clamp(drive, s->raw);
+  seen = inverse_lagging(s, s->raw);
+  inverse_see(s, seen);
   inverse_advance_path(s, seen);
 }
 
@@ -248,11 +279,13 @@ static real inverse_lagging_for(const inverse_state *s, real position) {
 }
 
 void inverse_reset(inverse_state *s) {
+  int i;
   inverse_relax(s);
   s->value[INVERSE_TOP][0][0] = inverse_surface(R(1), R(0)).move;
+  for (i = 0; i < INVERSE_TURNS; i++) inverse_see(s, inverse_start[i]);
   s->pinned = INVERSE_START_PINNED;
   s->change = INVERSE_START_CHANGE;
-  s->next = INVERSE_START;
+  s->raw = s->next = INVERSE_START_NEXT;
 }
 
 real inverse_drive_v(inverse_state *s, real position_um) {

@@ -4,7 +4,9 @@
 function s = relaxed(c)
 s = new_memory(c);
 s.value(1, 1, :) = 1;
-s = commit(c, locate(c, s, c.start), c.start);
+for input = c.start
+  s = commit(c, locate(c, s, input), input);
+end
 end
 
 function [drive_v, s] = step(c, s, position_um)

@@ -5,10 +5,13 @@ function s = relaxed(c)
 s = new_memory(c);
 s.value(1, 1, 1) = surface(c, 1, 0);
 s.now = 0;
-s.raw = 0;
+for seen = c.start
+  s = see(c, s, seen);
+end
 s.pinned = c.start_pinned;
 s.change = c.start_change;
-s.next = c.start;
+s.raw = c.start_next;
+s.next = c.start_next;
 end
 
 function [drive_v, s] = step(c, s, position_um)
@@ -33,6 +36,14 @@ end
 function s = advance(c, s, drive)
 s.raw = clamped(drive, s.raw);
 seen = lagging(c, s, s.raw);
+s = see(c, s, seen);
+if c.fast ~= 0
+  s.change = path(c, s, seen);
+  s.pinned = min(max(s.pinned, seen - 1e-4), seen + 1e-4);
+end
+end
+
+function s = see(c, s, seen)
 s = locate(c, s, seen);
 if s.rising
   s.now = s.value(2, s.count(2), 1) + surface(c, seen, s.level(2, s.count(2)));
@@ -40,10 +51,6 @@ else
   s.now = s.value(1, s.count(1), 1) - surface(c, s.level(1, s.count(1)), seen);
 end
 s = commit(c, s, seen);
-if c.fast ~= 0
-  s.change = path(c, s, seen);
-  s.pinned = min(max(s.pinned, seen - 1e-4), seen + 1e-4);
-end
 end
 
 function [move, rising, falling] = surface(c, upper, lower)
@@ -108,14 +115,33 @@ end
 direction = 2 * (move > 0) - 1;
 h = risen(c, direction * (s.change + c.at_rest), abs(move) - 1e-4);
 change = direction * h - c.at_rest;
-if h >= 0
-  slope = 1 - h * c.fast;
-else
-  slope = 1 - h * c.slow;
+slope = rise_slope(c, h);
 end
+
+function slope = rise_slope(c, h)
+relaxed = h * c.fast;
+if h < 0
+  relaxed = h * c.slow;
+end
+if c.exponent ~= 1
+  relaxed = relaxed * (c.fast * abs(h)) ^ (c.exponent - 1);
+end
+slope = 1 - relaxed;
 end
 
 function h = risen(c, h, rise)
+if c.exponent ~= 1                                % by the method of Runge and Kutta
+  steps = floor(rise * 8 * max(c.fast, c.slow)) + 1;
+  part = rise / steps;
+  for i = 1:steps
+    k1 = rise_slope(c, h);
+    k2 = rise_slope(c, h + 0.5 * part * k1);
+    k3 = rise_slope(c, h + 0.5 * part * k2);
+    k4 = rise_slope(c, h + part * k3);
+    h = h + part * (k1 + 2 * k2 + 2 * k3 + k4) / 6;
+  end
+  return
+end
 if h < 0
   to_zero = log1p(-h * c.slow) / c.slow;
   if rise <= to_zero
