@@ -20,7 +20,7 @@ from piezod.control.stage.zeroing import ZERO_OVER_S
 from piezod.control.table_guard import TableGuard
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, Identity, KnowsTruth
-from piezod.devices.played_axis import AxisTable, PlayedAxis, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
@@ -180,7 +180,7 @@ class VirtualStage:
         """Return the read-back voltage of an axis, in V."""
         return self._channels.read_back(self.now_ns)[self._names.index(axis)]
 
-    def play(self, axis: str, table: AxisTable, guard: TableGuard) -> PlayedRecord:
+    def play(self, axis: str, table: AxisTable, guard: TableGuard) -> AxisPlayRecord:
         """Play a table on one axis, while the others hold their voltages; return its record.
 
         Raises:
