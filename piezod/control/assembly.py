@@ -97,6 +97,8 @@ def make_stage(
 
     def rebuild(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
         axis = config.axes[name]
+        if misfit := next(axis.misfits(model.span), ""):
+            raise ModelError(f"axis {name}: the model {misfit}")
         zeroed = _zeroed(name, axis, from_model_file(model))
         return _build_axis(config, name, zeroed, in_force_v, capabilities.lag_ns)
 

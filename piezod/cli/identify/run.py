@@ -135,7 +135,7 @@ def record_and_fit(
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
     fitted = fit(recorded.file, recorded.run_in_s, recorded.takes_surface)
     fitted = replace(fitted, warnings=(*fitted.warnings, *recorded.warnings))
-    return fitted.with_configured_mode(recorded.first_mode), recorded.axis
+    return fitted.of_axis(recorded.config), recorded.axis
 
 
 def _write(fitted: FileFit, out: Path | None, now: datetime, job: FitJob) -> Path | None:

@@ -19,6 +19,7 @@ from piezod.control.law.output import TimeFunction
 from piezod.control.reference.programs import conditioning
 from piezod.errors import DataError
 from piezod.experiment.fit.errors import judge
+from piezod.experiment.fit.examination import examined
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.fit_numbers import numbers_of_file, numbers_of_fit
 from piezod.experiment.fit.method import Method, Spacing
@@ -141,7 +142,10 @@ def _from_record(
     compensator = axis.compensator
     with prefix_errors(name):
         # The fit counts samples after the run-in only.
-        record = record.after(settings.run_in_s)
+        found = examined(
+            record.after(settings.run_in_s), _known_delay_s(axis, record.period_s) or 0.0
+        )
+        record = found.record
         fit = fit_model(
             record,
             FitSettings(
@@ -156,7 +160,7 @@ def _from_record(
         )
         model = fit.model.zeroed_at(axis.limits.rest_v)
         judged = judge(fit, record, None)
-        doubts = [*quality_warnings(judged, record, None)]
+        doubts = [*found.notes, *quality_warnings(judged, record, None)]
         if fit.model.mode and (half := uncertainty_of(fit, judged.validation).mode):
             doubts += mode_warnings(fit.model.mode, half, axis.first_mode)
         if trimmed:

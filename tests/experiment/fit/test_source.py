@@ -103,27 +103,6 @@ def test_short_gaps_of_a_csv_file_are_filled(tmp_path: Path) -> None:
     assert source.record.drive_v == pytest.approx(whole.drive_v, abs=0.4)
 
 
-@pytest.mark.parametrize(
-    ("changes", "doubt"),
-    [
-        ({"t_s": 1000.0}, "t_s advances by 10 s from sample to sample, 2.499e+04 s in all: is it"),
-        ({"drive_v": 1000.0}, "is it in mV?"),
-        ({"position_um": 1000.0}, "is it in nm?"),
-        ({"position_um": 0.001}, "is it in mm?"),
-    ],
-)
-def test_units_are_guessed(tmp_path: Path, changes: dict[str, float], doubt: str) -> None:
-    """A column that is probably in another unit gives a question; usual columns give none."""
-    record = record_of()
-    write_record(tmp_path / "right.csv", record)
-    other = {name: getattr(record, name) * factor for name, factor in changes.items()}
-    write_record(tmp_path / "wrong.csv", replace(record, **other))
-
-    assert read_source(tmp_path / "right.csv", 0.0).notes == ()
-    (note,) = read_source(tmp_path / "wrong.csv", 0.0).notes
-    assert doubt in note
-
-
 def noisy(relation: float) -> Record:
     """Return a record whose displacement is noise with this share of the drive."""
     whole = record_of(duration_s=10.0)
