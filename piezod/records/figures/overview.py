@@ -60,6 +60,7 @@ MODE_MARKS: Final = {
     "feedforward": Mark("s", BLUE),
     "adaptive": Mark("D", GREEN),
     "trimmed": Mark("^", VERMILLION),
+    "closed": Mark("p", BLACK),
 }
 """Modes differ in shape as well as in colour, and look the same in every figure."""
 _OTHER_MARKS: Final = (
