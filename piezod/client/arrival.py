@@ -30,6 +30,8 @@ _REMEDIES: Final[dict[str, str]] = {
     Mode.FEEDFORWARD: "the model errs by that much, or there is none, or the stage has drifted: "
     "choose mode trimmed or adaptive, or identify again",
     Mode.ADAPTIVE: "the learned model errs by that much: choose mode trimmed, or move more before",
+    Mode.CLOSED: "the feedback has reached its authority, or the drive its limit: identify again, "
+    "and see `piezod status`",
     Mode.TRIMMED: "the trim has not got there yet, or has reached its authority, or the drive its "
     "limit: allow more time, and see `piezod status`",
 }

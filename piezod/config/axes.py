@@ -27,7 +27,7 @@ from piezod.config.model_file import FILE_DELAY_S, load_model
 from piezod.config.plausible import Sheet, Span, misfits_of_axis, misfits_of_model
 from piezod.config.quantities import DriveV, PositionUm
 from piezod.config.response_file import LoadedResponse
-from piezod.config.trim import TrimConfig
+from piezod.config.trim import ClosedConfig, TrimConfig
 from piezod.errors import ConfigError
 
 
@@ -175,6 +175,7 @@ class AxisConfig(ConfigModel):
         default=CompensatorConfig(), description="Inverse model."
     )
     trim: TrimConfig = Field(default=TrimConfig(), description="Trim of mode `trimmed`.")
+    closed: ClosedConfig = Field(default=ClosedConfig(), description="Feedback of mode `closed`.")
     model: ExistingFile | None = Field(
         default=None, description="Model file; replaces the identification."
     )

@@ -62,8 +62,8 @@ class Disarm(ConfigModel):
 class SelectMode(ConfigModel):
     """Select the mode: how piezod computes the drive voltage.
 
-    The modes are `uncompensated`, `feedforward`, `adaptive` and `trimmed`. In READY this starts
-    RUN.
+    The modes are `uncompensated`, `feedforward`, `adaptive`, `trimmed` and `closed`. In READY
+    this starts RUN.
     """
 
     kind: Literal["mode"] = "mode"

@@ -86,7 +86,7 @@ def test_change_of_mode_in_run_does_not_jump(stage: RigStage) -> None:
     running(stage).do(rq.Goto(position_um=12.5))
     stage.run(1.0)
     records = []
-    for mode in (Mode.ADAPTIVE, Mode.UNCOMPENSATED, Mode.TRIMMED, Mode.FEEDFORWARD):
+    for mode in (Mode.ADAPTIVE, Mode.UNCOMPENSATED, Mode.CLOSED, Mode.TRIMMED, Mode.FEEDFORWARD):
         stage.do(rq.SelectMode(mode=mode))
         records += stage.run(0.5)
 

@@ -61,7 +61,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
     period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
-    check_gains(config.axes, period_s, trimmed=trimmed)
+    check_gains(config.axes, period_s, config.modes)
     from_file = {
         name: _from_file(name, axis, axis.model, stage.period_ns)
         for name, axis in config.axes.items()
@@ -81,7 +81,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
     }
     for name, one in identified.items():
         properties = LoopProperties(one.model.form, one.model.delay_s, period_s)
-        check_axis_gains(name, one.config, properties, trimmed=trimmed)
+        check_axis_gains(name, one.config, properties, config.modes)
     return identified
 
 

@@ -106,6 +106,7 @@ class VirtualStage:
         axes: Sequence[CycleAxis],
         duration_s: float,
         before: Callable[[int], None] | None = None,
+        after: Callable[[CycleRecord], None] | None = None,
     ) -> FloatArray:
         """Run cycles for a duration; return the trace, shape (axes, cycles, COLUMNS).
 
@@ -113,6 +114,7 @@ class VirtualStage:
             axes: Axis objects, in the order of the configuration.
             duration_s: Duration, in s.
             before: Called before each cycle with its number.
+            after: Called after each cycle with its record.
 
         Raises:
             DeviceError: If the amplifier refuses a voltage.
@@ -128,6 +130,8 @@ class VirtualStage:
                 before(k)
             record = run_cycle(parts, self.now_ns)
             self._store(record, trace[:, k])
+            if after is not None:
+                after(record)
             # The truth at the instant of the cycle, before the new voltage acts.
             trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
             self.now_ns += self.period_ns

@@ -9,7 +9,7 @@ import pytest
 from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.config.gate_reasons import GateReason
-from piezod.config.modes import Mode
+from piezod.config.modes import CORRECTED, Mode
 from piezod.config.waveforms.shapes import Sine
 from piezod.control.controller import Learned
 from piezod.control.faults.cases import DOUBTING
@@ -164,9 +164,10 @@ def test_lie_that_is_not_found_teaches_no_more_than_the_bound(model: str, lie: s
     assert abs(stage.feedforward_um(12.0) - 12.0) < BOUND * RANGE_UM
 
 
-def test_what_is_learned_in_mode_trimmed_is_bounded_too() -> None:
-    """It does not act on the drive, and it can be saved."""
-    stage = LyingStage(quick_config(), Mode.TRIMMED)
+@pytest.mark.parametrize("mode", CORRECTED)
+def test_what_is_learned_below_a_feedback_is_bounded_too(mode: Mode) -> None:
+    """It can be saved, and acts on the drive in feedforward afterwards."""
+    stage = LyingStage(quick_config(), mode)
     stage.lie(NEAR["0.9 times"])
     moved = [stage.moved for _ in range(15) if stage.run(1.0)]
     stage.lie(None)
