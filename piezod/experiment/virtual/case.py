@@ -54,7 +54,7 @@ def run_case(
         _check_range(case, name, reference, identified[name].model)
     # The creep during the rest is part of the state at the start.
     rests = stage.rest(config.settle_s)
-    rested_um = [trace[:, POSITION_UM] for trace in rests]
+    rested_um = rests[:, :, POSITION_UM]
     for axis, trace in zip(identified.values(), rests, strict=True):
         axis.creeping.watch(trace[:, POSITION_UM])
         axis.creeping.follow(trace[:, IN_FORCE_V])
