@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test compiled test test-compiled test-all test-lowest coverage stress faults mutants chaos liars soak vm peers epics \
+.PHONY: help demo docs docs-test compiled test test-compiled test-all test-lowest coverage stress faults export-code mutants chaos liars soak vm peers epics \
 	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel release bench bench-peers figures lock clean
 
 help: ## show this list
@@ -50,6 +50,9 @@ stress: $(STAMP) ## run the tests that take longer
 
 faults: $(STAMP) ## run the proofs of all faults, and compare their times with the promises
 	$(BIN)/python -m tests.faults $(WORKERS)
+
+export-code: $(STAMP) ## compile exported code with each compiler here, run it, and compare a million steps (minutes)
+	$(BIN)/python -m pytest -rs -m "stress or not stress" --timeout 1800 tests/inverse/test_exported_code.py
 
 chaos: $(STAMP) ## kill, starve and flood the processes of a stage (some minutes)
 	$(BIN)/python -m pytest -rs -m chaos --timeout 600 tests/chaos tests/liars

@@ -99,6 +99,13 @@ def model(folder: Path) -> None:
     (folder / "other.yaml").write_text(text, encoding="utf-8")
 
 
+def trajectory(folder: Path) -> None:
+    """Write positions over time."""
+    t_s = np.arange(400) / RATE_HZ
+    columns = {"t_s": t_s, "position_um": 12.0 - 8.0 * np.cos(6.0 * t_s)}
+    write_csv(folder / "scan.csv", columns)
+
+
 def wave(folder: Path) -> None:
     """Write the waveform of the page about players."""
     text = "command_um: {kind: sine, low: 8, high: 16, frequency_hz: 50}\n"
@@ -147,5 +154,6 @@ SETTINGS: Final[Mapping[str, Setting]] = {
         | {"# evaluates": "piezod response --from m.h5  # evaluates"},
     ),
     "docs/troubleshooting.md": Setting(before=RUN),
+    "docs/voltages.md": Setting(files=(recording, trajectory)),
 }
 """Pages with other needs than none."""

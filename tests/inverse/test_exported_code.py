@@ -104,7 +104,7 @@ def test_self_test_finds_a_wrong_number(name: str, tmp_path: Path) -> None:
     require("gcc")
     file = code_of(loaded(MODELS[name]()), tmp_path)
     text = file.read_text(encoding="utf-8")
-    array = f"{'factor[20]' if 'stops' in name else 'coefficient[24]'} = {{\n    R("
+    array = f"{'factor[20]' if 'factor[20]' in text else 'coefficient[24]'} = {{\n    R("
     file.write_text(text.replace(array, f"{array}1e-6 + "), encoding="utf-8")
     run("gcc", "-DSELF_TEST", "-o", "test", file, cwd=tmp_path)
 
@@ -211,6 +211,6 @@ def test_part_that_code_does_not_have_is_refused_by_name() -> None:
 
     path = changed("path").surface_path
     assert path is not None
-    model.file = changed("path", surface_path=_LaterPath(**path.model_dump()))
+    model.file = changed("path", surface_path=_LaterPath(**path.model_dump(), memory=2.0))
     with pytest.raises(ModelError, match=r"surface_path\.memory"):
         exported_code(model, "matlab", Path("name.m"))
