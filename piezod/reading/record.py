@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from piezod.reading.checks import (
     MAX_STEP_PERIODS,
@@ -136,7 +137,7 @@ def _times_s(clock: Clock, columns: dict[str, FloatArray]) -> FloatArray:
 
 def _without_empty(
     columns: dict[str, FloatArray],
-) -> tuple[dict[str, FloatArray], np.ndarray[tuple[int], np.dtype[np.intp]]]:
+) -> tuple[dict[str, FloatArray], NDArray[np.intp]]:
     """Return the rows without an empty cell, and their numbers."""
     full = ~np.any([np.isnan(values) for values in columns.values()], axis=0)
     kept = np.flatnonzero(full)
@@ -145,7 +146,7 @@ def _without_empty(
     return columns, kept
 
 
-def _place(table: Table, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Place:
+def _place(table: Table, kept: NDArray[np.intp]) -> Place:
     return lambda index: table.place(int(kept[index]))
 
 
