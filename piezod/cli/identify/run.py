@@ -36,6 +36,7 @@ class FitJob(NamedTuple):
     delay_s: float | None  #: The delay, in s; None if it is to be estimated.
     settings: FitSettings | Wanted  #: Settings of the fit, or those that are fixed and not chosen.
     axis: str | None = None  #: Axis of a recording; None for the only one.
+    verbose: bool = False  #: Whether the details are printed, too.
 
     def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> FileFit:
         """Return the fit to a data file.
@@ -68,7 +69,7 @@ def fit_file(data: Path, job: FitJob, out: Path | None, *, json: bool) -> None:
     if json:
         print_json(as_document(fitted, out, figure))
     else:
-        print_fit(new_console(), fitted, out, figure)
+        print_fit(new_console(), fitted, out, figure, verbose=job.verbose)
 
 
 def fit_live(
@@ -97,7 +98,8 @@ def fit_live(
     now = datetime.now(UTC)
     figure = _write(fitted, out, now)
     if not json:
-        print_fit(new_console(), fitted, out, figure)  # before the adoption, which may be refused
+        # Before the adoption, which may be refused.
+        print_fit(new_console(), fitted, out, figure, verbose=job.verbose)
     if adopt:
         model = to_model_file(fitted.chosen.fit, fitted.data, fitted.chosen.train, now)
         adopt_live(client, driven, model)
