@@ -1,4 +1,4 @@
-"""Tests of whether a model fits its axis: ranges and gains, against limits, commands, data sheet."""
+"""Tests of whether a model fits the limits, the commands and the data sheet of its axis."""
 
 import re
 from pathlib import Path

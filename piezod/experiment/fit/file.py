@@ -183,7 +183,8 @@ def _examined(
         found = examined(source.record, known_s or 0.0)
     notes = (*source.notes, *found.notes)
     # A recording has the units of the stage that made it.
-    return Source(found.record, notes, known_s), () if is_hdf5(path) else found.questions
+    told = source._replace(record=found.record, notes=notes, delay_s=known_s)
+    return told, () if is_hdf5(path) else found.questions
 
 
 def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:
