@@ -52,7 +52,7 @@ def misfits_of_model(
         sheet: Data sheet of the stage; None if it is not known.
     """
     low_v, high_v = limits_v
-    width_v, holds = model.high_v - model.low_v, f"{model.low_v:g} to {model.high_v:g} V"
+    width_v, holds = model.high_v - model.low_v, f"{model.low_v:.4g} to {model.high_v:.4g} V"
     slack_v = BEYOND_LIMITS * (high_v - low_v)
     if model.low_v < low_v - slack_v or model.high_v > high_v + slack_v:
         yield (

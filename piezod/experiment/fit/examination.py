@@ -157,7 +157,7 @@ def _mended(record: Record, bad: Sequence[Bad]) -> tuple[Record, tuple[str, ...]
         for each in filled:
             good[each.first : each.last + 1] = False
         position_um = np.interp(record.t_s, record.t_s[good], position_um[good])
-        notes.append(_told(filled, record, "replaced by straight lines"))
+        notes.append(f"{_told(filled, record)}. They were replaced by straight lines.")
     mended = replace(record, position_um=position_um)
     if not cuts:
         return mended, tuple(notes)
@@ -186,7 +186,7 @@ def _check_sensor(record: Record, bad: Sequence[Bad]) -> None:
     share = sum(map(_count, outliers)) / record.t_s.size
     if share > MAX_MISSING_SHARE:
         raise DataError(
-            f"{_told(outliers, record, 'found')[:-1]}: {100.0 * share:.2g} % of the samples, "
+            f"{_told(outliers, record)}: {100.0 * share:.2g} % of the samples, "
             f"allowed are {100.0 * MAX_MISSING_SHARE:g} %; mend the sensor or its cable, "
             "and record again"
         )
@@ -202,7 +202,7 @@ def _longest_part(record: Record, cuts: Sequence[Bad]) -> tuple[Record, str]:
     ends = [*(each.first for each in cuts), record.t_s.size]
     begin, end = max(zip(begins, ends, strict=True), key=lambda part: part[1] - part[0])
     share = (end - begin) / record.t_s.size
-    found = _told(cuts, record, "found")[:-1]
+    found = _told(cuts, record)
     if share < LEAST_PART:
         raise DataError(
             f"{found}: the longest part without one is {100.0 * share:.2g} % of the record, "
@@ -221,28 +221,25 @@ def _longest_part(record: Record, cuts: Sequence[Bad]) -> tuple[Record, str]:
 
 
 _NAMES: Final = {
-    Kind.OUTLIER: ("outlier", "the largest by {:.3g} µm"),
-    Kind.JUMP: (
-        "jump of position_um that the drive does not explain, as of an interferometer that loses a "
-        "fringe",
-        "the largest by {:.3g} µm",
-    ),
-    Kind.STUCK: ("stuck value of position_um", "the drive moves by up to {:.3g} V meanwhile"),
+    Kind.OUTLIER: "outlier of position_um, by up to {:.3g} µm",
+    Kind.JUMP: "jump of position_um without the drive, by up to {:.3g} µm, as of an interferometer "
+    "that loses a fringe",
+    Kind.STUCK: "stuck value of position_um, while the drive moves by up to {:.3g} V",
 }
 
 
-def _told(bad: Sequence[Bad], record: Record, what: str) -> str:
-    """Return what was found, where, and what became of it, in a sentence."""
+def _told(bad: Sequence[Bad], record: Record) -> str:
+    """Return what was found, and where."""
     kinds = []
-    for kind, (name, size) in _NAMES.items():
+    for kind, name in _NAMES.items():
         ours = [each for each in bad if each.kind is kind]
         if not ours:
             continue
         places = ", ".join(_place(each, record) for each in ours[:_MOST_TOLD])
         more = f" and {len(ours) - _MOST_TOLD} more" if len(ours) > _MOST_TOLD else ""
-        largest = size.format(max(abs(each.size) for each in ours))
-        kinds.append(f"{len(ours)} × {name} {what}, {largest}: {places}{more}")
-    return f"{'; '.join(kinds)}."
+        largest = max(abs(each.size) for each in ours)
+        kinds.append(f"{len(ours)} × {name.format(largest)}: {places}{more}")
+    return "; ".join(kinds)
 
 
 def _place(bad: Bad, record: Record) -> str:

@@ -193,8 +193,8 @@ def _examined(
         found = examined(source.record, known_s or 0.0)
     notes = (*source.notes, *found.notes)
     # A recording has the units of the stage that made it.
-    questions = () if is_recording(path) else found.questions
-    return Source(found.record, notes, known_s, source.understood), questions
+    told = source._replace(record=found.record, notes=notes, delay_s=known_s)
+    return told, () if is_recording(path) else found.questions
 
 
 def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:

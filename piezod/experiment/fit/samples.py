@@ -166,4 +166,5 @@ def _excess(x: FloatArray, v: FloatArray, period_s: float) -> tuple[FloatArray, 
 
 def _unusual(changes: FloatArray) -> FloatArray:
     """Return changes without the median of their neighbours."""
-    return changes - median_filter(changes, NEIGHBOURS, mode="nearest")
+    unusual: FloatArray = changes - median_filter(changes, NEIGHBOURS, mode="nearest")
+    return unusual

@@ -7,6 +7,7 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.fit.delay import has_one_frequency
+from piezod.experiment.fit.even import periods_between
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.recorded import (
     MAX_FILLED,
@@ -97,8 +98,7 @@ def columns_of_table(
     read = read_record(path, choices, max_step_periods=longest, command=command)
     columns, understood = read.columns, read.understood
     t_s = columns["t_s"]
-    steps_s = np.diff(t_s)
-    periods = np.maximum(np.rint(steps_s / np.median(steps_s)), 1.0).astype(int)
+    periods = periods_between(t_s)
     missing = int(np.sum(periods - 1))
     if not missing:
         return columns, (), understood
@@ -112,4 +112,4 @@ def columns_of_table(
     places = np.concatenate(([0], np.cumsum(periods)))
     even_s = np.interp(np.arange(places[-1] + 1), places, t_s)
     filled = {name: np.interp(even_s, t_s, column) for name, column in columns.items()}
-    return filled, told_missing(missing, even_s.size), understood
+    return filled, told_missing(missing, even_s.size, "t_s has gaps"), understood

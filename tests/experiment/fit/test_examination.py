@@ -82,6 +82,15 @@ def test_inverted_sensor_is_refused(record: Record) -> None:
         examined(replace(record, position_um=-record.position_um))
 
 
+def test_sensor_of_another_stage_is_refused() -> None:
+    """It does not follow the drive, in neither direction."""
+    record = record_of(duration_s=5.0)
+    noise = np.random.default_rng(2).normal(size=record.t_s.size)
+
+    with pytest.raises(DataError, match="the sensor of this drive"):
+        examined(replace(record, position_um=noise - 0.01 * record.position_um))
+
+
 @settings(max_examples=25, deadline=None)
 @given(gradual, st.lists(places, min_size=1, max_size=8, unique=True), st.sampled_from((-1.0, 1.0)))
 def test_outliers_are_named_and_left_out(record: Record, rows: list[int], sign: float) -> None:
