@@ -35,7 +35,7 @@ class ClosedConfig(ConfigModel):
 
     gain_per_s: Annotated[float, Quantity(0.01, 50_000, "1/s")] | None = Field(
         default=None,
-        description="Gain of the integral, 1/s; default: 150, or the largest gain with enough "
+        description="Gain of the integral, 1/s; default: 100, or the largest gain with enough "
         "margin if that is smaller.",
     )
     proportional: Annotated[float, Quantity(0, 2)] = Field(

@@ -23,9 +23,9 @@ from piezod.errors import ModelError
 
 USUAL_GAIN_PER_S: Final = 50.0
 """Gain of a trim whose configuration gives none: errors decay within 20 ms."""
-USUAL_CLOSED_GAIN_PER_S: Final = 150.0
+USUAL_CLOSED_GAIN_PER_S: Final = 100.0
 """Gain of mode `closed` whose configuration gives none. On simulated stages of other classes the
-worst error is least from 100 to 200 1/s: more passes more noise of the sensor on, less leaves more
+worst error is least near 100 1/s: more passes more noise of the sensor on, less leaves more
 error of the model. A proportional gain passes on most."""
 _GAIN_AT_MODE: Final = 1.0 / LEAST_GAIN_MARGIN
 """Largest gain of the loop at a sharp mode that nobody knows."""
