@@ -171,6 +171,9 @@ class GradientIdentifier(OnlineIdentifier):
         """Adapt to one pair, as in `OnlineIdentifier`. Real-time safe."""
         return _step(*self._arguments, float(position), float(drive), learn)
 
+    def expect_noise(self, variance: float) -> None:
+        """Change nothing: the gain of a gradient is the one that was chosen."""
+
     def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
         _run(*self._arguments, positions, drives, errors)
 

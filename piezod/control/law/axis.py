@@ -200,7 +200,7 @@ class CompensatedAxis:
         # model.
         gate = self.identifier.gate
         credible = gate.credible and follows and not gate.skipped
-        if self.compensator.learns_in_use and follows:
+        if self.compensator.adapts and follows:
             self._prove_model(command_um)
         trim = 0.0
         if self.trim.active:
@@ -273,8 +273,13 @@ class CompensatedAxis:
         if sample is None:
             return
         command, first = self._position_um.to_unit(command_um), self.proof.first
-        errors = self._error_of(sample), self.identifier.error_of(first)
-        if self.proof.add(command, *errors, self.compensator):
+        first_error = self.identifier.error_of(first)
+        errors = self.identifier.errors
+        if errors and self.identifier.learned and self.proof.use.add(errors.learned, errors.first):
+            self.compensator.use_learned(self.proof.use.used, first)
+        if not self.compensator.learns_in_use:
+            return
+        if self.proof.add(command, self._error_of(sample), first_error, self.compensator):
             self._drop_learned()
             self.compensator.fade()
 
@@ -282,6 +287,7 @@ class CompensatedAxis:
         """Let the identifier start again from the first model."""
         self.identifier.restart(self.proof.first)
         self.proof.restart(self.proof.first)
+        self.compensator.use_learned(True, self.proof.first)
         if self.bound is not None:
             self.bound.returned()
 
