@@ -210,7 +210,7 @@ class CompensatedAxis:
         command_um = self._reference_um(t_s)
         # The error of a forced voltage, or of a write that was not applied, is no error of the
         # model.
-        if follows and compensator.learns_in_use:
+        if follows and compensator.adapts:
             self._prove_model(command_um)
         trim = 0.0
         if self.trim.active:
@@ -289,9 +289,15 @@ class CompensatedAxis:
         sample = self.identifier.compared
         if sample is None:
             return
-        command, first = (command_um - self._low_um) / self._width_um, self.proof.first
-        errors = self._error_of(sample), self.identifier.error_of(first)
-        if self.proof.add(command, *errors, self.compensator):
+        identifier, proof = self.identifier, self.proof
+        errors = identifier.errors
+        if errors and identifier.learned and proof.use.add(errors.learned, errors.first):
+            self.compensator.use_learned(proof.use.used, proof.first)
+        if not self.compensator.learns_in_use:
+            return
+        command = (command_um - self._low_um) / self._width_um
+        first_error = identifier.error_of(proof.first)
+        if proof.add(command, self._error_of(sample), first_error, self.compensator):
             self._drop_learned()
             self.compensator.fade()
 
@@ -299,6 +305,7 @@ class CompensatedAxis:
         """Let the identifier start again from the first model."""
         self.identifier.restart(self.proof.first)
         self.proof.restart(self.proof.first)
+        self.compensator.use_learned(True, self.proof.first)
         if self.bound is not None:
             self.bound.returned()
 

@@ -18,7 +18,7 @@ from piezod.control.law.dynamics import (
     known_dynamics,
 )
 from piezod.control.law.identifier import Identifier, LearningGate
-from piezod.control.law.learned_models import LearnedBound, ModelProof
+from piezod.control.law.learned_models import LearnedBound, ModelErrors, ModelProof
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import StageModel
 from piezod.control.law.output import TimeFunction
@@ -115,7 +115,8 @@ def compensated_axis(
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     pace = _pace(config, model.form, period_ns)
     modal = _modal(dynamics, period_ns, creep.quick)
-    identifier = _identifier(config, model, creep, history, period_ns, modal)
+    proof = _proof(model, period_ns)
+    identifier = _identifier(config, model, creep, history, period_ns, modal, proof.first)
     compensator = Compensator(
         model.form,
         model.weights,
@@ -139,7 +140,7 @@ def compensated_axis(
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
         feedbacks={each: _feedback(each, config, model, period_ns) for each in CORRECTED},
-        proof=_proof(model, period_ns),
+        proof=proof,
         bound=_bound(config, model, identifier.adaptation, period_ns),
         shaper=shaper_of(config, dynamics, period_s),
         modal=modal,
@@ -160,6 +161,7 @@ def _identifier(
     history: DriveHistory,
     period_ns: int,
     modal: ModalMotion | None,
+    first: LearnedModel,
 ) -> Identifier:
     pace = _pace(config, model.form, period_ns)
     adaptation = _adaptation(config, model.form, model.weights, pace)
@@ -176,6 +178,7 @@ def _identifier(
         LearningGate(period_ns, latency_ns=s_to_ns(config.compensator.sensor_delay_s)),
         creep,
         modal,
+        ModelErrors(model.form, first, adaptation, creep.memory),
     )
 
 

@@ -66,7 +66,7 @@ class Compensator:
         self._fade_cycles, self._share = fade_cycles, share
         self._has_model = bool(np.any(weights))
         self._learning = learning
-        self._following = False
+        self._following, self._uses_learned = False, True
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
         self._zeroed = creep.zeroed
@@ -119,8 +119,28 @@ class Compensator:
         self._strength_aim = 0.0 if mode is Mode.UNCOMPENSATED else 1.0
         if self._following:
             self._target.assign(proven or self)
-        self._following = mode in self._learning
+        self._following = self._uses_learned and mode in self._learning
         self.fade()
+
+    def use_learned(self, used: bool, first: LearnedModel) -> None:
+        """Follow the identifier in the modes that do, or use another model; without a jump.
+
+        Args:
+            used: Whether to follow it.
+            first: The model to use if not.
+        """
+        if used is self._uses_learned:
+            return
+        self._uses_learned = used
+        if self.mode in self._learning:
+            self._following = used
+            self._target.assign(first)
+            self.fade()
+
+    @property
+    def adapts(self) -> bool:
+        """Whether the mode is one that follows the identifier."""
+        return self.mode in self._learning
 
     def fade(self) -> None:
         """Approach the weights evenly from now on, without a jump."""
