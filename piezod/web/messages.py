@@ -11,7 +11,7 @@ from piezod.messages.documents import Document
 from piezod.messages.endpoints import LARGE_BODY, Endpoint
 from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_FOUND, PageError
-from piezod.web.job_commands import Identify, Learn, LookAtJob, Message, Replay
+from piezod.web.job_commands import Identify, Import, Learn, LookAtJob, Message, Replay
 from piezod.web.rows import RATE_HZ
 
 LONGEST: Final = LARGE_BODY + 4096
@@ -83,6 +83,7 @@ AnyMessage: TypeAlias = (
     | EmergencyStop
     | ReadRecording
     | Identify
+    | Import
     | Learn
     | Replay
     | LookAtJob
