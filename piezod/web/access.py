@@ -191,8 +191,8 @@ class Door:
 
 def is_upload(scope: Scope) -> bool:
     """Return whether a request sends a file."""
-    http = scope["type"] == "http"
-    return http and scope["method"] == "POST" and scope["path"].startswith(UPLOADS)
+    path: str = scope["path"]
+    return scope["type"] == "http" and scope["method"] == "POST" and path.startswith(UPLOADS)
 
 
 def role_of(scope: Scope) -> Role:

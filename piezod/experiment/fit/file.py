@@ -104,8 +104,7 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
     """
     given = _read(data, test, skip_s, axis, choices)
     record, test_record = given.record, given.test_record
-    if delay_s is None:
-        delay_s = given.source.delay_s
+    delay_s = given.source.delay_s if delay_s is None else delay_s
     with prefix_errors(str(data)):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s, progress)
@@ -118,6 +117,7 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
     with prefix_errors(str(data)):
         doubts = tuple(quality_warnings(chosen, record, test_record))
     parts = breakdown_of(fit, given.source.record)
+    found = (*_warnings(fit, record, test_record), *doubts, *residual_warnings(chosen, parts))
     return FileFit(
         data=data,
         test_data=test,
@@ -130,12 +130,7 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
         parts=parts,
         choice=choice,
         missing_excitation=missing_excitation(smoothed_record(record)),
-        warnings=(
-            *given.notes,
-            *_warnings(fit, record, test_record),
-            *doubts,
-            *residual_warnings(chosen, parts),
-        ),
+        warnings=(*given.notes, *found),
         understood=given.source.understood,
     )
 
