@@ -128,6 +128,7 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
     with prefix_errors(str(data)):
         doubts = tuple(quality_warnings(chosen, record, test_record))
     parts = breakdown_of(fit, given.source.record)
+    found = (*_warnings(fit, record, test_record), *doubts, *residual_warnings(chosen, parts))
     return FileFit(
         data=data,
         test_data=test,
@@ -140,12 +141,7 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
         parts=parts,
         choice=choice,
         missing_excitation=missing_excitation(smoothed_record(record)),
-        warnings=(
-            *given.notes,
-            *_warnings(fit, record, test_record),
-            *doubts,
-            *residual_warnings(chosen, parts),
-        ),
+        warnings=(*given.notes, *found),
         understood=given.source.understood,
         questions=given.questions,
     )
