@@ -129,8 +129,9 @@ release: $(STAMP) build/audit/.installed ## build and check what is released; ta
 bench: $(STAMP) ## measure what a sample, a start and a recording cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
 
-bench-peers: $(STAMP) build/bench-peers/.installed ## compare inverse models by others with ours (some minutes)
+bench-peers: $(STAMP) build/bench-peers/.installed ## compare models by others and plain controllers with ours (half an hour)
 	$(BIN)/python -m benchmarks.peers
+	$(BIN)/python -m benchmarks.peers.controllers
 
 figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 	$(BIN)/python -m docs.figures

@@ -1,16 +1,23 @@
-"""Plain controllers on the stages of the rig: no model, only the error of the sensor.
+"""Plain controllers on the stages of the rig, beside the modes of piezod.
 
-They follow the cases of the experiment beyond the paper. Delay and first mode are known to them, as
-from a measured response; the gains are the largest with a gain margin of 6 dB, a phase margin of
-45° and a distance of 0.5 from -1.
+    python -m benchmarks.peers.controllers [--csv FILE] [STAGE ...]
+
+A plain controller has no model, only the error of the sensor. All follow the cases of the
+experiment beyond the paper. Delay and first mode are known, as from a measured response; the gains
+are the largest with a gain margin of 6 dB, a phase margin of 45° and a distance of 0.5 from -1.
 """
 
+import argparse
+import csv
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import pi, sqrt
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from benchmarks.variants import MODES, worst_pct
 from piezod.config.experiment import ExperimentConfig
 from piezod.control.law.trim import NotchedTrim
 from piezod.devices.interface import Wiring
@@ -23,7 +30,7 @@ from piezod.units import NS_PER_S, s_to_ns
 from piezod_drivers.simulated.axis import make_axis
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
-from tests.experiment.beyond import experiment_of
+from tests.experiment.beyond import FOREIGN, experiment_of
 
 _ANY: Final = 1e6
 
@@ -58,9 +65,8 @@ def response_of(plant: PlantParameters, period_s: float) -> ResponseModel:
     return ResponseModel(delay_s, (Resonance(plant.stage.mode_hz, plant.stage.mode_damping),))
 
 
-def worst_of_controller(controller: Controller, variant: str, seed: int) -> float:
+def worst_of_controller(controller: Controller, config: ExperimentConfig) -> float:
     """Return the worst true tracking error of the cases, in % of the range of each."""
-    config = experiment_of(variant, seed)
     return max(_worst_of_case(controller, config, case) for case in range(len(config.cases)))
 
 
@@ -95,3 +101,30 @@ def _worst_of_case(controller: Controller, config: ExperimentConfig, number: int
         rig.write([drive_v], k * period_ns)
     counted = round(case.period_s * NS_PER_S) // period_ns
     return 100.0 * float(np.max(np.abs(errors_um[counted:])) / np.ptp(truths_um[counted:]))
+
+
+def rows(stages: Sequence[str]) -> Iterator[list[str]]:
+    """Yield the headings, and the worst true errors on each stage, specimen 1."""
+    yield ["stage", *CONTROLLERS, *MODES]
+    for stage in stages:
+        plain = [worst_of_controller(each, experiment_of(stage)) for each in CONTROLLERS.values()]
+        yield [stage, *(f"{error:.2f}" for error in (*plain, *worst_pct(stage, 1)))]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser("python -m benchmarks.peers.controllers", description=__doc__)
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the table there, too")
+    parser.add_argument("stages", nargs="*", default=["stack", *FOREIGN], metavar="STAGE")
+    arguments = parser.parse_args()
+    table = []
+    for row in rows(arguments.stages):
+        print("  ".join(f"{cell:>21}" for cell in row), flush=True)
+        table.append(row)
+    if arguments.csv:
+        with arguments.csv.open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -79,8 +79,12 @@ def _experiment(
 ) -> ExperimentConfig:
     full_v = VARIANTS[variant].parameters.stage.drive_v
     document["devices"]["rig"]["options"]["variant"] = variant
-    document["axes"]["x"]["limits"]["drive_max_v"] = full_v
-    drive_v = _scaled(identification["drive_v"], full_v / FULL_V)
+    lowest_v = VARIANTS[variant].lowest_v
+    limits = {"drive_min_v": lowest_v, "drive_max_v": full_v}
+    document["axes"]["x"]["limits"].update(limits)
+    drive_v = _scaled(identification["drive_v"], (full_v - lowest_v) / FULL_V)
+    if lowest_v:
+        drive_v = _shifted(drive_v, lowest_v)
     document["identification"] = {**identification, "drive_v": drive_v}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "experiment.yaml"
@@ -98,6 +102,18 @@ def _scaled(part: Any, factor: float) -> Any:
             for name, value in part.items()
         }
     return part
+
+
+def _shifted(part: Any, by_v: float) -> Any:
+    """Return a waveform that begins at another voltage; of a sum only one part is shifted."""
+    if part["kind"] == "sequence":
+        parts = [{**each, "waveform": _shifted(each["waveform"], by_v)} for each in part["parts"]]
+        return {**part, "parts": parts}
+    if part["kind"] == "sum":
+        first, *others = part["parts"]
+        return {**part, "parts": [_shifted(first, by_v), *others]}
+    ends = {end: part[end] + by_v for end in ("low", "high") if end in part}
+    return {**part, **ends}
 
 
 def _recorded(config: ExperimentConfig) -> Record:

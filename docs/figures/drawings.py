@@ -12,7 +12,7 @@ from docs.figures.errors import SHOWN_MODES, STOPS, Errors
 from docs.figures.runs import HOLD_S, MOVE_S, WITHOUT_CREEP
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.experiment_result import Recording
-from piezod.records.figures.overview import MODE_MARKS, Mark
+from piezod.records.figures.overview import MODE_MARKS, Dot
 from piezod.records.figures.style import (
     BLACK,
     COMMAND,
@@ -27,7 +27,7 @@ from piezod.records.figures.traces import draw_trace
 _WIDTH_IN: Final = 10.0
 _PALE: Final = 0.35
 _PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
-_STOPS: Final = Mark("o", BLACK)
+_STOPS: Final = Dot("o", BLACK)
 
 
 @house_style()

@@ -62,7 +62,16 @@ class LazyCommand(TyperCommand):
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
     ) -> Any:
         """Return the context of the loaded command, which then runs."""
-        return self.load().make_context(info_name, args, parent, **extra)
+        try:
+            return self.load().make_context(info_name, args, parent, **extra)
+        except typer.BadParameter as error:
+            from pydantic import ValidationError
+
+            from piezod.config.messages import describe
+
+            if isinstance(error.__cause__, ValidationError):
+                error.message = describe(error.__cause__.errors()[0], ())
+            raise
 
 
 def _function(verb: Verb, name: str) -> Callable[..., None]:

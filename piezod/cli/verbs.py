@@ -28,6 +28,7 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
             "experiment.experiment",
             "Run an experiment in virtual time and write a report.",
         ),
+        ("import", "identify.import_record:import_record", "Show how a record of others is read."),
         ("identify", "identify.identify", "Fit the inverse model to recorded data."),
         (
             "voltages",

@@ -20,7 +20,7 @@ WAVE_MARGIN_S: Final = 1.0
 """Longest time after the end of waveforms for the axes to settle, in s."""
 SAME_UM: Final = 1e-6
 """A command that is closer than this to its target has arrived, in µm."""
-LATE, INTERRUPTED, SUPERSEDED, LEASE_HELD = "timeout", "state", "superseded", "lease_held"
+LATE, ENDED_EARLY, SUPERSEDED, LEASE_HELD = "timeout", "state", "superseded", "lease_held"
 """Codes of the errors of a movement that was not done; the last one is also of the daemon."""
 _NO_CAUSE: Final = frozenset({Fault.D10, Fault.P6, Fault.P7, Fault.P11, Fault.P15})
 """Faults that change no state."""
@@ -30,6 +30,8 @@ _REMEDIES: Final[dict[str, str]] = {
     Mode.FEEDFORWARD: "the model errs by that much, or there is none, or the stage has drifted: "
     "choose mode trimmed or adaptive, or identify again",
     Mode.ADAPTIVE: "the learned model errs by that much: choose mode trimmed, or move more before",
+    Mode.CLOSED: "the feedback has reached its authority, or the drive its limit: identify again, "
+    "and see `piezod status`",
     Mode.TRIMMED: "the trim has not got there yet, or has reached its authority, or the drive its "
     "limit: allow more time, and see `piezod status`",
 }
@@ -137,7 +139,7 @@ class Arriving:
         if interval.state != State.RUN:
             when = "after its arrival" if axis in self._arrived else "before it reached the target"
             what = f"axis {axis}: the stage went to {interval.state}{because_of(interval)} {when}"
-            raise NotReachedError(what, "`piezod faults` shows more", INTERRUPTED)
+            raise NotReachedError(what, "`piezod faults` shows more", ENDED_EARLY)
         position_um = now.position_um.last if has_sensor else now.command_um.last
         known = position_um is not None
         if ended or (known and has_arrived(interval.state, now, has_sensor=has_sensor)):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Final, NoReturn, TypeAlias, TypeVar
 
-from piezod.client.arrival import INTERRUPTED, LATE, LEASE_HELD, SUPERSEDED
+from piezod.client.arrival import ENDED_EARLY, LATE, LEASE_HELD, SUPERSEDED
 from piezod.client.calls import Call
 from piezod.client.parallel import Outcomes, in_parallel
 from piezod.client.stage_client import StageClient
@@ -22,7 +22,7 @@ LOOK_WITHIN_S: Final = 2.0
 """Time for all stages to report the status, to give the lease, or to take a request back, in s."""
 STOP_WITHIN_S: Final = 2.0
 """Time for all stages to accept a request towards safety, in s."""
-_LEFT_ALONE: Final = (INTERRUPTED, SUPERSEDED, LEASE_HELD)
+_LEFT_ALONE: Final = (ENDED_EARLY, SUPERSEDED, LEASE_HELD)
 """Codes of the errors of a movement that has ended, or whose stage another client has now."""
 _SURE: Final = (RefusedError, NotRunningError)
 """Errors after which a stage has surely not carried out the request."""

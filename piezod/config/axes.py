@@ -23,10 +23,11 @@ from piezod.config.fields import (
 )
 from piezod.config.files import ExistingFile
 from piezod.config.first_mode import FirstModeConfig
-from piezod.config.model_file import FILE_DELAY_S, ModelFile, load_model
+from piezod.config.model_file import FILE_DELAY_S, load_model
+from piezod.config.plausible import Sheet, Span, misfits_of_axis, misfits_of_model
 from piezod.config.quantities import DriveV, PositionUm
 from piezod.config.response_file import LoadedResponse
-from piezod.config.trim import TrimConfig
+from piezod.config.trim import ClosedConfig, TrimConfig
 from piezod.errors import ConfigError
 
 
@@ -47,9 +48,6 @@ _SET_BY_MODEL: Final = {
     "creep": "creep",
     "delay_s": "delay",
 }
-
-
-_RANGE_SLACK: Final = 0.02  # fraction of the limits by which the range of a model may exceed them
 
 
 class LimitsConfig(ConfigModel):
@@ -157,6 +155,14 @@ class AxisConfig(ConfigModel):
     command_range_um: tuple[PositionUm, PositionUm] | None = Field(
         default=None, description="Lowest and highest allowed command, µm."
     )
+    expected_travel_um: Annotated[float, Quantity(1e-3, 100_000, "µm")] | None = Field(
+        default=None,
+        description="Travel of the stage by its data sheet, µm: a model far from it is refused.",
+    )
+    expected_volts: Annotated[float, Quantity(0.01, 4000, "V")] | None = Field(
+        default=None,
+        description="Range of the voltage for that travel, V; default: that of the limits.",
+    )
     response: LoadedResponse | None = Field(
         default=None, description="Response file: the linear dynamics; default: not known."
     )
@@ -169,6 +175,7 @@ class AxisConfig(ConfigModel):
         default=CompensatorConfig(), description="Inverse model."
     )
     trim: TrimConfig = Field(default=TrimConfig(), description="Trim of mode `trimmed`.")
+    closed: ClosedConfig = Field(default=ClosedConfig(), description="Feedback of mode `closed`.")
     model: ExistingFile | None = Field(
         default=None, description="Model file; replaces the identification."
     )
@@ -192,9 +199,27 @@ class AxisConfig(ConfigModel):
         mode = response.first_mode
         return FirstModeConfig(frequency_hz=mode.frequency_hz, damping=mode.damping)
 
+    def misfits(self, span: Span) -> Iterator[str]:
+        """Yield why a model, or the record of one, is not that of this axis, each with a remedy."""
+        limits_v = (self.limits.drive_min_v, self.limits.drive_max_v)
+        yield from misfits_of_model(span, limits_v, self.command_range_um, self._sheet())
+
+    def _sheet(self) -> Sheet | None:
+        """Return what the data sheet says, None if it is not given."""
+        if self.expected_travel_um is None:
+            return None
+        volts = self.expected_volts or self.limits.drive_max_v - self.limits.drive_min_v
+        return Sheet(self.expected_travel_um, volts)
+
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.model is not None:
             yield from self._broken_model(self.model)
+        if sheet := self._sheet():
+            limits_v = (self.limits.drive_min_v, self.limits.drive_max_v)
+            for what in misfits_of_axis(limits_v, self.command_range_um, sheet):
+                yield ("expected_travel_um",), what
+        elif self.expected_volts is not None:
+            yield ("expected_volts",), "needs expected_travel_um, the travel for these volts"
         if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
             yield ("command_range_um", 1), "must be above the first of the two"
         low_v, high_v = self.amplifier.calibration.physical_range()
@@ -207,20 +232,10 @@ class AxisConfig(ConfigModel):
 
     def _broken_model(self, model: Path) -> Iterator[BrokenRule]:
         try:
-            yield from self._broken_range(load_model(model))
+            yield from ((("model",), what) for what in self.misfits(load_model(model).span))
         except ConfigError as error:
             yield ("model",), str(error.problems[0])  # with file and line of the model file
         for key, own in _SET_BY_MODEL.items():
             if key in self.compensator.model_fields_set:
                 what = f"not used, the model file has its own {own}, leave it out"
                 yield ("compensator", key), what
-
-    def _broken_range(self, model: ModelFile) -> Iterator[BrokenRule]:
-        low, high = self.limits.drive_min_v, self.limits.drive_max_v
-        slack = _RANGE_SLACK * (high - low)
-        if model.drive_low_v < low - slack or model.drive_high_v > high + slack:
-            what = (
-                f"holds from {model.drive_low_v:g} to {model.drive_high_v:g} V, beyond the limits "
-                f"of the axis, {low:g} to {high:g} V; is it the model of another stage?"
-            )
-            yield ("model",), what

@@ -16,10 +16,12 @@ _WORDINGS: Final[dict[str, tuple[str, str]]] = {
     "bool_type": ("must be true or false", ""),
     "dict_type": ("must be a mapping, lines of `key: value`", ""),
     "finite_number": ("must be a finite number", ""),
+    "float_parsing": ("must be a number", ""),
     "float_type": ("must be a number", ""),
     "greater_than": ("too small", ", allowed: more than {gt}"),
     "greater_than_equal": ("too small", ", allowed: at least {ge}"),
     "int_from_float": ("must be a whole number", ""),
+    "int_parsing": ("must be a whole number", ""),
     "int_type": ("must be a whole number", ""),
     "less_than": ("too large", ", allowed: less than {lt}"),
     "less_than_equal": ("too large", ", allowed: at most {le}"),
@@ -45,6 +47,8 @@ _CHOICES: Final[dict[str, tuple[str, str]]] = {
     "literal_error": ("expected", "input"),
     "union_tag_invalid": ("expected_tags", "tag"),
 }
+_NUMBERS: Final = ("float_parsing", "float_type", "int_parsing", "int_type")
+_WITH_UNIT: Final = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\W\d_]+(/[^\W\d_]+)?\s*")
 
 
 def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
@@ -73,6 +77,8 @@ def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
         return f"unknown value (got {show(found)}), {suggest(str(found), choices, 'allowed')}"
     if kind in _WORDINGS:
         what, remedy = (part.format_map(context) for part in _WORDINGS[kind])
+        if kind in _NUMBERS and _WITH_UNIT.fullmatch(str(error["input"])):
+            what += " without its unit"
         return f"{what} (got {show(error['input'])}){remedy}"
     return f"{_plain(error['msg'])} (got {show(error['input'])})"
 

@@ -12,6 +12,7 @@ from pydantic import Field, StringConstraints
 
 from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.first_mode import FoundModeConfig
+from piezod.config.plausible import Span
 from piezod.config.quantities import DriveV, PercentOfRange, PositionUm
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
@@ -154,6 +155,12 @@ class ModelFile(ConfigModel):
             return "a surface"
         count = len(self.right_stop_thresholds)
         return f"{count} operator{'' if count == 1 else 's'} on each side"
+
+    @property
+    def span(self) -> Span:
+        """The voltages and the travel of the model."""
+        travel_um = self.position_high_um - self.position_low_um
+        return Span(self.drive_low_v, self.drive_high_v, travel_um)
 
     def with_weights(self, weights: Sequence[float]) -> Self:
         """Return the model with other weights.

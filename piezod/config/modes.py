@@ -15,7 +15,11 @@ class Mode(StrEnum):
     """The inverse model with parameters that follow the identifier at each step."""
     TRIMMED = "trimmed"
     """An inverse model plus a slow integral of the measured error."""
+    CLOSED = "closed"
+    """The adaptive inverse model plus a fast feedback of the measured error."""
 
 
-SENSED: Final = frozenset({Mode.ADAPTIVE, Mode.TRIMMED})
+SENSED: Final = frozenset({Mode.ADAPTIVE, Mode.TRIMMED, Mode.CLOSED})
 """Modes that need the sensor."""
+CORRECTED: Final = (Mode.TRIMMED, Mode.CLOSED)
+"""Modes in which a feedback of the measured error is added to the command."""

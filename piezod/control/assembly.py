@@ -37,14 +37,14 @@ from piezod.units import NS_PER_S, s_to_ns
 def check_stage(config: DaemonConfig) -> None:
     """Refuse gains that are not safe, before any device is opened.
 
-    A trim that is not in use does not stop a stage: the stage reports it, and refuses its mode.
+    A feedback that is not in use does not stop a stage, which refuses its mode.
 
     Raises:
         ConfigError: If a model file cannot be used.
         DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
-    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
+    check_gains(config.axes, 1.0 / config.rate_hz, (config.mode,))
     for name, axis in config.axes.items():
         model = _model_of(name, axis)
         with prefix_errors(name):
@@ -97,6 +97,8 @@ def make_stage(
 
     def rebuild(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
         axis = config.axes[name]
+        if misfit := next(axis.misfits(model.span), ""):
+            raise ModelError(f"axis {name}: the model {misfit}")
         zeroed = _zeroed(name, axis, from_model_file(model))
         return _build_axis(config, name, zeroed, in_force_v, capabilities.lag_ns)
 
@@ -171,8 +173,8 @@ def _build_axis(
     law = compensated_axis(
         axis, law_model, creep, mode, lambda _t_s: law_model.position_um.low, start
     )
-    if mode is Mode.TRIMMED and law.trim.refusal:
-        raise ModelError(f"axis {name}: {law.trim.refusal}")
+    if refusal := law.refusal(mode):
+        raise ModelError(f"axis {name}: {refusal}")
     delay_ns = max(s_to_ns(law_model.delay_s), 0)
     index = list(config.axes).index(name)
     adaptation = law.identifier.adaptation

@@ -114,6 +114,7 @@ def _warm_forms() -> None:
             identifier.step(level, level)
         identifier.predict(weights, 0.0, 0.0)
         form.smallest_slope(weights)
+        form.past(weights).follow(levels)
         form.widest_loop(weights, levels)
         form.position_range(weights, levels)
         form.loop(levels).of(identifier)

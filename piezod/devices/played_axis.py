@@ -44,7 +44,7 @@ class AxisTable(NamedTuple):
         return (self.lead_in_v.size + self.period_v.size * self.cycles) * self.interval_ns
 
 
-class PlayedRecord(NamedTuple):
+class AxisPlayRecord(NamedTuple):
     """Record of one axis during a play."""
 
     interval_ns: int  #: Time between two samples, in ns.
@@ -163,7 +163,7 @@ class PlayedAxis:
         """Stop a play; return the voltage in force, in V, NaN if it is unknown. Never raises."""
         return self._to_v.voltage(self._device.abort(now_ns)[self._output])
 
-    def recording(self, check: Check = go_on) -> PlayedRecord:
+    def recording(self, check: Check = go_on) -> AxisPlayRecord:
         """Return the record of the play that has ended.
 
         Raises:
@@ -174,7 +174,7 @@ class PlayedAxis:
         if isinstance(self._device, KnowsTruePlay):
             true_um = self._device.true_recording()[:, self._place]
         position_um = self._displacements(record.positions)
-        return PlayedRecord(record.interval_ns, position_um, true_um, record.first_point)
+        return AxisPlayRecord(record.interval_ns, position_um, true_um, record.first_point)
 
     def _columns(self, drive_v: FloatArray, others: Sequence[float]) -> FloatArray:
         columns = np.tile(np.array(others, dtype=np.float64), (drive_v.size, 1))

@@ -113,8 +113,12 @@ def _margins(law: TrimLaw, period_s: float, stages: _Stages) -> TrimMargins:
     )
 
 
-def refuse_unstable(law: TrimLaw, period_s: float, stage: ResponseModel) -> TrimMargins:
-    """Return the margins of a trim if all are large enough; arguments as for `margins_of`.
+def refuse_unstable(
+    law: TrimLaw, period_s: float, stage: ResponseModel, name: str = "trim"
+) -> TrimMargins:
+    """Return the margins of a feedback if all are large enough; arguments as for `margins_of`.
+
+    The name of the feedback is for the text.
 
     Raises:
         ModelError: If a margin is too small; the text names it and the largest gains allowed.
@@ -124,7 +128,7 @@ def refuse_unstable(law: TrimLaw, period_s: float, stage: ResponseModel) -> Trim
     if too_small:
         allowed = rounded_down(margins.largest)
         raise ModelError(
-            f"a trim gain of {gains_text(law)} is not safe: {'; '.join(too_small)} "
+            f"a {name} gain of {gains_text(law)} is not safe: {'; '.join(too_small)} "
             f"({_stage_text(period_s, stage)}); use at most {gains_text(allowed)}"
         )
     return margins
@@ -136,6 +140,7 @@ def within_margins(law: TrimLaw, period_s: float, stage: ResponseModel) -> TrimL
     return law if law.gain_per_s <= largest.gain_per_s else rounded_down(largest)
 
 
+@lru_cache(maxsize=8)  # an axis is built again for each run of an experiment
 def propose(period_s: float, stage: ResponseModel, notches: tuple[Resonance, ...] = ()) -> TrimLaw:
     """Return the trim with the largest gain of its integral that has all required margins.
 

@@ -1,6 +1,6 @@
 """Checks whether a file of any kind can be used."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -9,7 +9,7 @@ from piezod.config.axes import AxisConfig
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.model_file import ModelFile, load_model
-from piezod.config.modes import Mode
+from piezod.config.modes import CORRECTED, Mode
 from piezod.config.response_file import ResponseFile, load_response
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.assembly import check_stage, stage_warnings
@@ -18,7 +18,7 @@ from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import unidentified_form, with_found_mode
 from piezod.control.law.model_files import read_model
 from piezod.control.law.pace import slowest_unknown_mode_hz
-from piezod.control.law.trim_gains import margins_text
+from piezod.control.law.trim_gains import margins_text, slowest_untold_mode_hz
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
 from piezod.experiment.warnings import rate_warnings
@@ -107,7 +107,7 @@ def _kind(path: Path) -> FileKind:
 def _describe_experiment(path: Path) -> _Description:
     config = load_experiment(path, registry)
     try:
-        check_gains(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
+        check_gains(config.axes, 1.0 / config.rate_hz, config.modes)
     except ModelError as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     axes = _count(len(config.axes), "axis", "axes")
@@ -118,7 +118,11 @@ def _describe_experiment(path: Path) -> _Description:
     contents = f"an experiment: {cases} in {modes} on {axes}"
     return _Description(
         contents,
-        tuple(rate_warnings(config, config.rate_hz)),
+        (
+            *rate_warnings(config, config.rate_hz),
+            # An identification may find the mode for learning; a trim is checked before.
+            *_unknown_modes(config.axes, config.rate_hz, {*config.modes} & {Mode.TRIMMED}),
+        ),
         _margins(config.axes, config.rate_hz),
     )
 
@@ -138,7 +142,7 @@ def _describe_stage(path: Path) -> _Description:
         *stage_warnings(config),
         *_without_model(config.axes),
         *_of_unknown_rate(config.axes),
-        *_unknown_modes(config.axes, config.rate_hz),
+        *_unknown_modes(config.axes, config.rate_hz, tuple(Mode)),
     )
     return _Description(contents, warnings, _margins(config.axes, config.rate_hz), tuple(named))
 
@@ -174,30 +178,40 @@ def _of_unknown_rate(axes: Mapping[str, AxisConfig]) -> Iterator[str]:
             )
 
 
-def _unknown_modes(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:
-    """Return a warning for each axis that may learn, and whose first mode is unknown."""
-    warnings = []
+def _unknown_modes(
+    axes: Mapping[str, AxisConfig], rate_hz: float, modes: Collection[Mode]
+) -> Iterator[str]:
+    """Yield a warning for each axis whose sensor acts on it, and whose first mode is unknown."""
     for name, axis in axes.items():
         model = read_model(axis.model)[0] if axis.model else None
-        if axis.sensor is None or with_found_mode(axis, model).first_mode is not None:
+        told = with_found_mode(axis, model).first_mode is not None or axis.response is not None
+        if axis.sensor is None or told:
             continue
-        share = learned_share(
-            axis.compensator, model.form if model is not None else unidentified_form(axis)
-        )
-        slow_hz = slowest_unknown_mode_hz(1.0 / rate_hz, _ASSUMED_DAMPING, share)
-        warnings.append(
-            f"axis {name}: neither `first_mode` nor `response` nor the model tells its first mode. "
-            f"A mode below {slow_hz:.2g} Hz (at a damping of {_ASSUMED_DAMPING:g}) may oscillate "
-            "in `adaptive`. Measure it with `piezod response`, or take it from the data sheet"
-        )
-    return tuple(warnings)
+        period_s, slow_hz = 1.0 / rate_hz, dict[Mode, float]()
+        if Mode.ADAPTIVE in modes:
+            form = model.form if model is not None else unidentified_form(axis)
+            share = learned_share(axis.compensator, form)
+            slow_hz[Mode.ADAPTIVE] = slowest_unknown_mode_hz(period_s, _ASSUMED_DAMPING, share)
+        if Mode.TRIMMED in modes:
+            delay_s = model.at(period_s).delay_s if model is not None else 0.0
+            slow_hz[Mode.TRIMMED] = slowest_untold_mode_hz(
+                Mode.TRIMMED, axis, period_s, delay_s, _ASSUMED_DAMPING
+            )
+        may = ", ".join(f"in `{mode}` below {hz:.2g} Hz" for mode, hz in slow_hz.items())
+        if may:
+            yield (
+                f"axis {name}: neither `first_mode` nor `response` nor the model tells its first "
+                f"mode. A mode with a damping of {_ASSUMED_DAMPING:g} may oscillate {may}. Measure "
+                "it with `piezod response`, or take it from the data sheet"
+            )
 
 
 def _margins(axes: Mapping[str, AxisConfig], rate_hz: float) -> tuple[str, ...]:
     return tuple(
-        f"axis {name}: {margins_text(axis, 1.0 / rate_hz, 0.0)}"
+        f"axis {name}: {margins_text(mode, axis, 1.0 / rate_hz, 0.0)}"
         for name, axis in axes.items()
         if axis.response is not None and axis.sensor is not None
+        for mode in CORRECTED
     )
 
 

@@ -81,6 +81,13 @@ class AdaptiveIdentifier(Adaptable, Protocol):
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to a model that can be inverted; the uncertainty stays."""
 
+    def expect_noise(self, variance: float) -> None:
+        """Trust the next pairs less than usual if their displacement has more noise than usual.
+
+        Args:
+            variance: Variance of the noise, in units of the range squared.
+        """
+
     def take_over(self, memory: Memory) -> None:
         """Take over the hysteresis memory of a stage of the same form, see `past`."""
 

@@ -62,6 +62,9 @@ class GradientIdentifier(OnlineIdentifier):
         """Adapt to one pair, as in `OnlineIdentifier`. Real-time safe."""
         return lms_kernel.step(*self._arguments, float(position), float(drive), learn)
 
+    def expect_noise(self, variance: float) -> None:
+        """Change nothing: the gain of a gradient is the one that was chosen."""
+
     def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
         lms_kernel.run(*self._arguments, positions, drives, errors)
 

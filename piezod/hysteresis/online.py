@@ -126,6 +126,10 @@ class OnlineIdentifier(ABC):
         scalars[SCALE] += share * (model.scale - scalars[SCALE])
         scalars[SLOPE_MARGIN] = 0.0  # as in `adopt`
 
+    @abstractmethod
+    def expect_noise(self, variance: float) -> None:
+        """Trust the next pairs less if they have more noise than usual."""
+
     def take_over(self, memory: Memory) -> None:
         """Take over the hysteresis memory of a stage of the same form, see `past`."""
         assign_memory(self._memory, memory)
@@ -241,6 +245,10 @@ class Shadowed:
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to another model; the uncertainty stays."""
         self._identifier.approach(model, share)
+
+    def expect_noise(self, variance: float) -> None:
+        """Trust the next pairs less if they have more noise than usual."""
+        self._identifier.expect_noise(variance)
 
     def take_over(self, memory: Memory) -> None:
         """Take over the hysteresis memory of a stage of the same form, see `past`."""

@@ -5,6 +5,8 @@ memory of what was driven before: without it, a stage that rests inside its rang
 end, is elsewhere than the model expects.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -27,8 +29,11 @@ class Past(Protocol):
     def memory(self) -> Memory:
         """Memory, for a compensator or an identifier of the same form; it changes in place."""
 
-    def follow(self, drives: FloatArray) -> float:
-        """Follow drives in [0, 1], shape (n,); return the displacement after the last one."""
+    def follow(self, drives: FloatArray, /) -> float:
+        """Follow drives in [0, 1], shape (n,); return the displacement after the last one.
+
+        Real-time safe.
+        """
 
     def take_over(self, memory: Memory) -> None:
         """Go on from another memory of the same form."""
@@ -39,17 +44,15 @@ class StopPast:
 
     Args:
         bank: (2, 2 M) thresholds and gains of the stops, from `new_bank`.
-        weights: (2 M,) weights [a^l, a^r] of a model that can be inverted.
+        weights: (2 M,) weights [a^l, a^r] of a model that can be inverted; they may change.
     """
 
     def __init__(self, bank: FloatArray, weights: FloatArray) -> None:
-        self._bank, self._weights, self._plays = bank, weights.copy(), np.empty(bank.shape[1])
         self.memory = new_bank_memory(bank)
-
-    def follow(self, drives: FloatArray) -> float:
-        """Follow drives in [0, 1], shape (n,); return the displacement after the last one."""
-        drives = np.ascontiguousarray(drives)
-        return _follow_stops(self.memory, self._bank, self._plays, self._weights, drives)
+        # Bound once: a partial function adds no Python frame.
+        self.follow: Callable[[FloatArray], float] = partial(
+            _follow_stops, self.memory, bank, np.empty(bank.shape[1]), weights
+        )
 
     def take_over(self, memory: Memory) -> None:
         """Go on from another memory of the same form."""
@@ -60,18 +63,15 @@ class SurfacePast:
     """The past of a surface: a memory of drives.
 
     Args:
-        coefficients: (24,) coefficients.
+        coefficients: (24,) coefficients; they may change.
         terms: (8,) constants of the optional terms, from `SurfaceForm.terms`.
     """
 
     def __init__(self, coefficients: FloatArray, terms: FloatArray) -> None:
-        self._coefficients, self._terms = coefficients.copy(), terms
         self.memory = new_surface_memory()
-
-    def follow(self, drives: FloatArray) -> float:
-        """Follow drives in [0, 1], shape (n,); return the displacement after the last one."""
-        drives = np.ascontiguousarray(drives)
-        return _follow_surface(self.memory, self._coefficients, self._terms, drives)
+        self.follow: Callable[[FloatArray], float] = partial(
+            _follow_surface, self.memory, coefficients, terms
+        )
 
     def take_over(self, memory: Memory) -> None:
         """Go on from another memory of the same form."""

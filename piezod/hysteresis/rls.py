@@ -83,7 +83,7 @@ class RLSIdentifier(OnlineIdentifier):
                 f"a measurement variance must be finite and above 0, got {measurement_variance:g}"
             )
             raise ModelError(message)
-        self.measurement_variance = float(measurement_variance)
+        self.measurement_variance = self._usual_variance = float(measurement_variance)
         """R, above 0; may be set before each step, to give a pair more or less weight."""
         checked_walk("weights", weight_walk, SLOPE_BOUND)
         checked_walk("the offset", offset_walk, OFFSET_BOUND)
@@ -117,6 +117,10 @@ class RLSIdentifier(OnlineIdentifier):
         return rls_kernel.step(
             *self._arguments, self.measurement_variance, float(position), float(drive), learn
         )
+
+    def expect_noise(self, variance: float) -> None:
+        """Trust the next pairs less if they have more noise than usual. Real-time safe."""
+        self.measurement_variance = self._usual_variance * max(variance / MEASUREMENT_VARIANCE, 1.0)
 
     def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
         rls_kernel.run(*self._arguments, self.measurement_variance, positions, drives, errors)

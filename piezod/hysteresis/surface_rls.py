@@ -90,9 +90,8 @@ class SurfaceIdentifier:
             rows,
             np.abs(rows).max(axis=0),
             self._deadband,
-            MEASUREMENT_VARIANCE / pace,
-            self._form.terms,
         )
+        self._terms, self._variance = self._form.terms, MEASUREMENT_VARIANCE / pace
         self.adopt(weights)
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
@@ -107,7 +106,9 @@ class SurfaceIdentifier:
             Drive minus the drive that the model before this step expects at the displacement. It is
             not finite if the pair is not.
         """
-        return kernel.step(*self._arguments, float(position), float(drive), learn)
+        return kernel.step(
+            *self._arguments, self._variance, self._terms, float(position), float(drive), learn
+        )
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
         """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,).
@@ -154,6 +155,10 @@ class SurfaceIdentifier:
         self._weights += share * (model.weights - self._weights)
         self._scalars[kernel.OFFSET] += share * (model.offset - self._scalars[kernel.OFFSET])
         self._scalars[kernel.MARGIN] = 0.0
+
+    def expect_noise(self, variance: float) -> None:
+        """Trust the next pairs less if they have more noise than usual. Real-time safe."""
+        self._variance = max(variance, MEASUREMENT_VARIANCE) / self._pace
 
     def take_over(self, memory: Memory) -> None:
         """Take over the hysteresis memory of a stage of the same form, see `past`."""

@@ -64,7 +64,7 @@ class AxisStatus:
     target_um: float | None = None
     #: Voltage that the amplifier reports, in V; None if it does not.
     read_back_v: Annotated[float | None, Shown("read-back voltage", marks=DETAIL)] = None
-    #: Displacement that mode `trimmed` adds now, in µm.
+    #: Displacement that mode `trimmed` or `closed` adds now, in µm.
     trim_um: Annotated[float | None, Shown("trim", marks=DETAIL)] = None
     mode: str = ""  #: Mode of the compensator, one of `piezod.config.modes.Mode`.
     #: Whether the identifier learns, and if not, why not.

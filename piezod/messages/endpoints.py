@@ -47,8 +47,8 @@ class Access(NamedTuple):
 LOOK: Final = Access(Role.VIEWER)
 TOWARDS_SAFETY: Final = Access(Role.OPERATOR, urgent=True)
 EMERGENCY: Final = Access(Role.VIEWER, urgent=True)
-COMMAND: Final = Access(Role.OPERATOR, lease=True)
-COMMAND_BY_POINTS: Final = Access(Role.OPERATOR, lease=True, most_bytes=LARGE_BODY)
+WITH_LEASE: Final = Access(Role.OPERATOR, lease=True)
+WITH_LEASE_BY_POINTS: Final = Access(Role.OPERATOR, lease=True, most_bytes=LARGE_BODY)
 KEEP: Final = Access(Role.OPERATOR)
 CHANGE: Final = Access(Role.ENGINEER, lease=True)
 CHANGE_BY_POINTS: Final = Access(Role.ENGINEER, lease=True, most_bytes=LARGE_BODY)
@@ -143,7 +143,7 @@ _ROWS: Final = (
         "stream",
         "POST",
         "stream",
-        COMMAND,
+        WITH_LEASE,
         "Follow setpoints of another program, one line of JSON each.\n\nA line such as "
         '{"x": 12.5} has a position in µm for each axis and takes effect when it arrives, at up to '
         "some thousand lines per second. The command line reads the lines from stdin. If no line "
@@ -179,14 +179,14 @@ _ROWS: Final = (
         "renew_lease",
         "lease",
         "Lease",
-        COMMAND,
+        WITH_LEASE,
         "Take or renew the lease for 30 s, as each command does.",
     ),
     _post(
         "session",
         "session",
         "Lease",
-        COMMAND,
+        WITH_LEASE,
         "Take the lease until this connection closes.\n\nThen the daemon stops the stage and ends "
         "a recording that this client has started.",
     ),

@@ -19,12 +19,12 @@ from piezod.config.waveforms.combined import WaveformConfig
 from piezod.messages.endpoints import (
     CHANGE,
     CHANGE_BY_POINTS,
-    COMMAND,
-    COMMAND_BY_POINTS,
     EMERGENCY,
     END,
     ENDPOINTS,
     TOWARDS_SAFETY,
+    WITH_LEASE,
+    WITH_LEASE_BY_POINTS,
     Access,
     Endpoint,
     Group,
@@ -62,8 +62,8 @@ class Disarm(ConfigModel):
 class SelectMode(ConfigModel):
     """Select the mode: how piezod computes the drive voltage.
 
-    The modes are `uncompensated`, `feedforward`, `adaptive` and `trimmed`. In READY this starts
-    RUN.
+    The modes are `uncompensated`, `feedforward`, `adaptive`, `trimmed` and `closed`. In READY
+    this starts RUN.
     """
 
     kind: Literal["mode"] = "mode"
@@ -262,9 +262,9 @@ def _row(
 
 
 _ROWS: Final = (
-    _row(Arm, COMMAND, Group.OPERATE),
+    _row(Arm, WITH_LEASE, Group.OPERATE),
     _row(Disarm, TOWARDS_SAFETY, Group.OPERATE, done="ramping to the safe voltage, then disarmed"),
-    _row(SelectMode, COMMAND, Group.OPERATE),
+    _row(SelectMode, WITH_LEASE, Group.OPERATE),
     _row(
         Condition,
         CHANGE,
@@ -273,18 +273,18 @@ _ROWS: Final = (
     ),
     _row(
         Zero,
-        COMMAND,
+        WITH_LEASE,
         Group.OPERATE,
         done="the displacement at the rest voltage is zero from now on",
     ),
-    _row(Goto, COMMAND, Group.MOVE),
-    _row(Wave, COMMAND_BY_POINTS, Group.MOVE),
-    _row(Follow, COMMAND, Group.MOVE, done="following the command input"),
+    _row(Goto, WITH_LEASE, Group.MOVE),
+    _row(Wave, WITH_LEASE_BY_POINTS, Group.MOVE),
+    _row(Follow, WITH_LEASE, Group.MOVE, done="following the command input"),
     _row(Hold, TOWARDS_SAFETY, Group.MOVE, done="holding the voltage; `piezod resume` continues"),
-    _row(Resume, COMMAND, Group.MOVE, done="continuing from the present position"),
+    _row(Resume, WITH_LEASE, Group.MOVE, done="continuing from the present position"),
     _row(Stop, TOWARDS_SAFETY, Group.STOP, done="ramping to the safe voltage"),
     _row(Estop, EMERGENCY, Group.STOP, done="emergency stop; `piezod reset` ends it"),
-    _row(Reset, COMMAND, Group.STOP),
+    _row(Reset, WITH_LEASE, Group.STOP),
     _row(Identify, CHANGE_BY_POINTS),
     _row(Play, CHANGE_BY_POINTS),
     _row(AdoptModel, CHANGE_BY_POINTS, path="model"),

@@ -37,6 +37,7 @@ RATE_S: Final = 5e-3
 _LONGEST: Final = 1e-3  # step of the integration along the path, in nominal drives
 _LEVEL: Final = 0.35  # depth of saturation at the lowest drive, -0.2
 _SLOW_STEPS: Final = 2000
+_STEP_PER_S: Final = 1e9
 
 
 @compiled
@@ -61,7 +62,15 @@ def foreign_part(unit: float, step_s: float, state: Record, constants: Record) -
 def advance_rate(end: float, step_s: float, state: Record) -> None:
     """Advance the mean rate of the drive by one sub-step, before the drive moves."""
     s = state[0]
-    s.rate += (1.0 - exp(-step_s / RATE_S)) * ((end - s.unit) / step_s - s.rate)
+    s.rate *= exp(-step_s / RATE_S)
+    add_to_rate(end, step_s, state)
+
+
+@compiled
+def add_to_rate(unit: float, step_s: float, state: Record) -> None:
+    """Add a move of the drive to its mean rate."""
+    s = state[0]
+    s.rate += (1.0 - exp(-step_s / RATE_S)) * (unit - s.unit) / step_s
 
 
 @compiled
@@ -186,12 +195,15 @@ def foreign_constants(law: ForeignLaw, highest: float) -> dict[str, Any]:
 
     slowly(0.0, highest)
     at_rest, inner_at_rest = slowly(highest, 0.0), inner.copy()
+    # The travel is that of a step, in which springs slip at their sliding limit.
+    stepped = raw_part(1.0, 0.0, _STEP_PER_S, number, inner, facts)
+    at_nominal = stepped if number == MAXWELL_SLIP else slowly(0.0, 1.0)
     return {
         "law": number,
         "facts": facts,
         "inner_at_rest": inner_at_rest,
         "part_at_rest": at_rest,
-        "part_at_nominal": slowly(0.0, 1.0) - at_rest,
+        "part_at_nominal": at_nominal - at_rest,
     }
 
 

@@ -12,7 +12,7 @@ from math import exp, sin
 from typing import Any, TypeAlias
 
 from piezod.jit import compiled
-from piezod.plant.foreign import COLEMAN_HODGDON, advance_rate, foreign_part
+from piezod.plant.foreign import COLEMAN_HODGDON, add_to_rate, advance_rate, foreign_part
 from piezod.plant.path import BOUC_WEN, DAHL, path_part
 from piezod.plant.preisach import preisach
 from piezod.plant.relays import RELAYS, relax
@@ -62,7 +62,7 @@ def jump(unit: float, state: Record, constants: Record) -> float:
         s.unit = unit
         return float(s.hysteretic)
     if c.law >= COLEMAN_HODGDON:
-        advance_rate(unit, c.step_s, state)
+        add_to_rate(unit, c.step_s, state)
         return foreign_part(unit, 0.0, state, constants)
     return hysteresis(unit, unit, state, constants)
 

@@ -36,6 +36,7 @@ class Variant(NamedTuple):
     #: known.
     calibrated: bool = True
     residual_pct: float = 0.05  #: Greatest error of that curve, in % of the travel.
+    lowest_v: float = 0.0  #: Lowest voltage that it is made for; it rests at 0 V.
 
 
 _STACK = PlantParameters()
@@ -188,7 +189,9 @@ VARIANTS: Final[Mapping[str, Variant]] = {
         "the stack stage as plays whose thresholds grow by 15 % per decade of rate",
         _foreign(11.76, RatePlays()),
     ),
-    "bipolar": Variant("a stage for -20 to 120 V that saturates, with 8 % asymmetry", _BIPOLAR),
+    "bipolar": Variant(
+        "a stage for -20 to 120 V that saturates, with 8 % asymmetry", _BIPOLAR, lowest_v=-20.0
+    ),
     "bent-sensor": Variant(
         "the stack stage with a sensor that is bent by 0.3 %, hum and 12 bits",
         replace(_STACK, sensor=SensorParameters(hum_nm=20.0, adc_bits=12, adc_range_v=5.0)),

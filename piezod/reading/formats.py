@@ -68,9 +68,8 @@ def open_table(path: Path) -> Table:
     for magic, what in _OTHERS:
         if begin.startswith(magic):
             raise DataError(f"{file}: this is no table of numbers but {what}")
-    reader = _by_magic(file, begin)
-    if reader is not None:
-        return _reader(reader)(file, part)
+    if known := _by_magic(file, begin):
+        return _reader(known)(file, part)
     if part:
         raise DataError(f"{path}: a text file has no parts; leave out ':{part}'")
     if what := _TEXTS.get(file.suffix.lower()):

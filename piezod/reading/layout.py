@@ -50,7 +50,8 @@ def shape_of(rows: Sequence[Row], is_number: Callable[[str], bool]) -> Shape:
     widths = Counter(len(row) for row in sample if any(map(is_number, row)))
     if not widths:
         return Shape(0, ())
-    width = max(widths, key=lambda each: (widths[each], each))
+    everywhere = Counter(map(len, rows))
+    width = max(widths, key=lambda each: (widths[each], everywhere[each]))
     usual = [row for row in sample if len(row) == width]
     numeric, words = [], 0
     for column in range(width):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from piezod.reading.checks import (
     MAX_STEP_PERIODS,
@@ -16,9 +17,9 @@ from piezod.reading.checks import (
     counted,
     fail,
 )
-from piezod.reading.choices import RECORD, Choices, Role
+from piezod.reading.choices import RECORD, TIME, Choices, Role
 from piezod.reading.formats import open_table
-from piezod.reading.roles import Chosen, chosen_columns
+from piezod.reading.roles import Chosen, chosen_columns, quantity_of
 from piezod.reading.table import Clock, FloatArray, Table
 
 MIN_SAMPLES: Final = 100
@@ -77,6 +78,31 @@ def read_record(
     return ReadRecord(columns, _understood(table, chosen, clock), place)
 
 
+def read_series(path: Path, column: str) -> ReadRecord:
+    """Return a column of a file over time, in any known format; no row may be empty.
+
+    Args:
+        path: The file.
+        column: Name of the column, in V or µm if no unit is known.
+
+    Raises:
+        DataError: If the file cannot be used; the text is `place: what, allowed, remedy`.
+        OSError: If the file cannot be read.
+    """
+    table = open_table(path)
+    role = Role("value", column, quantity_of(table, column), ())
+    chosen, clock = chosen_columns(table, (TIME, role), Choices({"value": column}), "import")
+    columns = _columns(table, chosen)
+    if clock is not None:
+        columns = {"t_s": _times_s(clock, columns)} | columns
+    _, kept = _without_empty(columns)
+    if kept.size < columns["t_s"].size:
+        missing = int(np.setdiff1d(np.arange(columns["t_s"].size), kept)[0])
+        remedy = "write a number, or delete the row"
+        fail(table.place(missing), "the row has an empty cell", "allowed are numbers", remedy)
+    return ReadRecord(columns, _understood(table, chosen, clock), table.place)
+
+
 def _columns(table: Table, chosen: list[Chosen]) -> dict[str, FloatArray]:
     read = table.read([each.number for each in chosen])
     sizes = {values.size for values in read}
@@ -111,7 +137,7 @@ def _times_s(clock: Clock, columns: dict[str, FloatArray]) -> FloatArray:
 
 def _without_empty(
     columns: dict[str, FloatArray],
-) -> tuple[dict[str, FloatArray], np.ndarray[tuple[int], np.dtype[np.intp]]]:
+) -> tuple[dict[str, FloatArray], NDArray[np.intp]]:
     """Return the rows without an empty cell, and their numbers."""
     full = ~np.any([np.isnan(values) for values in columns.values()], axis=0)
     kept = np.flatnonzero(full)
@@ -120,7 +146,7 @@ def _without_empty(
     return columns, kept
 
 
-def _place(table: Table, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Place:
+def _place(table: Table, kept: NDArray[np.intp]) -> Place:
     return lambda index: table.place(int(kept[index]))
 
 

@@ -69,6 +69,13 @@ def chosen_columns(
     return chosen, None if TIME.key in found else clock
 
 
+def quantity_of(table: Table, name: str) -> str:
+    """Return the quantity of a column by its unit, "length" or "voltage"; "length" if unknown."""
+    units = (_known(table, k).unit for k, each in enumerate(table.columns) if each.name == name)
+    unit = next(units, None)
+    return unit.quantity if unit and unit.quantity != TIME.quantity else "length"
+
+
 def listed(table: Table) -> str:
     """Return the columns of a table with their units, for people."""
     texts = []
@@ -189,7 +196,10 @@ class _Asked(NamedTuple):
     def _hint(self, scale: str, guessed: Mapping[str, int]) -> str:
         hints = []
         if _PER_V in scale:
-            hints.append(f"{_PER_V}: µm per V of the sensor")
+            hints.append(
+                f"{_PER_V}: µm per V of the sensor; if the drive is a monitor output, its gain, "
+                "too, as drive=20"
+            )
         if TIME in self.roles and TIME.key not in guessed and not _clock(self.table, self.choices):
             hints.append(f"{_RATE}: samples per second")
         if any(role.key not in guessed for role in self.roles if role is not TIME):

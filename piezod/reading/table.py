@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from piezod.errors import DataError
 
-FloatArray: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 MOST_BYTES: Final = 512_000_000
 """Largest size of a file but HDF5: as text 20 million samples of a usual record."""

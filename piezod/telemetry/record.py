@@ -27,7 +27,7 @@ class AxisRecord(NamedTuple):
     drive_v: float
     in_force_v: float  #: Voltage in force when the sample was taken, in V.
     read_back_v: float  #: Voltage that the amplifier reports, in V; NaN if it does not.
-    trim_um: float  #: Displacement that mode `trimmed` adds now, in µm.
+    trim_um: float  #: Displacement that mode `trimmed` or `closed` adds now, in µm.
     mode: Mode  #: Mode in which the drive is made from the command.
     gate: GateReason  #: Whether the identifier learns, and if not, why not.
     on_target: bool  #: Whether the position has been reached and has stayed there.

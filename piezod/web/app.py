@@ -26,7 +26,7 @@ MOST_TABS: Final = 32
 _FILES: Final = Path(__file__).parent / "static"
 _TRY_LATER: Final = 1013
 _SCRIPT: Final = "text/javascript"
-_SHOWN: Final = "".join(
+SHOWN_SCRIPT: Final = "".join(
     f"export const {kind} = {encoded({name: field.document for name, field in shown.items()})};\n"
     for kind, shown in (("AXIS", AXIS), ("STAGE", STAGE))
 )
@@ -65,7 +65,7 @@ def create_app(stages: Stages, secrets: Secrets) -> Starlette:
         )
 
     async def shown(_request: Request) -> Response:
-        return Response(_SHOWN, headers={"cache-control": "no-cache"}, media_type=_SCRIPT)
+        return Response(SHOWN_SCRIPT, headers={"cache-control": "no-cache"}, media_type=_SCRIPT)
 
     api, methods = Api(stages).answer, ["GET", "POST", "DELETE"]
     return Starlette(

@@ -33,6 +33,10 @@ def test_drives_of_a_variant_use_its_full_travel(variant: str) -> None:
     assert identification.devices == test.devices
     assert identification.axes["x"].limits.drive_max_v == VARIANTS[variant].parameters.stage.drive_v
     assert identification.identification != test.identification
+    for each in (identification.identification, test.identification):
+        assert each is not None
+        drive = each.drive_v.built(each.duration_s)
+        assert drive.low == pytest.approx(VARIANTS[variant].lowest_v)
 
 
 def test_an_absent_record_is_skipped_with_the_reason(

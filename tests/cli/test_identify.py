@@ -28,7 +28,9 @@ def data(folder: Path) -> Path:
 
 def test_document(piezod: Command, data: Path) -> None:
     """With --json, stdout has one document, and stderr nothing."""
-    code, out, err = piezod("identify", data, *EVEN, "--delay-s", "auto", "--order", 6, "--json")
+    code, out, err = piezod(
+        "identify", "--verbose", data, *EVEN, "--delay-s", "auto", "--order", 6, "--json"
+    )
 
     assert (code, err) == (0, "")
     document = json.loads(out)
@@ -53,7 +55,7 @@ def test_document(piezod: Command, data: Path) -> None:
 
 def test_document_holds_the_whole_curve(piezod: Command, data: Path) -> None:
     """The criterion in the document is smallest at the delay."""
-    document = json.loads(piezod("identify", data, *LEAST_SQUARES, "--json").out)
+    document = json.loads(piezod("identify", "--verbose", data, *LEAST_SQUARES, "--json").out)
 
     curve = document["delay_estimate"]["criterion"]
     assert len(curve["delay_s"]) == len(curve["voltage_error_rms_pct"]) == 61
@@ -64,7 +66,7 @@ def test_document_holds_the_whole_curve(piezod: Command, data: Path) -> None:
 def test_text(piezod: Command, data: Path) -> None:
     """The text has the record, the delay with its curve, the errors, and the next step."""
     code, out, err = piezod(
-        "identify", data, *EVEN, "--delay-s", "auto", "--order", 6, "--test", data
+        "identify", "--verbose", data, *EVEN, "--delay-s", "auto", "--order", 6, "--test", data
     )
 
     assert (code, err) == (0, "")
@@ -74,19 +76,22 @@ def test_text(piezod: Command, data: Path) -> None:
     assert curve.startswith("  0 ms ")
     assert len(curve) < 80
     assert "Model by least-squares, 6 operators on each side, thresholds even." in out
-    assert "No model was written; --out model.yaml writes the model" in out
+    assert "--out MODEL.yaml writes the model" in out
 
 
 def test_delay_is_estimated_unless_given(piezod: Command, data: Path) -> None:
     """Without --delay-s the delay is estimated; a given delay is used, also 0."""
-    estimated = json.loads(piezod("identify", data, *LEAST_SQUARES, "--json").out)
-    none = json.loads(piezod("identify", data, *LEAST_SQUARES, "--delay-s", "0", "--json").out)
+    estimated = json.loads(piezod("identify", "--verbose", data, *LEAST_SQUARES, "--json").out)
+    none = json.loads(
+        piezod("identify", "--verbose", data, *LEAST_SQUARES, "--delay-s", "0", "--json").out
+    )
 
     assert estimated["delay_s"] == estimated["delay_estimate"]["delay_s"]
     assert estimated["delay_s"] == pytest.approx(0.02, abs=0.001)
     assert (none["delay_s"], none["delay_estimate"]) == (0.0, None)
     assert (
-        "Delay 20 ms, as given." in piezod("identify", data, "--order", 6, "--delay-s", "0.02").out
+        "Delay 20 ms, as given."
+        in piezod("identify", "--verbose", data, "--order", 6, "--delay-s", "0.02").out
     )
 
 
@@ -98,7 +103,7 @@ def test_record_that_does_not_start_from_rest(piezod: Command, folder: Path) -> 
     write_record(folder / "data.csv", replace(record, drive_v=drive_v))
 
     document = json.loads(
-        piezod("identify", "data.csv", "--delay-s", 0, "--order", 19, "--json").out
+        piezod("identify", "--verbose", "data.csv", "--delay-s", 0, "--order", 19, "--json").out
     )
 
     (warning,) = document["warnings"]
@@ -108,14 +113,14 @@ def test_record_that_does_not_start_from_rest(piezod: Command, folder: Path) -> 
 
 def test_one_operator_is_one(piezod: Command, data: Path) -> None:
     """One operator is written in the singular."""
-    out = piezod("identify", data, "--order", 1).out
+    out = piezod("identify", "--verbose", data, "--order", 1).out
 
     assert "1 operator on each side, thresholds graded." in out
 
 
 def test_method_and_order(piezod: Command, data: Path) -> None:
     """`--method lms` selects the paper's method."""
-    out = piezod("identify", data, "--method", "lms", "--order", "6", "--json").out
+    out = piezod("identify", "--verbose", data, "--method", "lms", "--order", "6", "--json").out
 
     document = json.loads(out)
     assert (document["method"], document["order"]) == ("lms", 6)
@@ -123,8 +128,10 @@ def test_method_and_order(piezod: Command, data: Path) -> None:
 
 def test_surface(piezod: Command, data: Path, folder: Path) -> None:
     """A surface is fitted without operators, and written as such."""
-    code, out, _ = piezod("identify", data, "--method", "surface", "--out", "surface.yaml")
-    refused = piezod("identify", data, "--method", "surface", "--order", 3)
+    code, out, _ = piezod(
+        "identify", "--verbose", data, "--method", "surface", "--out", "surface.yaml"
+    )
+    refused = piezod("identify", "--verbose", data, "--method", "surface", "--order", 3)
     text = (folder / "surface.yaml").read_text(encoding="utf-8")
 
     assert code == 0
@@ -139,7 +146,7 @@ def test_out_writes_model_and_figure(piezod: Command, data: Path, folder: Path) 
     """The model file has the printed errors, and `check` accepts it."""
     arguments = ("--delay-s", 0.02, "--order", 19, "--out", "new/stage.yaml")
 
-    document = json.loads(piezod("identify", data, *arguments, "--json").out)
+    document = json.loads(piezod("identify", "--verbose", data, *arguments, "--json").out)
 
     assert (document["model"], document["plot"]) == ("new/stage.yaml", "new/stage.png")
     assert sorted(each.name for each in (folder / "new").iterdir()) == ["stage.png", "stage.yaml"]
@@ -152,7 +159,9 @@ def test_signs_of_mathematics_in_a_file_name(piezod: Command, data: Path, folder
     """A file name that looks like a formula of matplotlib is plain text; the files are named."""
     odd = (folder / data).rename(folder / "c_dollar$\\frac$.csv")
 
-    code, out, err = piezod("identify", odd.name, "--order", 6, "--out", "new/stage.yaml")
+    code, out, err = piezod(
+        "identify", "--verbose", odd.name, "--order", 6, "--out", "new/stage.yaml"
+    )
 
     assert (code, err) == (0, "")
     assert "Model: new/stage.yaml\nFigure: new/stage.png\n" in out
@@ -161,7 +170,7 @@ def test_signs_of_mathematics_in_a_file_name(piezod: Command, data: Path, folder
 
 def test_nothing_is_written_without_out(piezod: Command, data: Path, folder: Path) -> None:
     """Without --out no file is written."""
-    assert piezod("identify", data, "--order", 6).code == 0
+    assert piezod("identify", "--verbose", data, "--order", 6).code == 0
 
     assert [each.name for each in folder.iterdir()] == ["data.csv"]
 
@@ -178,7 +187,7 @@ def test_folder_that_cannot_be_written_to(
     monkeypatch.setattr("piezod.cli.identify.run.identify_file", None)
 
     expected = (1, "", ".: cannot be written to: Read-only file system\n")
-    assert piezod("identify", data, "--out", "model.yaml") == expected
+    assert piezod("identify", "--verbose", data, "--out", "model.yaml") == expected
 
 
 @pytest.mark.parametrize(
@@ -201,7 +210,7 @@ def test_wrong_options(
     """An invalid option is wrong usage, and the data file stays unchanged."""
     before = (folder / data).read_bytes()
 
-    code, out, err = piezod("identify", data, *arguments)
+    code, out, err = piezod("identify", "--verbose", data, *arguments)
 
     assert (code, out) == (2, "")
     assert text in err
@@ -283,7 +292,7 @@ def test_bad_data(
     path.write_text("\n".join(lines), encoding="utf-8")
 
     options = (*LEAST_SQUARES, "--out", "model.yaml", "--json")
-    code, out, err = piezod("identify", data, *options)
+    code, out, err = piezod("identify", "--verbose", data, *options)
 
     assert (code, out) == (1, "")
     assert err.startswith(text)
@@ -295,7 +304,7 @@ def test_bad_test_data(piezod: Command, data: Path, folder: Path) -> None:
     """The test record is checked likewise, and the error names it."""
     (folder / "other.csv").write_text("t_s\n", encoding="utf-8")
 
-    code, out, err = piezod("identify", data, "--test", "other.csv")
+    code, out, err = piezod("identify", "--verbose", data, "--test", "other.csv")
 
     assert (code, out) == (1, "")
     assert err.startswith("other.csv:1: no column 'drive_v', 'position_um'; found 't_s'")
@@ -307,7 +316,7 @@ def test_measured_stage(piezod: Command, shared_data: Path) -> None:
     files = (folder / "identification.csv", "--test", folder / "test.csv")
 
     code, out, err = piezod(
-        "identify", *files, "--skip-s", 1, "--method", "least-squares", "--json"
+        "identify", "--verbose", *files, "--skip-s", 1, "--method", "least-squares", "--json"
     )
 
     assert (code, err) == (0, "")

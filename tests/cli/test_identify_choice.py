@@ -41,14 +41,16 @@ def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("chosen_once")
 def test_text_has_the_candidates_and_the_choice(piezod: Command, data: Path) -> None:
     """The text has the candidates, the chosen one, and the reason."""
-    code, out, err = piezod("identify", data, *AUTO, "--delay-s", 0)
+    code, out, err = piezod("identify", "--verbose", data, *AUTO, "--delay-s", 0)
 
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
     tried = [row for row in rows if row and row[0] in {"lms", "least-squares"}]
     assert 20 < len(tried) < 50
     assert {row[1] for row in tried} == {"even", "graded", "placed"}
-    document = json.loads(piezod("identify", data, *AUTO, "--delay-s", 0, "--json").out)
+    document = json.loads(
+        piezod("identify", "--verbose", data, *AUTO, "--delay-s", 0, "--json").out
+    )
     candidates = document["choice"]["candidates"]
     marks = ["taken" if each["taken"] else "best" if each["best"] else "" for each in candidates]
     assert [row[-1] if row[-1] in {"best", "taken"} else "" for row in tried] == marks
@@ -63,7 +65,7 @@ def test_tables_fit_a_terminal_of_80_columns(
     """No cell is cut, in the widest tables: candidates, and errors with creep, without, and raw."""
     monkeypatch.setenv("COLUMNS", "80")
 
-    code, out, _ = piezod("identify", data, *AUTO, "--delay-s", 0, "--test", data)
+    code, out, _ = piezod("identify", "--verbose", data, *AUTO, "--delay-s", 0, "--test", data)
 
     assert code == 0
     assert "…" not in out  # rich cuts a word that is too wide, and breaks a line of words
@@ -74,7 +76,9 @@ def test_tables_fit_a_terminal_of_80_columns(
 @pytest.mark.usefixtures("chosen_once")
 def test_document_has_the_choice(piezod: Command, data: Path) -> None:
     """The chosen model has at most the parameters of the best, and an error within the limit."""
-    document = json.loads(piezod("identify", data, *AUTO, "--delay-s", 0, "--json").out)
+    document = json.loads(
+        piezod("identify", "--verbose", data, *AUTO, "--delay-s", 0, "--json").out
+    )
 
     choice = document["choice"]
     (best,) = [each for each in choice["candidates"] if each["best"]]
@@ -100,7 +104,7 @@ def test_given_options_are_not_chosen(
     piezod: Command, data: Path, options: tuple[object, ...], fixed: dict[str, object]
 ) -> None:
     """All candidates have the given properties."""
-    arguments = ("identify", data, *AUTO, "--delay-s", 0, *options, "--json")
+    arguments = ("identify", "--verbose", data, *AUTO, "--delay-s", 0, *options, "--json")
     document = json.loads(piezod(*arguments).out)
 
     for candidate in document["choice"]["candidates"]:
@@ -123,7 +127,9 @@ def test_without_a_choice_there_are_defaults(
     piezod: Command, data: Path, options: tuple[str, ...], expected: tuple[object, ...]
 ) -> None:
     """Thresholds are graded, and even with the paper's method; a surface is fitted with creep."""
-    document = json.loads(piezod("identify", data, "--delay-s", 0, *options, "--json").out)
+    document = json.loads(
+        piezod("identify", "--verbose", data, "--delay-s", 0, *options, "--json").out
+    )
 
     assert tuple(document[key] for key in ("method", "order", "thresholds", "creep")) == expected
     assert document["choice"] is None
@@ -131,7 +137,7 @@ def test_without_a_choice_there_are_defaults(
 
 def test_creep_by_lms_is_wrong_usage(piezod: Command, data: Path) -> None:
     """Creep with LMS is refused before the fit."""
-    code, out, err = piezod("identify", data, "--method", "lms", "--creep")
+    code, out, err = piezod("identify", "--verbose", data, "--method", "lms", "--creep")
 
     assert (code, out) == (2, "")
     assert "'--creep': creep is fitted by least-squares and surface, not by lms" in err
@@ -140,7 +146,7 @@ def test_creep_by_lms_is_wrong_usage(piezod: Command, data: Path) -> None:
 @pytest.mark.parametrize("option", [("--order", "8"), ("--thresholds", "even")])
 def test_a_surface_has_no_operators(piezod: Command, data: Path, option: tuple[str, str]) -> None:
     """Number and thresholds of operators are refused with a surface."""
-    code, out, err = piezod("identify", data, "--method", "surface", *option)
+    code, out, err = piezod("identify", "--verbose", data, "--method", "surface", *option)
 
     assert (code, out) == (2, "")
     assert f"'{option[0]}': a surface has no operators; leave the option out" in err
@@ -150,7 +156,7 @@ def test_a_surface_has_no_operators(piezod: Command, data: Path, option: tuple[s
 def test_auto_is_the_default(piezod: Command, data: Path) -> None:
     """Without a method and without operators, the model is chosen."""
     default, chosen = (
-        json.loads(piezod("identify", data, *options, "--delay-s", 0, "--json").out)
+        json.loads(piezod("identify", "--verbose", data, *options, "--delay-s", 0, "--json").out)
         for options in ((), AUTO)
     )
 
@@ -176,7 +182,7 @@ def test_axis_that_refuses_a_surface_gets_none(monkeypatch: pytest.MonkeyPatch) 
 def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: Path) -> None:
     """The document has the errors of each block: with and without creep, and unsmoothed."""
     options = ("--method", "least-squares", "--delay-s", 0)
-    document = json.loads(piezod("identify", data, *options, "--json").out)
+    document = json.loads(piezod("identify", "--verbose", data, *options, "--json").out)
 
     assert document["cross_validation"] == document["without_creep"]["cross_validation"]
     for which in ("with_creep", "without_creep", "raw_displacement"):
@@ -196,7 +202,7 @@ def test_a_constant_offset_is_named(piezod: Command, data: Path, folder: Path) -
     other = record_of(path=swells, creep=0.004, noise=0.001)
     other.position_um[:] += 0.5
     write_record(folder / "other.csv", other)
-    arguments = ("identify", data, "--test", "other.csv", "--delay-s", 0, "--creep")
+    arguments = ("identify", "--verbose", data, "--test", "other.csv", "--delay-s", 0, "--creep")
 
     document = json.loads(piezod(*arguments, "--json").out)
     out = " ".join(piezod(*arguments).out.split())
@@ -212,8 +218,8 @@ def test_a_constant_offset_is_named(piezod: Command, data: Path, folder: Path) -
 @pytest.mark.usefixtures("fitted_once")
 def test_uncertainty_is_reported(piezod: Command, data: Path) -> None:
     """The uncertainties of delay, creep and voltage are in the document and in the text."""
-    document = json.loads(piezod("identify", data, "--creep", "--json").out)
-    out = " ".join(piezod("identify", data, "--creep").out.split())
+    document = json.loads(piezod("identify", "--verbose", data, "--creep", "--json").out)
+    out = " ".join(piezod("identify", "--verbose", data, "--creep").out.split())
 
     uncertainty = document["uncertainty"]
     assert uncertainty["delay_95_s"] == document["delay_estimate"]["uncertainty_s"]

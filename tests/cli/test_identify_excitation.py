@@ -29,7 +29,7 @@ def rich(folder: Path) -> Path:
 
 def test_gaps_are_listed_with_a_drive_to_paste(piezod: Command, poor: Path) -> None:
     """The gaps are listed, and a drive without them is printed without line breaks."""
-    out = piezod("identify", poor, *OPTIONS).out
+    out = piezod("identify", "--verbose", poor, *OPTIONS).out
 
     assert "- Swings of 10 to 20 % of the range, 3 to 6 µm: none, 2 are needed." in out
     (block,) = out.split("\nidentification:\n")[1:]
@@ -39,7 +39,7 @@ def test_gaps_are_listed_with_a_drive_to_paste(piezod: Command, poor: Path) -> N
 
 def test_a_complete_record_gets_one_line(piezod: Command, rich: Path) -> None:
     """For a complete record no drive is recommended."""
-    out = piezod("identify", rich, *OPTIONS).out
+    out = piezod("identify", "--verbose", rich, *OPTIONS).out
 
     assert "The record has swings of all sizes and speeds that the model needs." in out
     assert "identification:" not in out
@@ -48,7 +48,7 @@ def test_a_complete_record_gets_one_line(piezod: Command, rich: Path) -> None:
 def test_document_holds_both(piezod: Command, poor: Path, rich: Path) -> None:
     """The document has the gaps and the drive."""
     of_poor, of_rich = (
-        json.loads(piezod("identify", data, *OPTIONS, "--json").out)["excitation"]
+        json.loads(piezod("identify", "--verbose", data, *OPTIONS, "--json").out)["excitation"]
         for data in (poor, rich)
     )
 

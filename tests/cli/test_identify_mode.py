@@ -13,6 +13,7 @@ from piezod.experiment.fit.file import FileFit, identify_file
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.live.identify import LiveRecord
+from tests.control.rig_stage import shipped_config
 from tests.experiment.fit.made_up_ringing import MODE, ringing_record
 from tests.experiment.live_fakes import FakeStage
 from tests.experiment.made_up import write_record
@@ -61,7 +62,8 @@ def test_running_stage_has_its_configured_mode_beside_the_found_one(
 ) -> None:
     """The loop uses the configuration: the fit of its record tells that it is wrong."""
     configured = FirstModeConfig(frequency_hz=90, damping=0.03)
-    recorded = LiveRecord("x", Path("ringing.csv"), 0.0, ("A warning.",), True, configured)
+    axis = shipped_config().axes["x"].model_copy(update={"first_mode": configured})
+    recorded = LiveRecord("x", Path("ringing.csv"), 0.0, ("A warning.",), axis)
     monkeypatch.setattr("piezod.cli.identify.run.record_live", lambda *_, **__: recorded)
 
     beside, _ = record_and_fit(FakeStage(), lambda *_: fitted, None, None, None)

@@ -34,7 +34,7 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
     """The file has the errors of voltage and position; `check` and a stage accept it."""
     options = (*SURFACE, "--test", data, "--out", "model.yaml")
 
-    document = json.loads(piezod("identify", data, *options, "--json").out)
+    document = json.loads(piezod("identify", "--verbose", data, *options, "--json").out)
 
     file = load_model(folder / "model.yaml")
     assert file.is_surface
@@ -50,8 +50,8 @@ def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     record = surface_record(activation=0.01, noise=0.0005, duration_s=20.0)
     write_record(folder / "data.csv", record)
 
-    text = piezod("identify", "data.csv", *SURFACE).out
-    document = json.loads(piezod("identify", "data.csv", *SURFACE, "--json").out)
+    text = piezod("identify", "--verbose", "data.csv", *SURFACE).out
+    document = json.loads(piezod("identify", "--verbose", "data.csv", *SURFACE, "--json").out)
 
     assert document["rate_lag"] == pytest.approx(0.01, rel=0.1)
     shown = f"lag {100 * document['rate_lag']:.2g} % of the drive's range per e-fold of its rate"
@@ -65,8 +65,8 @@ def test_relaxation_along_the_path_is_shown_and_kept(piezod: Command, folder: Pa
     record = surface_record(path=path, creep=0.004, noise=0.0005, duration_s=20.0)
     write_record(folder / "data.csv", record)
 
-    text = piezod("identify", "data.csv", *SURFACE, "--out", "model.yaml").out
-    document = json.loads(piezod("identify", "data.csv", *SURFACE, "--json").out)
+    text = piezod("identify", "--verbose", "data.csv", *SURFACE, "--out", "model.yaml").out
+    document = json.loads(piezod("identify", "--verbose", "data.csv", *SURFACE, "--json").out)
 
     found = document["path_relaxation"]
     assert found["decay"] == pytest.approx(2.0, rel=0.1)
@@ -80,7 +80,9 @@ def test_relaxation_along_the_path_is_shown_and_kept(piezod: Command, folder: Pa
 @pytest.mark.usefixtures("fitted_once")
 def test_document_of_a_surface(piezod: Command, data: Path) -> None:
     """It has both errors everywhere, the uncertainty, the parts and a negative delay."""
-    document = json.loads(piezod("identify", data, *SURFACE, "--test", data, "--json").out)
+    document = json.loads(
+        piezod("identify", "--verbose", data, *SURFACE, "--test", data, "--json").out
+    )
 
     assert (document["order"], document["thresholds"], document["creep"]) == (None, None, True)
     assert document["delay_s"] == pytest.approx(-0.004, abs=5e-4)
@@ -104,7 +106,7 @@ def test_document_of_a_surface(piezod: Command, data: Path) -> None:
 @pytest.mark.usefixtures("fitted_once")
 def test_text_of_a_surface(piezod: Command, data: Path) -> None:
     """It says which errors are which, and what a negative delay means."""
-    code, out, err = piezod("identify", data, *SURFACE, "--test", data)
+    code, out, err = piezod("identify", "--verbose", data, *SURFACE, "--test", data)
 
     assert (code, err) == (0, "")
     text = " ".join(out.split())
@@ -121,12 +123,15 @@ def test_given_delay_may_be_negative(piezod: Command, folder: Path) -> None:
     write_record(data, surface_record(delay_s=-0.004, noise=0.0005, duration_s=8.0))
     options = ("--delay-s", -0.004, "--out", "model.yaml")
 
-    code, out, err = piezod("identify", data, *SURFACE, *options)
+    code, out, err = piezod("identify", "--verbose", data, *SURFACE, *options)
 
     assert (code, err) == (0, "")
     assert "Delay -4 ms, as given." in out
     assert load_model(folder / "model.yaml").delay_s == -0.004
-    assert "Delay 0 ms, as given." in piezod("identify", data, *SURFACE, "--delay-s", 0).out
+    assert (
+        "Delay 0 ms, as given."
+        in piezod("identify", "--verbose", data, *SURFACE, "--delay-s", 0).out
+    )
 
 
 @pytest.mark.parametrize("method", [(), ("--method", "lms"), ("--order", 3)])
@@ -134,7 +139,7 @@ def test_negative_delay_of_stops_is_refused(
     piezod: Command, data: Path, method: tuple[str, ...]
 ) -> None:
     """Every method that may take stops refuses a negative delay, with the reason and a remedy."""
-    code, out, err = piezod("identify", data, *method, "--delay-s", -0.004)
+    code, out, err = piezod("identify", "--verbose", data, *method, "--delay-s", -0.004)
 
     assert (code, out) == (2, "")
     assert (
@@ -147,7 +152,7 @@ def test_negative_delay_of_stops_is_refused(
 @pytest.mark.parametrize("delay", ["-0.2", "2", "nan", "soon"])
 def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay: str) -> None:
     """The range of a surface is that of its model file."""
-    code, _, err = piezod("identify", data, *SURFACE, "--delay-s", delay)
+    code, _, err = piezod("identify", "--verbose", data, *SURFACE, "--delay-s", delay)
 
     assert code == 2
     assert f"'--delay-s': must be auto, or a time from -0.1 to 1 s (got {delay})" in err
@@ -171,7 +176,9 @@ def test_choice_tells_whether_the_model_has_the_first_mode(
     """A record that rings shows it; a slow one does not, and the text says so."""
     write_record(folder / "data.csv", record())
 
-    out = " ".join(piezod("identify", "data.csv", "--no-creep", "--delay-s", 0.00135).out.split())
+    out = " ".join(
+        piezod("identify", "--verbose", "data.csv", "--no-creep", "--delay-s", 0.00135).out.split()
+    )
 
     assert re.search(text, out)
     assert ("First mode at 180 ±" in out) == ("has no first mode" not in out)

@@ -17,6 +17,7 @@ from piezod.experiment.live.identify import LiveRecord
 from piezod.reading.record import read_record
 from piezod.records.experiment_file import read_hdf5
 from tests.cli.conftest import Command, Outcome
+from tests.control.rig_stage import shipped_config
 from tests.daemon.daemons import SHIPPED, Daemon, configuration
 from tests.daemon.waiting import eventually
 from tests.experiment.conftest import SHORT
@@ -99,7 +100,7 @@ def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def record_live(_client: StageClient, file: Path, *_: object, **__: object) -> LiveRecord:
         write_record(file, record_of())
-        return LiveRecord("x", file, 0.0, ())
+        return LiveRecord("x", file, 0.0, (), shipped_config().axes["x"])
 
     monkeypatch.setattr("piezod.cli.identify.run.record_live", record_live)
 

@@ -2,13 +2,13 @@
 
 from datetime import date
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import pytest
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from piezod.config.fields import ConfigModel, Context
-from piezod.config.messages import show
+from piezod.config.messages import describe, show
 from piezod.config.validate import validate
 from piezod.config.waveforms.paths import Csv
 from piezod.config.yaml_loader import parse_yaml
@@ -124,3 +124,12 @@ def test_paths_made_in_python(tmp_path: Path) -> None:
     path.write_text("t_s,drive_v\n0,1\n")
 
     assert Csv(kind="csv", path=path, column="drive_v").bounds() == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("text", ["200 Hz", "5um", "-1.5e3 µm/s"])
+def test_number_with_its_unit_is_told_so(text: str) -> None:
+    """The unit is in the name of the key or of the argument."""
+    error: Any = {"type": "float_parsing", "input": text, "loc": ("x",), "msg": ""}
+
+    assert describe(error, ()).startswith("must be a number without its unit")
+    assert "unit" not in describe({**error, "input": "fast"}, ())

@@ -86,7 +86,7 @@ def test_change_of_mode_in_run_does_not_jump(stage: RigStage) -> None:
     running(stage).do(rq.Goto(position_um=12.5))
     stage.run(1.0)
     records = []
-    for mode in (Mode.ADAPTIVE, Mode.UNCOMPENSATED, Mode.TRIMMED, Mode.FEEDFORWARD):
+    for mode in (Mode.ADAPTIVE, Mode.UNCOMPENSATED, Mode.CLOSED, Mode.TRIMMED, Mode.FEEDFORWARD):
         stage.do(rq.SelectMode(mode=mode))
         records += stage.run(0.5)
 
@@ -305,6 +305,17 @@ def test_model_is_adopted_while_disarmed(stage: RigStage) -> None:
     assert (
         answer.why == "the stage is in READY; a model can be changed in SAFE: `piezod disarm` first"
     )
+
+
+def test_model_of_unscaled_data_is_not_adopted(stage: RigStage) -> None:
+    """The stage keeps its model; the answer has the voltages of the model and of the limits."""
+    file = load_model(CONFIG.parent / "models" / "simulated-stack.yaml")
+    kept = stage.controller.learned(0).weights
+
+    answer = stage.ask(rq.AdoptModel(model=file.model_copy(update={"drive_high_v": 5.0})))
+
+    assert "to 5 V, 3.3 % of the limits of the axis, 0 to 150 V" in answer.why
+    assert stage.controller.learned(0).weights == pytest.approx(kept)
 
 
 def test_shadow_computes_everything_and_writes_nothing(stage: RigStage) -> None:

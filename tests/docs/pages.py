@@ -73,6 +73,16 @@ def recording(folder: Path) -> None:
     write_csv(folder / "record.csv", columns)
 
 
+def scope(folder: Path) -> None:
+    """Write the file of a scope: monitor of the drive and sensor, both in V."""
+    recording(folder)
+    table = np.loadtxt(folder / "record.csv", delimiter=",", skiprows=1)
+    (folder / "record.csv").unlink()
+    rows = (f"{t_s},{drive_v / 20.0},{x_um / 2.0}\n" for t_s, drive_v, x_um in table.tolist())
+    head = "Model,MSO44\n\nHorizontal Units,S,\nVertical Units,V,V\n,,\nTIME,CH1,CH2\n"
+    (folder / "scope.csv").write_text(head + "".join(rows), encoding="utf-8")
+
+
 def experiment(folder: Path) -> None:
     """Write an experiment that takes a second."""
     (folder / "my.yaml").write_text(SHORT, encoding="utf-8")
@@ -126,6 +136,7 @@ SETTINGS: Final[Mapping[str, Setting]] = {
     "docs/commissioning.md": Setting(files=(stage,)),
     "docs/experiments.md": Setting(files=(experiment,)),
     "docs/groups.md": Setting(files=(group,), together=True),
+    "docs/how-to/own-record.md": Setting(files=(scope,)),
     "docs/how-to/read-a-recording.md": Setting(files=(recording,)),
     "docs/identify.md": Setting(
         before=RUN, files=(recording,), words={"DATA": "record.csv", "OTHER": "record.csv"}

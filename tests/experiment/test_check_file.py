@@ -71,7 +71,7 @@ def test_unknown_first_mode_is_a_warning(tmp_path: Path) -> None:
     assert unknown.error is None
     assert unknown.warnings[0].startswith(
         "axis x: neither `first_mode` nor `response` nor the model tells its first mode. A mode "
-        "below 55 Hz (at a damping of 0.01) may oscillate in `adaptive`."
+        "with a damping of 0.01 may oscillate in `adaptive` below 55 Hz, in `trimmed` below "
     )
 
 

@@ -3,16 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.settings import FitSettings
-from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
+from piezod.experiment.fit.warnings import fit_warnings
 from piezod.experiment.virtual.run import run_experiment
 from piezod.experiment.warnings import run_warnings
 from piezod.records.experiment_result import Recording
 from tests.experiment.conftest import SLOW_LOOP, Load
-from tests.experiment.made_up import ORDER, POSITION_UM, record_of, sine
+from tests.experiment.made_up import ORDER, record_of, sine
 
 
 def recording(mode: str = "adaptive", invalid: int = 0) -> Recording:
@@ -37,28 +36,6 @@ def test_invalid_samples_are_counted() -> None:
 
     assert warning.startswith("slow, adaptive, axis x: 5 of 200 samples, 2.5 %, were invalid")
     assert "Check that the sensor" in warning
-
-
-@pytest.mark.parametrize(("low", "high", "end"), [(0.0, 0.7, "highest"), (0.2, 1.0, "lowest")])
-def test_saturated_sensor_has_a_warning(low: float, high: float, end: str) -> None:
-    """This holds at either end; the warning has a remedy."""
-    record = record_of()
-    position_um = np.clip(record.position_um, low * POSITION_UM, high * POSITION_UM)
-
-    (warning,) = saturation_warnings(replace(record, position_um=position_um))
-
-    assert warning.startswith(f"The displacement stands at its {end} value")
-    assert "Use a smaller drive" in warning
-
-
-@pytest.mark.parametrize("digits", [0, 1, 3])
-def test_coarse_sensor_has_no_warning(digits: int) -> None:
-    """At a turn a coarse sensor shows the same value for some time."""
-    record = record_of()
-
-    rounded = replace(record, position_um=np.round(record.position_um, digits))
-
-    assert list(saturation_warnings(rounded)) == []
 
 
 def test_removed_extrema_have_a_warning() -> None:

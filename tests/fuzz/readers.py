@@ -193,6 +193,42 @@ def record() -> Reader:
     return Reader(lambda path: read(path, min_samples=10), good, _refusals("DataError"))
 
 
+def sheet() -> Reader:
+    """.xlsx: a record of drive and position."""
+    return _format("a.xlsx")
+
+
+def arrays() -> Reader:
+    """.npz: a record of drive and position."""
+    return _format("a.npz")
+
+
+def matlab() -> Reader:
+    """.mat: a record of drive and position."""
+    return _format("struct.mat")
+
+
+def labview() -> Reader:
+    """.tdms: a record of drive and position."""
+    return _format("a.tdms")
+
+
+def parquet() -> Reader:
+    """.parquet: a record of drive and position."""
+    return _format("a.parquet")
+
+
+def foreign() -> Reader:
+    """HDF5 of another program: a record of drive and position."""
+    return _format("a.h5")
+
+
+def _format(name: str) -> Reader:
+    good = _written(import_module("tests.reading.writers").WRITERS[name])
+    read = _of("piezod.reading.record:read_record")
+    return Reader(read, good, (*_refusals("DataError"), OSError))
+
+
 def result() -> Reader:
     """HDF5: the results of an experiment."""
     recording = import_module("piezod.records.experiment_result")
@@ -270,6 +306,7 @@ READERS: Final[dict[str, Callable[[], Reader]]] = {
     made.__name__: made
     for made in (
         configuration, experiment, model, surface, response, table, groups, drive, wave, group_wave,
-        group_play, play, points, body, parameters, record, result, recording,
+        group_play, play, points, body, parameters, record, result, recording, sheet, arrays,
+        matlab, labview, parquet, foreign,
     )
 }  # fmt: skip

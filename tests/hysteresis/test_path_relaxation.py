@@ -139,7 +139,7 @@ def test_bound_is_reached(path: PathRelaxation) -> None:
 
     at_rest, saturation = path.at_rest, 1.0 / (path.decay * (1.0 + path.skew))
     share = -at_rest / saturation  # a full swing does not saturate a slow state
-    steepest = 1.0 + share * (1.0 - path.skew) / (1.0 + path.skew)
+    steepest = 1.0 + share**path.exponent * (1.0 - path.skew) / (1.0 + path.skew)
     size = abs(path.weight) * steepest_relaxation(path.skew)
     assert slope == pytest.approx(1.0 + path.weight * steepest, abs=1e-3 * size + 1e-9)
     assert form.smallest_slope(line) <= slope + 1e-9

@@ -105,9 +105,9 @@ def test_rig_rests_at_0_and_knows_its_truth_everywhere(variant: str) -> None:
     random_v = np.random.default_rng(1).uniform(-10, 160, 300)
     true_um = []
     for k, drive_v in enumerate([*np.linspace(-10, 160, 100), *random_v], 100):
-        assert rig.write([drive_v], k * MS)
-        rig.read((k + 1) * MS)
-        true_um.append(rig.true_position_um((k + 1) * MS)[0])
+        assert rig.write([drive_v], 2 * k * MS)
+        rig.read(2 * (k + 1) * MS)
+        true_um.append(rig.true_position_um(2 * (k + 1) * MS)[0])
 
     assert at_rest_um == pytest.approx(0.0, abs=2e-3)
     assert all(map(isfinite, true_um))

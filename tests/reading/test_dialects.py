@@ -120,7 +120,7 @@ def test_scope_of_keysight(tmp_path: Path) -> None:
 def test_scope_of_rigol(tmp_path: Path) -> None:
     """The first column counts samples; start and interval stand beside the units."""
     text = "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-5.0e+00,1.0e-03\n"
-    lines = rows(np.arange(SIZE), DRIVE_V, POSITION_UM).replace("\n", ",,\n")
+    lines = rows(np.arange(SIZE, dtype=np.float64), DRIVE_V, POSITION_UM).replace("\n", ",,\n")
     path = write(tmp_path / "rigol.csv", text + lines)
     record = read_record(path, parsed_choices("drive=CH1,position=CH2", "position=1"))
 

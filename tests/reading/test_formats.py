@@ -3,17 +3,12 @@
 import io
 import sys
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
-import nptdms
 import numpy as np
 import openpyxl
-import pyarrow as pa
 import pytest
-from pyarrow import parquet
-from scipy import io as scipy_io
 
 from piezod.errors import DataError
 from piezod.reading.choices import Choices, parsed_choices
@@ -21,100 +16,13 @@ from piezod.reading.record import read_record
 from tests.reading.lab import (
     COLUMNS,
     DRIVE_V,
-    NAMES,
     POSITION_UM,
     T_S,
     is_the_record,
     record_text,
     write,
 )
-
-
-def _xlsx(path: Path) -> None:
-    book = openpyxl.Workbook()
-    sheet = book.active
-    sheet.append(["Record of stage 7"])
-    sheet.append(["Time", "Drive", "Position", "Remark"])
-    sheet.append(["s", "V", "um", ""])
-    for row in zip(*COLUMNS.values(), strict=True):
-        sheet.append([*map(float, row), "ok"])
-    book.create_sheet("Notes").append(["none", 1.0])
-    book.save(path)
-
-
-def _mat(path: Path) -> None:
-    scipy_io.savemat(path, {**COLUMNS, "operator": "Müller", "gain": 2.5})
-
-
-def _mat_of_struct(path: Path) -> None:
-    scipy_io.savemat(path, {"data": {**COLUMNS, "about": {"rate": 1000.0}}}, do_compression=True)
-
-
-def _mat73(path: Path) -> None:
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, values in COLUMNS.items():
-            file[name] = values[None, :]
-            file[name].attrs["MATLAB_class"] = np.bytes_("double")
-        file["#refs#/a"] = values
-        file["title"] = np.frombuffer(b"abc", np.uint8)[None, :]
-        file["title"].attrs["MATLAB_class"] = np.bytes_("char")
-    with path.open("r+b") as raw:
-        raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Fri Nov 27".ljust(124))
-
-
-def _hdf5(path: Path) -> None:
-    with h5py.File(path, "w") as file:
-        group = file.create_group("scan/axis")
-        for name, unit, (_, values) in zip(
-            ("time", "voltage", "displacement"), ("s", "V", "um"), COLUMNS.items(), strict=True
-        ):
-            group.create_dataset(name, data=values, compression="lzf", chunks=(100,))
-            group[name].attrs["units"] = unit
-        file["elsewhere"] = h5py.ExternalLink("other.h5", "/data")
-        file["remark"] = "none"
-
-
-def _npz(path: Path) -> None:
-    np.savez(path, note=np.array("a text"), **COLUMNS)
-
-
-def _npy_with_names(path: Path) -> None:
-    table = np.zeros(T_S.size, [(name, "f8") for name in NAMES])
-    for name in NAMES:
-        table[name] = COLUMNS[name]
-    np.save(path, table)
-
-
-def _parquet(path: Path) -> None:
-    fields = [
-        pa.field(name, pa.float64(), metadata={"units": unit})
-        for name, unit in (("time", "s"), ("drive", "V"), ("position", "µm"))
-    ]
-    arrays = [*map(pa.array, COLUMNS.values())]
-    parquet.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), path)
-
-
-def _tdms(path: Path) -> None:
-    properties = {"wf_increment": 0.001, "wf_start_offset": 0.0}
-    channels = [
-        nptdms.ChannelObject("Scan", name, values, {**properties, "unit_string": unit})
-        for name, unit, values in (("Drive", "V", DRIVE_V), ("Position", "um", POSITION_UM))
-    ]
-    with nptdms.TdmsWriter(path) as writer:
-        writer.write_segment(channels)
-
-
-WRITERS: dict[str, Callable[[Path], None]] = {
-    "a.xlsx": _xlsx,
-    "a.mat": _mat,
-    "struct.mat": _mat_of_struct,
-    "v73.mat": _mat73,
-    "a.h5": _hdf5,
-    "a.npz": _npz,
-    "a.npy": _npy_with_names,
-    "a.parquet": _parquet,
-    "a.tdms": _tdms,
-}
+from tests.reading.writers import WRITERS, hdf5, xlsx
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -164,7 +72,7 @@ def test_array_without_names_has_places(tmp_path: Path, transposed: bool) -> Non
 
 def test_part_of_a_file_is_named_behind_a_colon(tmp_path: Path) -> None:
     """A group or dataset of HDF5, a sheet and a group of channels are chosen so."""
-    _hdf5(tmp_path / "a.h5")
+    hdf5(tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         file.copy("scan/axis", "scan/second")
         file["all"] = np.stack([*COLUMNS.values()], axis=1)
@@ -180,7 +88,7 @@ def test_part_of_a_file_is_named_behind_a_colon(tmp_path: Path) -> None:
 
 def test_several_sheets_with_numbers_are_asked_about(tmp_path: Path) -> None:
     """None is taken silently."""
-    _xlsx(tmp_path / "a.xlsx")
+    xlsx(tmp_path / "a.xlsx")
     book = openpyxl.load_workbook(tmp_path / "a.xlsx")
     book.copy_worksheet(book["Sheet"]).title = "Second"
     book.save(tmp_path / "a.xlsx")
@@ -192,7 +100,7 @@ def test_several_sheets_with_numbers_are_asked_about(tmp_path: Path) -> None:
 
 def test_bad_cell_of_a_sheet_is_named(tmp_path: Path) -> None:
     """The row is that of the spreadsheet."""
-    _xlsx(tmp_path / "a.xlsx")
+    xlsx(tmp_path / "a.xlsx")
     book = openpyxl.load_workbook(tmp_path / "a.xlsx")
     book["Sheet"]["B50"] = "broken"
     book.save(tmp_path / "a.xlsx")

@@ -3,6 +3,7 @@
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -198,7 +199,7 @@ def test_trajectory_needs_no_drive(tmp_path: Path, name: str) -> None:
         ({"invert": "all"}, "--invert: 'all' is none of drive, position"),
     ],
 )
-def test_options_that_cannot_be_understood(options: dict[str, str], said: str) -> None:
+def test_options_that_cannot_be_understood(options: dict[str, Any], said: str) -> None:
     """Each error begins with the name of the option."""
     with pytest.raises(DataError, match=f"^{said}"):
         parsed_choices(**options)

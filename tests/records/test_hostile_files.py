@@ -11,8 +11,9 @@ import pytest
 
 from piezod.errors import DataError
 from piezod.reading import opened
+from piezod.reading.hdf5_magic import is_hdf5
 from piezod.reading.hdf5_structure import MOST_CHUNK_BYTES
-from piezod.reading.opened import is_hdf5, open_recording
+from piezod.reading.opened import open_recording
 from piezod.reading.record import read_record
 from piezod.reading.table import MOST_COLUMNS
 from piezod.reading.text import LONGEST_LINE

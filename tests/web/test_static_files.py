@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 import piezod.web
+from piezod.web.app import SHOWN_SCRIPT
 
 STATIC = Path(piezod.web.__file__).parent / "static"
 MODULES = sorted(STATIC.glob("*.js"))
@@ -18,11 +19,9 @@ def test_module_imports_what_there_is(module: Path) -> None:
     files = re.findall(r"(?:from |import\(|open\()\"(\./[^\"]+)\"", text)
 
     assert len(text.splitlines()) <= MOST_LINES
-    assert all((STATIC / file).is_file() for file in files)
-    for names, file in imports:
-        exported = re.findall(
-            r"^export (?:async )?(?:function|class|const) (\w+)", (STATIC / file).read_text(), re.M
-        )
+    for names, file in [*imports, *(("", file) for file in files)]:
+        script = SHOWN_SCRIPT if file == "./shown.js" else (STATIC / file).read_text()
+        exported = re.findall(r"^export (?:async )?(?:function|class|const) (\w+)", script, re.M)
         wanted = {name.split(" as ")[0].strip() for name in names.split(",") if name.strip()}
         assert wanted <= set(exported), f"{module.name} imports from {file}"
 

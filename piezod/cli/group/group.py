@@ -1,13 +1,15 @@
 """`piezod group`: several stages as one."""
 
-from typing import Annotated
+from collections.abc import Callable, Mapping
+from typing import Annotated, Final
 
 import typer
 
 from piezod.cli.exit_codes import FAILED
-from piezod.cli.group.options import GroupArgument, GroupsOption, connect_group, print_answers
+from piezod.cli.group.options import GroupArgument, GroupsOption, print_answers
 from piezod.cli.look.list_stages import print_stages
 from piezod.cli.options import JsonOption
+from piezod.client import StageGroup
 from piezod.client.listing import list_stages
 from piezod.messages.answers import Answer
 
@@ -32,7 +34,7 @@ def arm(
 
     If one stage refuses, those that were armed for it are disarmed again.
     """
-    with connect_group(name, groups) as group:
+    with StageGroup(name, file=groups) as group:
         print_answers(group.arm(shadow=shadow, confirm_output=confirm_output), _state, json=json)
 
 
@@ -41,57 +43,34 @@ def status(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = 
 
     Exits with 1 if one of them does not run or does not answer.
     """
-    with connect_group(name, groups) as group:
+    with StageGroup(name, file=groups) as group:
         found = list_stages(group.stages)
     print_stages(found, json=json)
     if any(each.status is None for each in found):
         raise typer.Exit(FAILED)
 
 
-def hold(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = False) -> None:
-    """Hold the voltages of all stages.
+def _plain(send: Callable[[StageGroup], Mapping[str, Answer]], text: str) -> Callable[..., None]:
+    """Return the command of a request without arguments; the text is its help."""
 
-    It reaches every stage, even if another one hangs, and needs no lease.
-    """
-    with connect_group(name, groups) as group:
-        print_answers(group.hold(), _state, json=json)
+    def command(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = False) -> None:
+        with StageGroup(name, file=groups) as group:
+            print_answers(send(group), _state, json=json)
 
-
-def resume(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = False) -> None:
-    """Continue on all stages after a hold.
-
-    If one stage refuses, the others hold.
-    """
-    with connect_group(name, groups) as group:
-        print_answers(group.resume(), _state, json=json)
-
-
-def disarm(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = False) -> None:
-    """Ramp to the safe voltages, then write nothing more.
-
-    It reaches every stage, even if another one hangs, and needs no lease.
-    """
-    with connect_group(name, groups) as group:
-        print_answers(group.disarm(), _state, json=json)
-
-
-def stop(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = False) -> None:
-    """Ramp all stages to their safe voltages.
-
-    It reaches every stage, even if another one hangs, and needs no lease.
-    """
-    with connect_group(name, groups) as group:
-        print_answers(group.stop(), _state, json=json)
-
-
-def estop(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = False) -> None:
-    """Stop all stages in an emergency.
-
-    It reaches every stage, even if another one hangs, and needs no lease.
-    """
-    with connect_group(name, groups) as group:
-        print_answers(group.estop(), _state, json=json)
+    command.__doc__ = text
+    return command
 
 
 def _state(answer: Answer) -> str:
     return answer.state
+
+
+_REACHES: Final = "\n\nIt reaches every stage, even if another one hangs, and needs no lease."
+hold = _plain(StageGroup.hold, f"Hold the voltages of all stages.{_REACHES}")
+resume = _plain(
+    StageGroup.resume,
+    "Continue on all stages after a hold.\n\nIf one stage refuses, the others hold.",
+)
+disarm = _plain(StageGroup.disarm, f"Ramp to the safe voltages, then write nothing more.{_REACHES}")
+stop = _plain(StageGroup.stop, f"Ramp all stages to their safe voltages.{_REACHES}")
+estop = _plain(StageGroup.estop, f"Stop all stages in an emergency.{_REACHES}")

@@ -8,7 +8,6 @@ import typer
 
 from piezod.cli.output import new_console, print_json
 from piezod.cli.paths import existing_file
-from piezod.client import StageGroup
 from piezod.messages.documents import Message
 
 GroupArgument: TypeAlias = Annotated[
@@ -30,19 +29,6 @@ StartInOption: TypeAlias = Annotated[
         "--start-in", metavar="S", min=0.0, max=30.0, help="Time until the common start, s."
     ),
 ]
-
-
-def connect_group(name: str, groups: Path | None) -> StageGroup:
-    """Return the clients of a group.
-
-    Args:
-        name: Name of the group.
-        groups: The file of the groups; None for the usual places.
-
-    Raises:
-        ConfigError: If the file cannot be used, or has no such group.
-    """
-    return StageGroup(name, file=groups)
 
 
 def print_answers(

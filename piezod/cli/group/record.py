@@ -8,10 +8,10 @@ from piezod.cli.group.options import (
     GroupArgument,
     GroupsOption,
     StartInOption,
-    connect_group,
     print_answers,
 )
 from piezod.cli.options import JsonOption
+from piezod.client import StageGroup
 
 
 def start(
@@ -27,13 +27,13 @@ def start(
 
     If one stage refuses, the recordings that were started for it are ended again.
     """
-    with connect_group(name, groups) as group:
+    with StageGroup(name, file=groups) as group:
         started = group.start_recording(label, start_in_s=start_in)
     print_answers(started, lambda each: f"recording {each.name}", json=json)
 
 
 def stop(name: GroupArgument, groups: GroupsOption = None, json: JsonOption = False) -> None:
     """End the recording of each stage."""
-    with connect_group(name, groups) as group:
+    with StageGroup(name, file=groups) as group:
         ended = group.stop_recording()
     print_answers(ended, lambda each: f"recorded {each.records} cycles as {each.name}", json=json)

@@ -10,7 +10,6 @@ from piezod.cli.group.options import (
     GroupArgument,
     GroupsOption,
     StartInOption,
-    connect_group,
 )
 from piezod.cli.input_file import load_file
 from piezod.cli.options import JsonOption
@@ -47,7 +46,7 @@ def goto(
 
     If one stage refuses, the others hold.
     """
-    with connect_group(name, groups) as group:
+    with StageGroup(name, file=groups) as group:
         started = group.goto(_targets(group, targets))
         _print(group, started, "on its way", wait=wait, json=json)
 
@@ -74,7 +73,7 @@ def wave(
     of its waveform. If one stage refuses, the others hold.
     """
     loaded = load_file(file, GroupWaveFile)
-    with connect_group(name, groups) as group:
+    with StageGroup(name, file=groups) as group:
         waveforms = {stage: _per_axis(group, stage, each) for stage, each in loaded.stages.items()}
         started = group.wave(waveforms, loaded.duration_s, start_in_s=start_in)
         done = f"following for {loaded.duration_s:g} s, from {started.start_s:.6f} s on"
@@ -104,7 +103,7 @@ def play(
     loaded = load_file(file, GroupPlayFile)
     without = {"kind", "start_s"}
     tables = {stage: each.model_dump(exclude=without) for stage, each in loaded.stages.items()}
-    with connect_group(name, groups) as group:
+    with StageGroup(name, file=groups) as group:
         started = group.play(tables, start_in_s=start_in)
         done = f"playing, from {started.start_s:.6f} s on"
         _print(group, started, done, wait=False, json=json)

@@ -13,6 +13,7 @@ from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.uncertainty import Uncertainty
+from piezod.experiment.fit.verdict import verdict_of
 from piezod.hysteresis.memory import FloatArray
 
 Document = dict[str, object]
@@ -47,6 +48,9 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
             "missing": fitted.missing_excitation,
             "recommended": recommended_drive(*fit.model.drive_v),
         },
+        "verdict": verdict_of(fitted, written=model is not None)._asdict(),
+        "misfits": fitted.misfits,
+        "questions": fitted.questions,
         "warnings": fitted.warnings,
         "model": str(model) if model else None,
         "plot": str(plot) if plot else None,

@@ -128,6 +128,11 @@ AdoptOption: TypeAlias = Annotated[
     bool, typer.Option("--adopt", help="With --live: the stage uses the model from now on.")
 ]
 
+VerboseOption: TypeAlias = Annotated[
+    bool,
+    typer.Option("--verbose", help="Print the choice, all errors, and a drive to record, too."),
+]
+
 
 def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     data: DataArgument = None,
@@ -151,6 +156,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     axis: AxisOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
+    verbose: VerboseOption = False,
     json: JsonOption = False,
 ) -> None:
     """Fit the inverse model to recorded data.
@@ -159,7 +165,9 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     data are recorded on a running stage, which is driven from rest and disarmed at
     the end.
 
-    Prints the errors of the drive voltage that the model predicts from the position, and of the
+    Prints first, in five lines, whether the model can be used, its error on another drive, what the
+    record does not show, and what to do next; then what is doubtful. --verbose and --json print all
+    results: the errors of the drive voltage that the model predicts from the position, and of the
     position that it predicts from the voltage, in % of the ranges: on the record, on contiguous
     blocks of it that the fit did not use, and on another record. The delay from drive to
     position is the one with the smallest error, unless --delay-s gives it. A record of one
@@ -173,7 +181,14 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     from piezod.cli.identify.settings import fit_settings, given_delay_s
 
     settings = fit_settings(method, order, thresholds, creep)
-    job = FitJob(test, skip_s, given_delay_s(delay_s, settings), settings, vector=vector)
+    job = FitJob(
+        test,
+        skip_s,
+        given_delay_s(delay_s, settings),
+        settings,
+        vector=vector,
+        verbose=verbose,
+    )
     if data is not None:
         fit_file(data, job._replace(axis=axis, choices=choices), out, json=json)
         return

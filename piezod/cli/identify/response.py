@@ -7,8 +7,9 @@ import typer
 
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import check_yaml_out, existing_file
+from piezod.cli.paths import check_yaml_out
 from piezod.cli.progress import progress_bar
+from piezod.cli.record_options import FORMATS, record_file
 from piezod.cli.stage_options import SocketOption, StageOption, axis_names, connect
 
 AxisArgument: TypeAlias = Annotated[
@@ -21,9 +22,9 @@ FromOption: TypeAlias = Annotated[
         "--from",
         metavar="FILE",
         readable=False,
-        callback=existing_file,
-        help="Evaluate a recording (.h5, or CSV with t_s, drive_v, position_um) in place of "
-        "driving the stage. Its drive must contain many frequencies.",
+        callback=record_file,
+        help=f"Evaluate a recording (.h5), or a table of time, voltage and position ({FORMATS}), "
+        "in place of driving the stage. Its drive must contain many frequencies.",
     ),
 ]
 OffsetOption: TypeAlias = Annotated[

@@ -39,6 +39,7 @@ class FitJob(NamedTuple):
     axis: str | None = None  #: Axis of a recording; None for the only one.
     choices: Choices = Choices()  #: What it says about the columns of the files.
     vector: bool = False  #: Whether the figure is written as SVG and PDF, too.
+    verbose: bool = False  #: Whether the details are printed, too.
 
     def fit(self, file: Path, run_in_s: float, takes_surface: bool = True) -> FileFit:
         """Return the fit to a data file.
@@ -72,7 +73,7 @@ def fit_file(data: Path, job: FitJob, out: Path | None, *, json: bool) -> None:
     if json:
         print_json(as_document(fitted, out, figure))
     else:
-        print_fit(new_console(), fitted, out, figure)
+        print_fit(new_console(), fitted, out, figure, verbose=job.verbose)
 
 
 def fit_live(
@@ -101,7 +102,8 @@ def fit_live(
     now = datetime.now(UTC)
     figure = _write(fitted, out, now, job)
     if not json:
-        print_fit(new_console(), fitted, out, figure)  # before the adoption, which may be refused
+        # Before the adoption, which may be refused.
+        print_fit(new_console(), fitted, out, figure, verbose=job.verbose)
     if adopt:
         model = to_model_file(fitted.chosen.fit, fitted.data, fitted.chosen.train, now)
         adopt_live(client, driven, model)
@@ -135,7 +137,7 @@ def record_and_fit(
         recorded = record_live(client, file, progress, axis=axis, settings=settings)
     fitted = fit(recorded.file, recorded.run_in_s, recorded.takes_surface)
     fitted = replace(fitted, warnings=(*fitted.warnings, *recorded.warnings))
-    return fitted.with_configured_mode(recorded.first_mode), recorded.axis
+    return fitted.of_axis(recorded.config), recorded.axis
 
 
 def _write(fitted: FileFit, out: Path | None, now: datetime, job: FitJob) -> Path | None:

@@ -20,10 +20,25 @@ from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import longest_window
 from piezod.experiment.fit.surface.first_mode import CLEAR_GAIN
+from piezod.experiment.fit.verdict import verdict_of
 
 
-def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path | None) -> None:
-    """Print the record, the choice, the errors, the warnings, and the written files."""
+def print_fit(
+    console: Console, fitted: FileFit, model: Path | None, plot: Path | None, *, verbose: bool
+) -> None:
+    """Print the verdict, the doubts, the details if they are wanted, and the written files."""
+    for line in verdict_of(fitted, written=model is not None).lines:
+        console.print(line, soft_wrap=True)
+    print_warnings(console, (*fitted.misfits[1:], *fitted.questions[1:], *fitted.warnings))
+    if verbose:
+        console.print()
+        _print_details(console, fitted)
+    if model and plot:
+        console.print(f"Model: {model}\nFigure: {plot}", soft_wrap=True)
+
+
+def _print_details(console: Console, fitted: FileFit) -> None:
+    """Print the record, the choice, the errors and their parts, and the recommended drive."""
     fit = fitted.chosen.fit
     console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
     for each in fitted.understood:
@@ -48,11 +63,6 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     console.print(_parts(fitted.parts))
     console.print(_uncertainty(fitted))
     _print_excitation(console, fitted)
-    print_warnings(console, fitted.warnings)
-    if model and plot:
-        console.print(f"Model: {model}\nFigure: {plot}", soft_wrap=True)
-    else:
-        console.print("No model was written; --out model.yaml writes the model and its figure.")
 
 
 def _record(data: Path, record: Record) -> str:

@@ -214,8 +214,10 @@ class Csv(Lines):
     """Points from a file, joined by straight lines; the first and the last value are held."""
 
     kind: Literal["csv"]
-    path: ExistingFile = Field(description="CSV file with a header, relative to this file.")
-    column: str = Field(description="Column with the values; the times are in the column t_s.")
+    path: ExistingFile = Field(description="Table with time and values, relative to this file.")
+    column: str = Field(
+        description="Column with the values; the times are in a column such as t_s or Time (ms)."
+    )
     _points: tuple[Point, ...] = PrivateAttr(default=())
 
     @model_validator(mode="after")

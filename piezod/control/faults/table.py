@@ -23,7 +23,7 @@ class Reaction(IntEnum):
     WARN = 1
     """The fault is reported; the stage continues."""
     DEGRADE = 2
-    """Adaptive and trimmed axes continue in feedforward, without a jump."""
+    """Axes in a mode that needs the sensor continue in feedforward, without a jump."""
     HOLD = 3
     """The last voltage is held. RAMP follows after a while, or at a second fault."""
     RAMP = 4
@@ -230,7 +230,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "check gain and zero of the sensor; if the stage has changed, identify it again, or "
               "raise learned_pct of its compensator"),
     FaultRule(Fault.D6, "stage oscillates", ADAPTATION, WARN, RESET, "warning",
-              "lower the trim's gain; check the delay in the configuration",
+              "measure the first mode with `piezod response`; lower the gain; check the delay",
               Escalation(0, NS_PER_S // 2, DEGRADE, RESET, Escalation(0, NS_PER_S, HOLD, RESET))),
     FaultRule(Fault.D7, "sample not suitable for learning", ADAPTATION, NONE, ITSELF, "info",
               "nothing to do: it is not used for learning"),

@@ -3,6 +3,7 @@
 Paper, section 3 and Fig. 4: reference, inverse compensator, identifier and switch.
 """
 
+from collections.abc import Mapping
 from math import nan
 from typing import Final
 
@@ -49,7 +50,7 @@ class CompensatedAxis:
         delay_ns: Delay of a sample behind the voltage, in ns, without that of known modes.
         sensor_delay_ns: Part of that delay that lies in the sensor: the age of the displacement
             that a sample shows, in ns.
-        trim: Integral of the measured error, for mode `trimmed`.
+        feedbacks: Feedback of the measured error, for each mode that has one.
         proof: Keeps the last learned model that has proved itself.
         shaper: Shapes references for the modes.
         modal: Part of the displacement that the modes add; None if they are unknown.
@@ -72,7 +73,7 @@ class CompensatedAxis:
         period_ns: int,
         delay_ns: int,
         sensor_delay_ns: int,
-        trim: Trim,
+        feedbacks: Mapping[Mode, Trim],
         proof: ModelProof,
         shaper: ReferenceShaper,
         modal: ModalMotion | None = None,
@@ -97,7 +98,9 @@ class CompensatedAxis:
         # A voltage that is written in this cycle shows one period and one delay later.
         self._lookahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
-        self.trim, self.proof, self.bound = trim, proof, bound
+        self._feedbacks, self.proof, self.bound = feedbacks, proof, bound
+        self.trim = next(iter(feedbacks.values()))
+        """The feedback in use, or the one that still fades."""
         self._forced_v = nan
         self.switch(compensator.mode)
 
@@ -106,14 +109,24 @@ class CompensatedAxis:
         if mode is not self.compensator.mode:
             proven = self.proof.proven  # perhaps of an instant between two looks at the bound
             self.compensator.switch(mode, self.bound.limited(proven) if self.bound else proven)
-        if mode is Mode.TRIMMED:
-            self.trim.enable()
-        else:
+        feedback = self._feedbacks.get(mode)
+        if feedback is None:
             self.trim.disable()
+            return
+        if feedback is not self.trim:
+            feedback.take_over(self.trim)
+            self.trim = feedback
+        feedback.enable()
+
+    def refusal(self, mode: Mode) -> str:
+        """Return why a mode must not be selected; empty if it may."""
+        return self._feedbacks[mode].refusal if mode in self._feedbacks else ""
 
     def halve_gains(self, halved: bool) -> None:
-        """Trim and learn with half the gain, or with the full gain again."""
-        self.trim.gain_halved = self.identifier.gain_halved = halved
+        """Feed back and learn with half the gain, or with the full gain again."""
+        for each in self._feedbacks.values():
+            each.gain_halved = halved
+        self.identifier.gain_halved = halved
 
     def doubt(self, doubted: bool) -> None:
         """Drop what was learned if the samples begin to be in doubt; learn nothing meanwhile.
@@ -197,7 +210,7 @@ class CompensatedAxis:
         command_um = self._reference_um(t_s)
         # The error of a forced voltage, or of a write that was not applied, is no error of the
         # model.
-        if follows and compensator.learns_in_use:
+        if follows and compensator.adapts:
             self._prove_model(command_um)
         trim = 0.0
         if self.trim.active:
@@ -276,9 +289,15 @@ class CompensatedAxis:
         sample = self.identifier.compared
         if sample is None:
             return
-        command, first = (command_um - self._low_um) / self._width_um, self.proof.first
-        errors = self._error_of(sample), self.identifier.error_of(first)
-        if self.proof.add(command, *errors, self.compensator):
+        identifier, proof = self.identifier, self.proof
+        errors = identifier.errors
+        if errors and identifier.learned and proof.use.add(errors.learned, errors.first):
+            self.compensator.use_learned(proof.use.used, proof.first)
+        if not self.compensator.learns_in_use:
+            return
+        command = (command_um - self._low_um) / self._width_um
+        first_error = identifier.error_of(proof.first)
+        if proof.add(command, self._error_of(sample), first_error, self.compensator):
             self._drop_learned()
             self.compensator.fade()
 
@@ -286,6 +305,7 @@ class CompensatedAxis:
         """Let the identifier start again from the first model."""
         self.identifier.restart(self.proof.first)
         self.proof.restart(self.proof.first)
+        self.compensator.use_learned(True, self.proof.first)
         if self.bound is not None:
             self.bound.returned()
 

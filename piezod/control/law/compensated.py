@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from piezod.config.axes import AxisConfig
-from piezod.config.modes import Mode
+from piezod.config.modes import CORRECTED, Mode
 from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator, DriveHistory
@@ -18,13 +18,13 @@ from piezod.control.law.dynamics import (
     known_dynamics,
 )
 from piezod.control.law.identifier import Identifier, LearningGate
-from piezod.control.law.learned_models import LearnedBound, ModelProof
+from piezod.control.law.learned_models import LearnedBound, ModelErrors, ModelProof
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import StageModel
 from piezod.control.law.output import TimeFunction
 from piezod.control.law.pace import FOLLOWED_SHARE, learning_pace
 from piezod.control.law.trim import NotchedTrim, Trim
-from piezod.control.law.trim_gains import check_trim, trim_law
+from piezod.control.law.trim_gains import check_feedback, feedback_law
 from piezod.control.reference.preview import ReferenceShaper
 from piezod.dynamics import ResponseModel
 from piezod.dynamics.notch import notch
@@ -115,7 +115,8 @@ def compensated_axis(
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     pace = _pace(config, model.form, period_ns)
     modal = _modal(dynamics, period_ns, creep.quick)
-    identifier = _identifier(config, model, creep, history, period_ns, modal)
+    proof = _proof(model, period_ns)
+    identifier = _identifier(config, model, creep, history, period_ns, modal, proof.first)
     compensator = Compensator(
         model.form,
         model.weights,
@@ -123,7 +124,7 @@ def compensated_axis(
         fade_cycles=_cycles(FADE_S, period_ns),
         share=FOLLOWED_SHARE * pace,
         creep=creep,
-        trimmed_follows=config.trim.base == "adaptive",
+        learning=learning_modes(config),
     )
     return CompensatedAxis(
         reference_um=reference_um,
@@ -138,13 +139,19 @@ def compensated_axis(
         period_ns=period_ns,
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
-        trim=_trim(config, model, period_ns),
-        proof=_proof(model, period_ns),
+        feedbacks={each: _feedback(each, config, model, period_ns) for each in CORRECTED},
+        proof=proof,
         bound=_bound(config, model, identifier.adaptation, period_ns),
         shaper=shaper_of(config, dynamics, period_s),
         modal=modal,
         rests_inside=model.rests_inside(config.limits.rest_v),
     )
+
+
+def learning_modes(config: AxisConfig) -> frozenset[Mode]:
+    """Return the modes in which the model in use follows the identifier."""
+    trimmed = {Mode.TRIMMED} if config.trim.base == "adaptive" else set[Mode]()
+    return frozenset({Mode.ADAPTIVE, Mode.CLOSED} | trimmed)
 
 
 def _identifier(
@@ -154,6 +161,7 @@ def _identifier(
     history: DriveHistory,
     period_ns: int,
     modal: ModalMotion | None,
+    first: LearnedModel,
 ) -> Identifier:
     pace = _pace(config, model.form, period_ns)
     adaptation = _adaptation(config, model.form, model.weights, pace)
@@ -170,6 +178,7 @@ def _identifier(
         LearningGate(period_ns, latency_ns=s_to_ns(config.compensator.sensor_delay_s)),
         creep,
         modal,
+        ModelErrors(model.form, first, adaptation, creep.memory),
     )
 
 
@@ -279,14 +288,18 @@ def _bound(
     return LearnedBound(model, adaptation, config.compensator.learned_pct / 100.0, period_ns)
 
 
-def _trim(config: AxisConfig, model: StageModel, period_ns: int) -> Trim:
-    trim, period_s, refusal = config.trim, period_ns / NS_PER_S, ""
+def _feedback(mode: Mode, config: AxisConfig, model: StageModel, period_ns: int) -> Trim:
+    period_s, refusal = period_ns / NS_PER_S, ""
     try:
-        check_trim(config, period_s, model.delay_s)
+        check_feedback(mode, config, period_s, model.delay_s)
     except ModelError as error:
         refusal = str(error)
-    law, fade_cycles = trim_law(config, period_s, model.delay_s), _cycles(FADE_S, period_ns)
-    settings = law.gain_per_s, period_s, trim.authority_pct / 100.0, fade_cycles, refusal
+    law = feedback_law(mode, config, period_s, model.delay_s)
+    authority_pct = (config.closed if mode is Mode.CLOSED else config.trim).authority_pct
+    # The larger authority fades at the same rate, not within the same time.
+    larger = max(authority_pct / config.trim.authority_pct, 1.0)
+    fade_cycles = _cycles(larger * FADE_S, period_ns)
+    settings = law.gain_per_s, period_s, authority_pct / 100.0, fade_cycles, refusal
     if law.proportional or law.notches:
         notches = [notch(mode, period_s) for mode in law.notches]
         return NotchedTrim(*settings, proportional=law.proportional, notches=notches)

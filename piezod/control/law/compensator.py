@@ -41,7 +41,7 @@ class Compensator:
         share: Share of the distance to the identifier's weights that mode `adaptive` moves in each
             cycle, above 0 to 1.
         creep: Creep so far, and the displacement.
-        trimmed_follows: Whether mode `trimmed` is based on `adaptive` instead of `feedforward`.
+        learning: Modes in which the weights in use follow the identifier.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Compensator:
         fade_cycles: int,
         share: float = FOLLOWED_SHARE,
         creep: CreepState = AT_REST,
-        trimmed_follows: bool = False,
+        learning: frozenset[Mode] = frozenset({Mode.ADAPTIVE, Mode.CLOSED}),
     ) -> None:
         self.weights: FloatArray = weights.copy()
         """Weights in use, shape (size,); they change in place if they follow the identifier."""
@@ -65,8 +65,8 @@ class Compensator:
         self._target = LearnedModel(weights.copy())
         self._fade_cycles, self._share = fade_cycles, share
         self._has_model = bool(np.any(weights))
-        self._adaptive = {Mode.ADAPTIVE, Mode.TRIMMED} if trimmed_follows else {Mode.ADAPTIVE}
-        self._following = False
+        self._learning = learning
+        self._following, self._uses_learned = False, True
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
         self._zeroed = creep.zeroed
@@ -119,8 +119,28 @@ class Compensator:
         self._strength_aim = 0.0 if mode is Mode.UNCOMPENSATED else 1.0
         if self._following:
             self._target.assign(proven or self)
-        self._following = mode in self._adaptive
+        self._following = self._uses_learned and mode in self._learning
         self.fade()
+
+    def use_learned(self, used: bool, first: LearnedModel) -> None:
+        """Follow the identifier in the modes that do, or use another model; without a jump.
+
+        Args:
+            used: Whether to follow it.
+            first: The model to use if not.
+        """
+        if used is self._uses_learned:
+            return
+        self._uses_learned = used
+        if self.mode in self._learning:
+            self._following = used
+            self._target.assign(first)
+            self.fade()
+
+    @property
+    def adapts(self) -> bool:
+        """Whether the mode is one that follows the identifier."""
+        return self.mode in self._learning
 
     def fade(self) -> None:
         """Approach the weights evenly from now on, without a jump."""

@@ -8,6 +8,7 @@ from piezod.config.gate_reasons import GateReason
 from piezod.control.law.compensator import DriveHistory
 from piezod.control.law.creep import AT_REST, CreepState
 from piezod.control.law.dynamics import ModalMotion
+from piezod.control.law.learned_models import ModelErrors
 from piezod.control.signals import NoiseLevel, SlidingRange, StuckSensor, is_physical
 from piezod.devices.interface import Sample
 from piezod.hysteresis.adaptation import AdaptiveIdentifier, LearnedModel
@@ -26,6 +27,8 @@ SPIKE_CYCLES: Final = 20
 """The gate stays closed for this many cycles after a spike: growing noise first looks like them."""
 STUCK_SWING: Final = 0.01
 """A sensor is stuck if its samples are equal while the drive moves by more than this share."""
+BESIDE_SHARE: Final = 0.1
+"""Share of each accurate sample in the mean distance of the stage from what the model expects."""
 _COMPARABLE: Final = frozenset({GateReason.OPEN, GateReason.QUIET, GateReason.REPEATED})
 
 
@@ -59,6 +62,11 @@ class LearningGate:
     def comparable(self) -> bool:
         """Whether the last sample shows how well the stage follows: usable, and no limit acts."""
         return self.reason in _COMPARABLE
+
+    @property
+    def noise_variance(self) -> float:
+        """Variance of the noise of the samples, in units of the range squared."""
+        return self._noise.variance
 
     @property
     def skipped(self) -> bool:
@@ -155,6 +163,7 @@ class Identifier:
         gate: Decides which samples the identifier learns from.
         creep: Creep so far, and the displacement.
         modal: Part of the displacement that the modes add; None if they are unknown.
+        errors: Errors of the identified and of the learned model; None if nobody asks.
     """
 
     def __init__(
@@ -169,8 +178,11 @@ class Identifier:
         gate: LearningGate,
         creep: CreepState = AT_REST,
         modal: ModalMotion | None = None,
+        errors: ModelErrors | None = None,
     ) -> None:
         self.adaptation, self.gate, self._modal = adaptation, gate, modal
+        self.errors = errors
+        """Errors of the identified and of the learned model for the last sample."""
         self._low_v, self._width_v = drive_v.low, drive_v.width
         self._low_um, self._width_um = position_um.low, position_um.width
         self._history, self._delay_ns, self._convergence = history, delay_ns, convergence
@@ -181,7 +193,9 @@ class Identifier:
         self._cycles_early = max(0, -(delay_ns // period_ns))
         self.gain_halved = self._skipped_last = False
         """Whether only every second sample is learned from."""
-        self._drive = 0.0
+        self._drive = self._beside = 0.0
+        self.learned = False
+        """Whether the last sample was learned from."""
         self.converged = False
         """Whether the weights have converged, over a window that ends with the last sample."""
         self.compared: Sample | None = None
@@ -210,6 +224,7 @@ class Identifier:
 
     def restart(self, model: LearnedModel) -> None:
         """Start again from a model: what was learned is dropped."""
+        self._beside = 0.0
         self.adaptation.adopt(model.weights, model.offset, model.scale)
         self.converged = False
 
@@ -278,7 +293,8 @@ class Identifier:
 
         If the position is NaN, the sample is not accurate. Then the memory advances with the
         displacement that the compensator expects: the stage moves anyway, and a missed extremum
-        would be wrong for long.
+        would be wrong for long. As far as the stage was beside that before, it still is: a step to
+        the model and back would make an extremum that the stage has not seen.
         """
         crept = advance_creep(self._lags, self._creep_gains, self._creep_weights, self._quick)
         if self._modal is not None:
@@ -290,15 +306,21 @@ class Identifier:
             learns = not self._skipped_last
         # Creep and modes are in the unit of the operators, the position in that of the sensor.
         adaptation = self.adaptation
+        if self.errors is not None:
+            self.errors.follow(drive, position + self._zeroed, crept)
         stretch = 1.0 + adaptation.scale
+        modelled = (expected + adaptation.offset) / stretch
         if position == position:  # noqa: PLR0124 - not NaN
             without_creep = position + self._zeroed - crept / stretch
+            self._beside += BESIDE_SHARE * (without_creep - modelled - self._beside)
         else:
-            without_creep = (expected + adaptation.offset) / stretch
+            without_creep = modelled + self._beside
         # The error and its convergence follow paper eq. (30) and the criterion below it.
         convergence = self._convergence
         before = adaptation.position if convergence else 0.0
+        adaptation.expect_noise(self.gate.noise_variance)
         error = adaptation.step(without_creep, drive, learns)
+        self.learned = learns
         # The lags of the creep follow this displacement at the next sample.
         self._quick = (1.0 + adaptation.scale) * without_creep - adaptation.offset
         # At rest any weights predict well, so that only motion counts.

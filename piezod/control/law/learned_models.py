@@ -6,17 +6,28 @@ mean little, because neighbouring operators can exchange slope without an effect
 
 A sensor whose gain or zero lies looks like a stage that has changed. The bound limits what such a
 lie can teach: at the bound, learning goes on within it.
+
+A learned model is used only while it predicts no worse than the identified one.
+
+Both predict the displacement of the same samples from the voltage, which has no noise, each before
+the learned one has learned from the sample. Noise is in both errors, so that the difference of
+their squares shows little of it: over some windows, a mean beyond two of its standard errors is no
+chance. (Voltages that are predicted from noisy displacements would not do: a model that has learned
+from noise is better at that.) A learned model that is not used goes on learning, and is used again
+when it predicts better.
 """
 
-from math import isfinite, sqrt
+from collections import deque
+from math import isfinite, nan, sqrt
 from typing import Final
 
 import numpy as np
 
 from piezod.control.law.model import StageModel
 from piezod.control.signals import RecentRange
-from piezod.hysteresis import LearnedModel
+from piezod.hysteresis import LearnedModel, ModelForm
 from piezod.hysteresis.adaptation import Adaptable, AdaptiveIdentifier
+from piezod.hysteresis.memory import Memory
 from piezod.units import NS_PER_S
 
 _LEVELS = 9
@@ -30,6 +41,12 @@ LEAST_ERROR: Final = 0.01
 """A learned model with an rms error up to this share of the range is never worse."""
 TOLERANCE: Final = 2.0
 """Ratio of the mean squared errors above which the learned model is worse."""
+FEWEST, MOST = 3, 8
+"""Windows that a judgement needs, and the newest that count."""
+USE_STANDARD_ERRORS: Final = 2.0
+LEAST_MORE: Final = 2e-4**2
+"""A mean squared error that is larger by less, in units of the range squared, makes no
+difference."""
 
 
 class ModelDrift:
@@ -114,6 +131,96 @@ def is_finite(learned: Adaptable | LearnedModel) -> bool:
     return isfinite(float(learned.weights.sum()) + learned.offset + learned.scale)
 
 
+class ModelErrors:
+    """Errors of the identified and of the learned model, sample by sample. Real-time safe.
+
+    Args:
+        form: Form of both.
+        first: The identified model; it may change in place.
+        learned: What learns; its weights change in place.
+        memory: Memory of the hysteresis at the start; None for a relaxed one.
+    """
+
+    def __init__(
+        self, form: ModelForm, first: LearnedModel, learned: Adaptable, memory: Memory | None
+    ) -> None:
+        self._pasts = form.past(first.weights), form.past(learned.weights)
+        if memory is not None:
+            for past in self._pasts:
+                past.take_over(memory)
+        self._learned, self._drive = learned, np.zeros(1)
+        self.learned = self.first = nan
+        """Measured minus predicted displacement of both, in units of the range."""
+
+    def follow(self, drive: float, position: float, crept: float) -> None:
+        """Take a sample. Call once for each, also for one that is not valid.
+
+        Args:
+            drive: Drive that it answers, normalised.
+            position: Displacement, with the zero of the model, normalised.
+            crept: Part of it that creep and modes have added.
+        """
+        self._drive[0] = min(max(drive, 0.0), 1.0)
+        first, learned = (past.follow(self._drive) for past in self._pasts)
+        self.first = position - crept - first
+        offset, stretch = self._learned.offset, 1.0 + self._learned.scale
+        self.learned = position - (learned + crept + offset) / stretch
+
+
+class LearnedUse:
+    """Judges a learned model over loops of the drive. Fixed memory. Real-time safe.
+
+    Args:
+        window_cycles: Number of samples between two judgements.
+    """
+
+    def __init__(self, window_cycles: int) -> None:
+        self._window_cycles = window_cycles
+        self._windows = deque[float](maxlen=MOST)
+        self._sum, self._samples = 0.0, 0
+        self.used = True
+        """Whether the learned model is used."""
+
+    def restart(self) -> None:
+        """Use the learned model: it is the identified one again."""
+        self.used = True
+        self._begin()
+
+    def add(self, error: float, first_error: float) -> bool:
+        """Take a sample in motion; return whether `used` has changed.
+
+        Args:
+            error: Error of the learned model before it has learned from the sample, in units of the
+                range.
+            first_error: Error of the identified model.
+        """
+        more = error * error - first_error * first_error
+        if not isfinite(more):
+            return False
+        self._sum += more
+        self._samples += 1
+        if self._samples < self._window_cycles:
+            return False
+        self._windows.append(self._sum / self._samples)
+        self._sum, self._samples = 0.0, 0
+        if len(self._windows) < FEWEST or not self._loses():
+            return False
+        self.used = not self.used
+        self._begin()
+        return True
+
+    def _loses(self) -> bool:
+        """Return whether the model in use predicts worse than the other, and not by chance."""
+        count, sign = len(self._windows), 1.0 if self.used else -1.0
+        mean = sum(self._windows) / count
+        variance = sum((each - mean) ** 2 for each in self._windows) / (count - 1)
+        return sign * mean > USE_STANDARD_ERRORS * sqrt(variance / count) + LEAST_MORE
+
+    def _begin(self) -> None:
+        self._windows.clear()
+        self._sum, self._samples = 0.0, 0
+
+
 class ModelProof:
     """Keeps the last learned model that has proved itself. Fixed memory. Real-time safe.
 
@@ -131,6 +238,8 @@ class ModelProof:
         self.first, self.proven = first, LearnedModel.of(first)
         """The model from the identification, and the last model that has proved itself."""
         self._candidate = LearnedModel.of(first)  # in use at the start of the window
+        self.use = LearnedUse(window_cycles)
+        """Whether the learned model is used at all."""
         self._window_cycles = window_cycles
         self._command = RecentRange(lag_cycles + 1)
         self._cycles, self._squares, self._first_squares = 0, 0.0, 0.0
@@ -140,6 +249,7 @@ class ModelProof:
         """Start again with another first model."""
         for model in (self.first, self.proven, self._candidate):
             model.assign(first)
+        self.use.restart()
         self._begin_window()
 
     def add(self, command: float, error: float, first_error: float, in_use: Adaptable) -> bool:

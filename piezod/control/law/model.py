@@ -65,6 +65,12 @@ class StageModel:
         low, high = self.position_um
         return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
 
+    def zeroed_from_below(self, rest_v: float) -> "StageModel":
+        """Return the model with zero at rest as it is after a rise from its lowest voltage."""
+        rest_um = self._rising_um(self.drive_v.to_unit(rest_v))
+        low, high = self.position_um
+        return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
+
     def rests_inside(self, rest_v: float) -> bool:
         """Return whether the displacement at rest depends on where the voltage has been."""
         return REST_BEYOND < self.drive_v.to_unit(rest_v) < 1.0 - REST_BEYOND

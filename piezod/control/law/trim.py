@@ -40,13 +40,22 @@ class Trim:
         self._fade_per_cycle = authority / fade_cycles
         self._enabled = False
         self.refusal = refusal
-        """Why mode `trimmed` must not be selected; empty if it may."""
+        """Why its mode must not be selected; empty if it may."""
         self.gain_halved = False
         """Whether it integrates with half its gain."""
         self.active = False
         """Whether the trim can differ from zero: it is enabled, or still fades."""
         self.value = 0.0
-        """Present trim, within plus and minus the authority."""
+        """Present trim, within plus and minus the authority, or on its way there."""
+
+    def take_over(self, other: "Trim") -> None:
+        """Go on from the trim of another mode, which ends; there is no jump."""
+        self.value, self.active = other.value, other.active
+        other.drop()
+
+    def drop(self) -> None:
+        """End at once: another trim goes on from this one."""
+        self.value, self.active, self._enabled = 0.0, False, False
 
     def enable(self) -> None:
         """Integrate from the present trim on, which is zero unless it still fades."""
@@ -71,9 +80,13 @@ class Trim:
             self.active = self.value != 0.0
         elif valid and error - error == 0.0 and error * limited <= 0.0:
             gain = self._gain_per_cycle / 2.0 if self.gain_halved else self._gain_per_cycle
-            requested = self.value + gain * error
-            self.value = min(max(requested, -self._authority), self._authority)
+            self._go_to(self.value + gain * error)
         return self.value
+
+    def _go_to(self, requested: float) -> None:
+        """Take a trim within the authority; one that was taken over fades until it is."""
+        most = max(self._authority, abs(self.value) - self._fade_per_cycle)
+        self.value = min(max(requested, -most), most)
 
 
 class NotchedTrim(Trim):
@@ -126,7 +139,7 @@ class NotchedTrim(Trim):
         requested = self.value + halved * self._proportional * change
         if filtered * limited <= 0.0:
             requested += halved * self._gain_per_cycle * filtered
-        self.value = min(max(requested, -self._authority), self._authority)
+        self._go_to(requested)
         return self.value
 
     def _settle(self, error: float) -> None:

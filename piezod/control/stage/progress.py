@@ -196,7 +196,7 @@ def _boot(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         stage.track(read_back_v)  # a ramp that follows starts there
         stage.end_self_test(t_ns)
         for axis in () if stage.state is State.BOOT else stage.axes:
-            if refusal := axis.law.trim.refusal:
+            if refusal := axis.law.refusal(Mode.TRIMMED):
                 text = f"mode trimmed is not available: {refusal}"
                 stage.note(StageEvent(t_ns, "info", "trim", text, axis=axis.name))
 

@@ -120,8 +120,8 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
     axes, why = axes_named(stage, request.axis)
     if not why and request.mode in SENSED:
         why = without_sensor(stage, axes, f"mode {request.mode}")
-    if not why and request.mode is Mode.TRIMMED:
-        refusals = ((stage.axes[i].name, stage.axes[i].law.trim.refusal) for i in axes)
+    if not why:
+        refusals = ((stage.axes[i].name, stage.axes[i].law.refusal(request.mode)) for i in axes)
         why = "; ".join(f"axis {name}: {refusal}" for name, refusal in refusals if refusal)
     if why:
         return Answer(False, why)

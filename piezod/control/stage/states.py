@@ -20,7 +20,7 @@ class Event(Enum):
     RUN = auto()
     """Follow a command in a mode that does not need the sensor."""
     RUN_ADAPTIVE = auto()
-    """Follow a command in a mode that needs the sensor: adaptive, trimmed."""
+    """Follow a command in a mode that needs the sensor: adaptive, trimmed, closed."""
     IDENTIFY = auto()
     """Drive a voltage waveform, to identify or to condition."""
     IDENTIFY_DONE = auto()

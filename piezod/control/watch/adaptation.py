@@ -12,75 +12,11 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
 from piezod.control.law.learned_models import LearnedBound, ModelProof, is_finite
-from piezod.control.signals import RecentRange
+from piezod.control.watch.oscillation import Oscillation
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.hysteresis.online import Shadowed
 from piezod.units import NS_PER_S
-
-LEAST_AMPLITUDE: Final = 0.01
-"""Errors up to this share of the range never count as oscillation."""
-NOISE_SIGMAS: Final = 5.0
-"""Errors up to this many standard deviations of the sensor noise do not count either."""
-SEGMENT_NS: Final = NS_PER_S // 10
-SEGMENT_CYCLES: Final = 20
-"""The time is divided into segments of 0.1 s or 20 cycles, whichever is longer."""
-SEGMENTS, ALTERNATIONS = 5, 2
-"""A stage oscillates if the error changes its sign at least this often in each of this many
-segments in a row. The ringing after a step fades before that."""
-
-
-class Oscillation:
-    """Detects that one axis oscillates around a constant command. Fixed memory. Real-time safe."""
-
-    def __init__(self, period_ns: int) -> None:
-        self._segment_cycles = max(SEGMENT_NS // period_ns, SEGMENT_CYCLES)
-        self._command = RecentRange(self._segment_cycles)
-        self._cycles = self._alternations = self._segments = 0
-        self._side = 0.0
-        self.amplitude, self.limit = 0.0, LEAST_AMPLITUDE
-        """Largest error in the last segment, and the limit for it; in units of the range."""
-        self._largest = 0.0
-
-    @property
-    def found(self) -> bool:
-        """Whether the stage oscillates."""
-        return self._segments >= SEGMENTS
-
-    def forget(self) -> None:
-        """Start again without any history."""
-        self._cycles = self._alternations = self._segments = 0
-        self._side = self._largest = 0.0
-        self._command.forget()
-
-    def update(self, command: float, position: float, noise: float) -> None:
-        """Take one cycle; all arguments are finite and in units of the range.
-
-        Args:
-            command: Command.
-            position: Measured position.
-            noise: Standard deviation of the noise of the position.
-        """
-        error = command - position
-        self._command.add(command)
-        limit, size = NOISE_SIGMAS * noise, abs(error)
-        limit = max(limit, LEAST_AMPLITUDE)
-        if size > limit:
-            # Only errors beyond the limit count, so noise around zero makes no alternations.
-            if error * self._side < 0.0:
-                self._alternations += 1
-            self._side = error
-        self._largest = max(self._largest, size)
-        self._cycles += 1
-        if self._cycles == self._segment_cycles:
-            # A command that moves makes errors of both signs by itself: judge segments at rest
-            # only.
-            alternates = self._alternations >= ALTERNATIONS and self._command.swing < limit
-            self._segments = min(self._segments + 1, SEGMENTS) if alternates else 0
-            self.amplitude, self.limit = self._largest, limit
-            self._cycles = self._alternations = 0
-            self._largest = 0.0
-
 
 RESTORATIONS: Final = 3
 RESTORATION_WINDOW_NS: Final = 30 * NS_PER_S
@@ -135,7 +71,7 @@ class AdaptationWatch:
         Args:
             command_um: Command, in µm; NaN if there is none.
             position_um: Measured position, in µm; NaN if the sample may not be used.
-            closed: Whether the sample acts on the drive: mode `adaptive` or `trimmed`, in RUN.
+            closed: Whether the sample acts on the drive: a mode that needs the sensor, in RUN.
             noise_um: Standard deviation of the sensor noise, in µm.
         """
         self._cycles += 1
@@ -190,8 +126,5 @@ class AdaptationWatch:
         elif restored:
             found.append(Detection(Fault.D1, self._axis, RESTORATIONS, RESTORATIONS - 1))
         if self._oscillation.found:
-            wave = self._oscillation
-            found.append(
-                Detection(Fault.D6, self._axis, wave.amplitude * width_um, wave.limit * width_um)
-            )
+            found.append(self._oscillation.detection(self._axis, width_um))
         return found

@@ -22,7 +22,7 @@ from piezod.daemon.loop.placement import Placement
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
-from piezod.devices.played_axis import AxisTable, PlayedAxis, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.player import AtEnd, PlayerCapabilities, PlayState
 from piezod.devices.wiring import pairs_of
 from piezod.errors import DeviceError, PiezodError, PlayCancelledError
@@ -239,7 +239,7 @@ class _PlayThread(threading.Thread):
         holds = self._axis.capabilities.at_end is AtEnd.HOLDS
         return float(taken.period_v[-1]) if holds else nan
 
-    def _store(self, taken: AxisTable, record: PlayedRecord | None, failed: str) -> None:
+    def _store(self, taken: AxisTable, record: AxisPlayRecord | None, failed: str) -> None:
         position_um = [] if record is None else (record.position_um - self._job.zero_um).tolist()
         maker, model, serial, _ = self._job.player.identity
         document = {

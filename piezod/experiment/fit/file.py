@@ -7,10 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from piezod.config.axes import AxisConfig
 from piezod.config.first_mode import FirstModeConfig
+from piezod.config.plausible import Span
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
 from piezod.experiment.fit.errors import Breakdown, Judgement, breakdown_of, judge
+from piezod.experiment.fit.examination import examined
 from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.record import Record
@@ -24,12 +27,12 @@ from piezod.experiment.fit.warnings import (
     mode_warnings,
     quality_warnings,
     residual_warnings,
-    saturation_warnings,
 )
 from piezod.experiment.prefix import prefix_errors
 from piezod.experiment.progress import Progress
 from piezod.hysteresis import AffineRange
 from piezod.reading.choices import Choices
+from piezod.records.recording.reader import is_recording
 
 START_S = 2.0
 """Part of a record in which a start away from rest shows most, in s."""
@@ -60,19 +63,28 @@ class FileFit:
     choice: Choice | None  #: Candidates among which the model was chosen, None if it was given.
     missing_excitation: tuple[str, ...]  #: Excitation that the record lacks, a sentence each.
     warnings: tuple[str, ...]  #: Warnings for the user of the model, a sentence each.
+    questions: tuple[str, ...] = ()  #: What only the user knows about the record, a question each.
+    #: Why the model is not that of the axis, a clause each; empty also if the axis is unknown.
+    misfits: tuple[str, ...] = ()
     #: First mode in the configuration of the axis; None if there is none, or if it is unknown.
     configured_mode: FirstModeConfig | None = None
     understood: tuple[str, ...] = ()  #: What was inferred about the file, a sentence each.
 
-    def with_configured_mode(self, configured_mode: FirstModeConfig | None) -> "FileFit":
-        """Return the fit beside the configuration of its axis, with a warning if they differ.
+    def of_axis(self, config: AxisConfig) -> "FileFit":
+        """Return the fit beside the configuration of its axis, with what does not fit.
 
-        Args:
-            configured_mode: First mode in the configuration; None if it has none.
+        Such a record has the units of the configuration, so that no question about them remains.
         """
-        mode, half = self.chosen.fit.model.mode, self.uncertainty.mode
-        warnings = mode_warnings(mode, half, configured_mode) if mode and half else ()
-        return replace(self, configured_mode=configured_mode, warnings=(*self.warnings, *warnings))
+        model, half = self.chosen.fit.model, self.uncertainty.mode
+        configured = config.first_mode
+        warnings = mode_warnings(model.mode, half, configured) if model.mode and half else ()
+        return replace(
+            self,
+            configured_mode=configured,
+            warnings=(*self.warnings, *warnings),
+            questions=(),
+            misfits=tuple(config.misfits(Span(*model.drive_v, model.position_um.width))),
+        )
 
 
 def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
@@ -102,10 +114,8 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
         DataError: If a file cannot be used; the text starts with its name.
         OSError: If a file cannot be read.
     """
-    given = _read(data, test, skip_s, axis, choices)
-    record, test_record = given.record, given.test_record
-    if delay_s is None:
-        delay_s = given.source.delay_s
+    given = _read(data, test, skip_s, axis, delay_s, choices)
+    record, test_record, delay_s = given.record, given.test_record, given.source.delay_s
     with prefix_errors(str(data)):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s, progress)
@@ -137,6 +147,7 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
             *residual_warnings(chosen, parts),
         ),
         understood=given.source.understood,
+        questions=given.questions,
     )
 
 
@@ -147,18 +158,43 @@ class _Given(NamedTuple):
     record: Record  #: Its record: a long one is averaged.
     test_record: Record | None  #: That of the test, None without one.
     notes: tuple[str, ...]  #: What to know about the files, a sentence each.
+    questions: tuple[str, ...]  #: What only the user knows about them, a question each.
 
 
 def _read(
-    data: Path, test: Path | None, skip_s: float, axis: str | None, choices: Choices
+    data: Path,
+    test: Path | None,
+    skip_s: float,
+    axis: str | None,
+    delay_s: float | None,
+    choices: Choices,
 ) -> _Given:
-    source = read_source(data, skip_s, axis, choices)
+    source, questions = _examined(data, skip_s, axis, delay_s, choices)
     record, notes = thinned(source.record), tuple(_notes("record", source))
     if not test:
-        return _Given(source, record, None, notes)
-    test_source = read_source(test, skip_s, axis, choices)
-    test_notes = _notes("test", test_source)
-    return _Given(source, record, thinned(test_source.record), (*notes, *test_notes))
+        return _Given(source, record, None, notes, questions)
+    test_source, others = _examined(test, skip_s, axis, source.delay_s, choices)
+    return _Given(
+        source,
+        record,
+        thinned(test_source.record),
+        (*notes, *_notes("test", test_source)),
+        (*questions, *(f"Test: {each}" for each in others)),
+    )
+
+
+def _examined(
+    path: Path, skip_s: float, axis: str | None, delay_s: float | None, choices: Choices
+) -> tuple[Source, tuple[str, ...]]:
+    """Return a file without what is not true in it, with the delay to use, and what to ask."""
+    source = read_source(path, skip_s, axis, choices)
+    known_s = source.delay_s if delay_s is None else delay_s
+    with prefix_errors(str(path)):
+        found = examined(source.record, known_s or 0.0)
+    notes = (*source.notes, *found.notes)
+    # A recording has the units of the stage that made it.
+    told = source._replace(record=found.record, notes=notes, delay_s=known_s)
+    return told, () if is_recording(path) else found.questions
 
 
 def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:
@@ -184,7 +220,6 @@ def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
 
 def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
     yield from fit_warnings(fit, record.period_s)
-    yield from saturation_warnings(record)
     yield from _start_warnings(fit)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)

@@ -151,13 +151,15 @@ def check_missing(what: str, missing: int, skipped: int, samples: int) -> None:
         )
 
 
-def told_missing(missing: int, samples: int) -> tuple[str, ...]:
+def told_missing(
+    missing: int, samples: int, why: str = "they were skipped by the loop or invalid"
+) -> tuple[str, ...]:
     """Return the warning about samples that were filled in, if there are any."""
     if not missing:
         return ()
     return (
-        f"{missing} of {samples} samples were missing, skipped by the loop or invalid, and were "
-        "filled in.",
+        f"{missing} of {samples} samples were missing, because {why}: they were filled in by "
+        "straight lines.",
     )
 
 

@@ -1,6 +1,5 @@
 """Reads the record for a fit from a table of others or from the recording of a running stage."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.fit.delay import has_one_frequency
+from piezod.experiment.fit.even import periods_between
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.recorded import (
     MAX_FILLED,
@@ -23,15 +23,6 @@ from piezod.reading.checks import MAX_STEP_PERIODS
 from piezod.reading.choices import Choices
 from piezod.reading.record import read_record
 from piezod.records.recording.reader import is_recording
-
-LONG_STEP_S: Final = 0.1
-"""A time step from which on the time is probably in ms."""
-HIGH_V: Final = 1500.0
-"""A voltage above which the drive is probably in mV; amplifiers for stacks end at 1000 V."""
-LONG_UM: Final = 3000.0
-"""A range above which the displacement is probably in nm."""
-SHORT_UM: Final = 0.1
-"""A range below which it is probably in mm."""
 
 
 class Source(NamedTuple):
@@ -78,7 +69,7 @@ def read_source(
             "ms is used, that of the model which the stage used. Give another with --delay-s."
         )
         return Source(record, (*notes, used), delay_s, understood)
-    return Source(record, (*notes, *_doubts_about_units(record)), None, understood)
+    return Source(record, notes, None, understood)
 
 
 def _refuse_choices(path: Path, choices: Choices) -> None:
@@ -107,8 +98,7 @@ def columns_of_table(
     read = read_record(path, choices, max_step_periods=longest, command=command)
     columns, understood = read.columns, read.understood
     t_s = columns["t_s"]
-    steps_s = np.diff(t_s)
-    periods = np.maximum(np.rint(steps_s / np.median(steps_s)), 1.0).astype(int)
+    periods = periods_between(t_s)
     missing = int(np.sum(periods - 1))
     if not missing:
         return columns, (), understood
@@ -122,24 +112,4 @@ def columns_of_table(
     places = np.concatenate(([0], np.cumsum(periods)))
     even_s = np.interp(np.arange(places[-1] + 1), places, t_s)
     filled = {name: np.interp(even_s, t_s, column) for name, column in columns.items()}
-    return filled, told_missing(missing, even_s.size), understood
-
-
-def _doubts_about_units(record: Record) -> Iterator[str]:
-    """Yield a question for each column that is probably in another unit than its name says."""
-    if record.period_s >= LONG_STEP_S:
-        length_s = record.t_s[-1] - record.t_s[0]
-        yield (
-            f"t_s advances by {record.period_s:.3g} s from sample to sample, {length_s:.4g} s in "
-            "all: is it in ms? Then divide it by 1000."
-        )
-    drive_v = float(np.max(np.abs(record.drive_v)))
-    if drive_v > HIGH_V:
-        yield f"drive_v reaches {drive_v:.5g} V: is it in mV? Then divide it by 1000."
-    range_um = float(np.ptp(record.position_um))
-    if range_um > LONG_UM:
-        yield f"position_um has a range of {range_um:.5g} µm: is it in nm? Then divide it by 1000."
-    if range_um < SHORT_UM:
-        yield (
-            f"position_um has a range of {range_um:.3g} µm: is it in mm? Then multiply it by 1000."
-        )
+    return filled, told_missing(missing, even_s.size, "t_s has gaps"), understood

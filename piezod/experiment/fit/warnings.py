@@ -17,9 +17,6 @@ from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
 
-SATURATED = 0.1
-"""A healthy sensor may show one value while the drive moves over at most this share of its
-range."""
 LARGE_PCT = 5.0
 """Rms error of a prediction above which a model is of little use, in % of the voltage's range."""
 RESIDUAL_PCT = 0.3
@@ -200,26 +197,6 @@ def _power(values: FloatArray) -> FloatArray:
     """Return the power spectrum of values over time, without their mean, shape (n // 2 + 1,)."""
     # The window keeps slow and strong parts from leaking over the spectrum.
     return np.asarray(np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2)
-
-
-def saturation_warnings(record: Record) -> Iterator[str]:
-    """Yield the warnings about a sensor that seems to saturate at an end of its range.
-
-    Args:
-        record: The record before smoothing.
-    """
-    x, counted = record.position_um, record.counted()
-    range_v = float(np.ptp(record.drive_v[counted]))
-    for name, end_um in (("highest", np.max(x[counted])), ("lowest", np.min(x[counted]))):
-        there = counted & (x == end_um)
-        moved = float(np.ptp(record.drive_v[there])) / range_v
-        if moved > SATURATED:
-            yield (
-                f"The displacement stands at its {name} value, {end_um:.6g} µm, in "
-                f"{np.count_nonzero(there)} samples, while the drive moves over "
-                f"{100.0 * moved:.2g} % of its range: the sensor seems to saturate. Use a smaller "
-                "drive, or move the sensor's range."
-            )
 
 
 def _delay_warnings(delay: DelayEstimate, period_s: float) -> Iterator[str]:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from piezod.client import StageClient
+from piezod.config.axes import AxisConfig
 from piezod.config.experiment_fields import IdentificationConfig
-from piezod.config.first_mode import FirstModeConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.states import State
 from piezod.errors import DataError
@@ -29,10 +29,12 @@ class LiveRecord(NamedTuple):
     file: Path  #: The data file.
     run_in_s: float  #: Its first part, which does not count, in s.
     warnings: tuple[str, ...]  #: Warnings, a sentence each.
-    #: Whether the identifier of the axis learns a surface, so that it accepts one.
-    takes_surface: bool = True
-    #: First mode in the configuration of the axis; None if it has none.
-    first_mode: FirstModeConfig | None = None
+    config: AxisConfig  #: Configuration of the axis.
+
+    @property
+    def takes_surface(self) -> bool:
+        """Whether the identifier of the axis learns a surface, so that it accepts one."""
+        return self.config.compensator.identifier == "rls"
 
 
 def record_live(
@@ -72,8 +74,7 @@ def record_live(
         stage.disarm()
     write_csv(file, columns)
     warnings = (*stage.notes, *warnings, *stage.fault_notes())
-    takes_surface = live.config.compensator.identifier == "rls"
-    return LiveRecord(name, file, drive.run_in_s, warnings, takes_surface, live.config.first_mode)
+    return LiveRecord(name, file, drive.run_in_s, warnings, live.config)
 
 
 def adopt_live(client: StageClient, axis: str, model: ModelFile) -> None:

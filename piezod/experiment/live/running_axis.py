@@ -7,7 +7,7 @@ import numpy as np
 from piezod.experiment.live.setup import LiveSetup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
-from piezod.experiment.play.stage import AtRest, AxisTable, Identity, PlayedRecord
+from piezod.experiment.play.stage import AtRest, AxisPlayRecord, AxisTable, Identity
 from piezod.units import NS_PER_S, s_to_ns
 
 _DECIMALS = 5
@@ -29,7 +29,7 @@ class RunningAxis:
         """Rest, at the rest voltage."""
         return AtRest(self._stage.pause(self._rest_s), self._rest_v)
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         """Play a table, which the daemon checks; return its record."""
         play = partial(
             self._stage.play,
@@ -45,7 +45,7 @@ class RunningAxis:
         position_um = np.array(played["position_um"], dtype=np.float64)  # null becomes NaN
         interval_ns = s_to_ns(played["record_interval_s"])
         unknown = np.full(position_um.size, np.nan)
-        return PlayedRecord(interval_ns, position_um, unknown, int(played["first_point"]))
+        return AxisPlayRecord(interval_ns, position_um, unknown, int(played["first_point"]))
 
 
 def playing_axis(

@@ -43,6 +43,8 @@ class PlayingAxis:
         limits, rest_v = limits_of(config), config.limits.rest_v
         sensor_delay_s = config.compensator.sensor_delay_s
         range_v = limits.drive_min_v, limits.drive_max_v
+        if model.rests_inside(rest_v):  # the conditioning ends with a rise from the lowest voltage
+            model = model.zeroed_from_below(rest_v)
         maker = TableMaker(model, interval_ns, range_v, limits.slew_v_per_s)
         return cls(
             ZeroedAxis(stage, interval_ns, maker.conditioning(rest_v)),

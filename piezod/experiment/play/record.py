@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piezod.devices.played_axis import AxisTable, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable
 from piezod.dynamics.model import ComplexArray
 from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
@@ -50,7 +50,7 @@ class CountedPeriods(NamedTuple):
     true_um: FloatArray  #: True displacement, in µm; NaN if it is not known.
 
 
-def counted_periods(record: PlayedRecord, table: AxisTable, counted: int) -> CountedPeriods:
+def counted_periods(record: AxisPlayRecord, table: AxisTable, counted: int) -> CountedPeriods:
     """Return the last periods of a play.
 
     Raises:

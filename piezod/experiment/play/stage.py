@@ -3,7 +3,7 @@
 from typing import NamedTuple, Protocol
 
 from piezod.devices.interface import Identity
-from piezod.devices.played_axis import AxisTable, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable
 
 
 class AtRest(NamedTuple):
@@ -24,7 +24,7 @@ class PlayedStage(Protocol):
         """
         ...
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         """Play a table and return its record, relative to the zero of the sensor.
 
         The guard of tables checks the table before it is loaded. Afterwards the last value of the
@@ -46,4 +46,4 @@ class IdentifiedStage(PlayedStage, Protocol):
         ...
 
 
-__all__ = ["AtRest", "AxisTable", "IdentifiedStage", "Identity", "PlayedRecord", "PlayedStage"]
+__all__ = ["AtRest", "AxisPlayRecord", "AxisTable", "IdentifiedStage", "Identity", "PlayedStage"]

@@ -74,7 +74,7 @@ class TableMaker:
 
     def conditioning(self, rest_v: float) -> AxisTable | None:
         """Return swings from rest through the whole range and back; None if none is needed."""
-        cycles = self._form.cycles_to_rest
+        cycles = max(self._form.cycles_to_rest, self._model.rests_inside(rest_v))
         if not cycles:
             return None
         ends_v = (rest_v, self._high_v, self._low_v, rest_v)

@@ -6,7 +6,7 @@ every waveform.
 
 import numpy as np
 
-from piezod.devices.played_axis import AxisTable, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable
 from piezod.experiment.play.stage import AtRest, PlayedStage
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
@@ -46,7 +46,7 @@ class ZeroedAxis:
         """Bring the axis to rest."""
         return self._axis.rest()
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         """Play a table and return its record, relative to the zero."""
         record = self._axis.play(table)
         return record._replace(

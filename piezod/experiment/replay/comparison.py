@@ -10,6 +10,7 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
+from piezod.control.law.compensated import learning_modes
 from piezod.control.law.gains import prefix_errors
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
@@ -107,12 +108,9 @@ def _with_recorded_weights(
 ) -> StageModel:
     """Return the model with the weights in use at the start, where the mode follows them."""
     weights, _, surface = telemetry.first_weights(axis)
-    follows = mode == Mode.ADAPTIVE.value or (
-        mode == Mode.TRIMMED.value and config.trim.base == "adaptive"
-    )
     # In a part of a recording the first weights may be those of a model that was adopted before.
     fits = weights.shape[1:] == model.weights.shape and surface != model.form.two_sided
-    if not (follows and fits and len(weights)):
+    if not (mode in learning_modes(config) and fits and len(weights)):
         return model
     return replace(model, weights=np.array(weights[0]))
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config.axes import AxisConfig
-from piezod.config.modes import Mode
+from piezod.config.modes import CORRECTED, Mode
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensated import Start, check_identifier, compensated_axis
 from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.output import TimeFunction
-from piezod.control.law.trim_gains import check_trim
+from piezod.control.law.trim_gains import check_feedback
 from piezod.devices.interface import Sample
 from piezod.experiment.replay.recorded_axis import RecordedAxis
 from piezod.experiment.replay.stand_in import StandIn
@@ -74,8 +74,9 @@ def replay(
     """
     period_s, config = 1.0 / rate_hz, with_found_mode(config, model)
     check_identifier(config, model.form)
-    if Mode.TRIMMED.value in modes:
-        check_trim(config, period_s, model.delay_s)
+    for each in CORRECTED:
+        if each.value in modes:
+            check_feedback(each, config, period_s, model.delay_s)
     law = _law(recorded, config, model, Mode(str(modes[0])), round(period_s * NS_PER_S))
     stage = StandIn(stand_in, recorded.in_force_v, period_s)
     next_v = np.empty_like(recorded.next_v)

@@ -6,11 +6,10 @@ from typing import Final
 import numpy as np
 
 from piezod.experiment.fit.recorded import columns_of_recording, on_cycles
-from piezod.experiment.fit.source import NO_CHOICES, columns_of_table
+from piezod.experiment.fit.source import columns_of_table
 from piezod.experiment.prefix import prefix_errors
 from piezod.experiment.response.judgement import judged
 from piezod.experiment.response.measurement import measured_in_recording
-from piezod.reading.choices import Choices
 from piezod.records.recording.reader import is_recording, read_telemetry
 from piezod.records.response_record import ResponseRecord
 
@@ -20,13 +19,12 @@ REMEDY: Final = (
 )
 
 
-def response_of_file(path: Path, axis: str | None, choices: Choices = NO_CHOICES) -> ResponseRecord:
+def response_of_file(path: Path, axis: str | None) -> ResponseRecord:
     """Return the response in a file, and its model.
 
     Args:
         path: A table of time, drive and position in any known format, or a recording of a stage.
         axis: Axis of a recording; None for the only one.
-        choices: What the person says about the columns of a table.
 
     Raises:
         DataError: If the file cannot be used, or its drive excites too little; the text starts with
@@ -38,7 +36,7 @@ def response_of_file(path: Path, axis: str | None, choices: Choices = NO_CHOICES
         columns, notes = columns_of_recording(path, axis, on_cycles)
     else:
         name = axis or "x"
-        columns, notes, understood = columns_of_table(path, choices, "response --from")
+        columns, notes, understood = columns_of_table(path, command="import")
         notes = (*understood, *notes)
     rate_hz = (columns["t_s"].size - 1) / float(np.ptp(columns["t_s"]))
     with prefix_errors(str(path)):

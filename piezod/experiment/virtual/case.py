@@ -6,7 +6,7 @@ import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
-from piezod.config.modes import Mode
+from piezod.config.modes import SENSED, Mode
 from piezod.config.waveforms.waveform import Waveform
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensated import Start, compensated_axis
@@ -14,6 +14,7 @@ from piezod.control.law.model import StageModel
 from piezod.errors import DataError
 from piezod.experiment.session.runs import RANGE_MARGIN, Run, with_errors
 from piezod.experiment.virtual.identify import IdentifiedAxis
+from piezod.experiment.virtual.ringing import RingingWatch
 from piezod.experiment.virtual.stage import (
     COMMAND_UM,
     IN_FORCE_V,
@@ -44,6 +45,7 @@ def run_case(
     Raises:
         DataError: If a command leaves the range in which the axis was identified.
         DeviceError: If a device refuses a voltage.
+        ModelError: If an axis oscillates in a mode that needs the sensor.
     """
     references = {
         name: command.built(case.duration_s) for name, command in case.commands(config.axes).items()
@@ -51,14 +53,19 @@ def run_case(
     for name, reference in references.items():
         _check_range(case, name, reference, identified[name].model)
     # The creep during the rest is part of the state at the start.
-    for axis, trace in zip(identified.values(), stage.rest(config.settle_s), strict=True):
+    rests = stage.rest(config.settle_s)
+    rested_um = rests[:, :, POSITION_UM]
+    for axis, trace in zip(identified.values(), rests, strict=True):
         axis.creeping.watch(trace[:, POSITION_UM])
         axis.creeping.follow(trace[:, IN_FORCE_V])
         axis.creeping.zero()
     axes = _axes(stage, config, identified, references, mode)
     forms = [axis.model.form for axis in identified.values()]
     snapshots = _Snapshots(axes, forms, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
-    traces = stage.run(axes, case.duration_s, before=snapshots.take)
+    ranges_um = {name: axis.model.position_um for name, axis in identified.items()}
+    watch = RingingWatch(f"{case.name}, {mode}", ranges_um, rested_um, stage.period_ns)
+    after = watch.see if mode in SENSED else None
+    traces = stage.run(axes, case.duration_s, before=snapshots.take, after=after)
     for name, trace in zip(config.axes, traces, strict=True):
         identified[name].creeping.watch(trace[:, POSITION_UM])
         identified[name].creeping.follow(trace[:, IN_FORCE_V])

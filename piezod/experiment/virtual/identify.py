@@ -19,6 +19,7 @@ from piezod.control.law.output import TimeFunction
 from piezod.control.reference.programs import conditioning
 from piezod.errors import DataError
 from piezod.experiment.fit.errors import judge
+from piezod.experiment.fit.examination import examined
 from piezod.experiment.fit.fit import fit_model
 from piezod.experiment.fit.fit_numbers import numbers_of_file, numbers_of_fit
 from piezod.experiment.fit.method import Method, Spacing
@@ -60,7 +61,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
     period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
-    check_gains(config.axes, period_s, trimmed=trimmed)
+    check_gains(config.axes, period_s, config.modes)
     from_file = {
         name: _from_file(name, axis, axis.model, stage.period_ns)
         for name, axis in config.axes.items()
@@ -80,7 +81,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
     }
     for name, one in identified.items():
         properties = LoopProperties(one.model.form, one.model.delay_s, period_s)
-        check_axis_gains(name, one.config, properties, trimmed=trimmed)
+        check_axis_gains(name, one.config, properties, config.modes)
     return identified
 
 
@@ -141,7 +142,10 @@ def _from_record(
     compensator = axis.compensator
     with prefix_errors(name):
         # The fit counts samples after the run-in only.
-        record = record.after(settings.run_in_s)
+        found = examined(
+            record.after(settings.run_in_s), _known_delay_s(axis, record.period_s) or 0.0
+        )
+        record = found.record
         fit = fit_model(
             record,
             FitSettings(
@@ -156,7 +160,7 @@ def _from_record(
         )
         model = fit.model.zeroed_at(axis.limits.rest_v)
         judged = judge(fit, record, None)
-        doubts = [*quality_warnings(judged, record, None)]
+        doubts = [*found.notes, *quality_warnings(judged, record, None)]
         if fit.model.mode and (half := uncertainty_of(fit, judged.validation).mode):
             doubts += mode_warnings(fit.model.mode, half, axis.first_mode)
         if trimmed:

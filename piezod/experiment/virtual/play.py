@@ -9,7 +9,7 @@ from piezod.control.law.model import StageModel
 from piezod.control.table_guard import TableGuard
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import legal_interval_ns
-from piezod.experiment.play.stage import AtRest, AxisTable, Identity, PlayedRecord
+from piezod.experiment.play.stage import AtRest, AxisPlayRecord, AxisTable, Identity
 from piezod.experiment.play.waves import (
     Keep,
     PlayedExperiment,
@@ -45,7 +45,7 @@ class VirtualAxis:
         self._stage.go_to_rest(self._rest_s)
         return AtRest(self._stage.now_ns / NS_PER_S, self._rest_v)
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         """Play a table that the guard has checked; return its record."""
         return self._stage.play(self._name, table, self._guard)
 

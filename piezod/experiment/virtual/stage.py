@@ -20,7 +20,7 @@ from piezod.control.stage.zeroing import ZERO_OVER_S
 from piezod.control.table_guard import TableGuard
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, Identity, KnowsTruth
-from piezod.devices.played_axis import AxisTable, PlayedAxis, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
@@ -106,6 +106,7 @@ class VirtualStage:
         axes: Sequence[CycleAxis],
         duration_s: float,
         before: Callable[[int], None] | None = None,
+        after: Callable[[CycleRecord], None] | None = None,
     ) -> FloatArray:
         """Run cycles for a duration; return the trace, shape (axes, cycles, COLUMNS).
 
@@ -113,6 +114,7 @@ class VirtualStage:
             axes: Axis objects, in the order of the configuration.
             duration_s: Duration, in s.
             before: Called before each cycle with its number.
+            after: Called after each cycle with its record.
 
         Raises:
             DeviceError: If the amplifier refuses a voltage.
@@ -128,6 +130,8 @@ class VirtualStage:
                 before(k)
             record = run_cycle(parts, self.now_ns)
             self._store(record, trace[:, k])
+            if after is not None:
+                after(record)
             # The truth at the instant of the cycle, before the new voltage acts.
             trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
             self.now_ns += self.period_ns
@@ -180,7 +184,7 @@ class VirtualStage:
         """Return the read-back voltage of an axis, in V."""
         return self._channels.read_back(self.now_ns)[self._names.index(axis)]
 
-    def play(self, axis: str, table: AxisTable, guard: TableGuard) -> PlayedRecord:
+    def play(self, axis: str, table: AxisTable, guard: TableGuard) -> AxisPlayRecord:
         """Play a table on one axis, while the others hold their voltages; return its record.
 
         Raises:

@@ -60,6 +60,7 @@ MODE_MARKS: Final = {
     "feedforward": Dot("s", BLUE),
     "adaptive": Dot("D", GREEN),
     "trimmed": Dot("^", VERMILLION),
+    "closed": Dot("p", BLACK),
 }
 """Modes differ in shape as well as in colour, and look the same in every figure."""
 _OTHER_MARKS: Final = (

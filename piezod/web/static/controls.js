@@ -12,6 +12,7 @@ const MODES = {
   feedforward: "inverse model of the hysteresis, as identified",
   adaptive: "inverse model that learns while the stage moves",
   trimmed: "one of these, and a slow integral of the measured error",
+  closed: "adaptive, and a fast feedback of the measured error",
 };
 const REPORTED_WITHIN_MS = 1500;
 /** The button that a person most likely wants in a state. */

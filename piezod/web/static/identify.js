@@ -52,6 +52,7 @@ class IdentifyDialog extends JobDialog {
     const { result, axis } = job;
     const accept = el("button", { type: "button", class: "primary", onclick: () => this.#accept(axis, result.model) }, "Use this model");
     return [
+      el("ul", { class: "notes" }, result.verdict.lines.map((line) => el("li", {}, line))),
       el("p", {}, `Axis ${axis}: ${METHODS[result.method] ?? result.method}${result.order ? `, ${result.order} on each side` : ""}, delay ${fixed(1000 * result.delay_s, 2)} ms, ${result.creep ? `creep ${short(100 * result.creep_per_decade)} % a decade` : "no creep"}.`),
       table("Errors in % of the range", [
         ["", "position, worst", "rms", "voltage, worst", "rms"],
@@ -93,11 +94,11 @@ function figure(href) {
   );
 }
 
-/** Return what the fit warns of, and what the record lacks. */
-function notes({ warnings, excitation }) {
-  const texts = [...warnings, ...(excitation?.missing ?? []).map((text) => `The record lacks: ${text}`)];
+/** Return what is doubtful; the verdict says what the record lacks. */
+function notes({ misfits, questions, warnings }) {
+  const texts = [...misfits, ...questions, ...warnings];
   if (!texts.length) return [];
-  return [el("details", { open: warnings.length > 0 }, el("summary", {}, `Notes (${texts.length})`), el("ul", { class: "notes" }, texts.map((text) => el("li", {}, text))))];
+  return [el("details", { open: true }, el("summary", {}, `Notes (${texts.length})`), el("ul", { class: "notes" }, texts.map((text) => el("li", {}, text))))];
 }
 
 /** Open the dialog. */

@@ -65,7 +65,7 @@ def compensated(
         period_ns=MS,
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
-        trim=trim or FakeTrim(),
+        feedbacks={Mode.TRIMMED: trim or FakeTrim()},
         proof=ModelProof(LearnedModel(np.array(weights)), window_cycles=1000, lag_cycles=3),
         shaper=ReferenceShaper(1e-3, first_mode_hz),
     )

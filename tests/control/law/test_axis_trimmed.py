@@ -1,19 +1,21 @@
-"""Tests of mode `trimmed` on an axis, with a made-up stage that differs from the model."""
+"""Tests of modes `trimmed` and `closed`, with a made-up stage that differs from the model."""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from piezod.config.modes import Mode
+from piezod.config.modes import CORRECTED, Mode
 from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.identifier import Identifier, LearningGate
 from piezod.control.law.learned_models import ModelProof
-from piezod.control.law.trim import Trim
+from piezod.control.law.trim import NotchedTrim, Trim
 from piezod.control.reference.preview import ReferenceShaper
 from piezod.devices.interface import Sample
+from piezod.dynamics import Resonance
+from piezod.dynamics.notch import notch
 from piezod.hysteresis import AffineRange, Convergence, LearnedModel, NLMSIdentifier
 from tests.control.fakes import MS
 from tests.control.made_up import BANK, FORM, WEIGHTS, Array, MadeUpStage, wander
@@ -21,6 +23,7 @@ from tests.control.made_up import BANK, FORM, WEIGHTS, Array, MadeUpStage, wande
 RANGE = AffineRange(0.0, 1.0)
 FADE = 100
 AUTHORITY = 0.05
+NOTCH = notch(Resonance(350.0, 0.03), 1e-3)
 SWITCH = 1000
 """Cycle of the change of mode."""
 SPIKE_AT = 700
@@ -33,11 +36,12 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
     adaptation = NLMSIdentifier(BANK, gain=0.05)
     adaptation.adopt(0.7 * WEIGHTS)
     converged = Convergence(0.01, 100)
+    learning = frozenset({Mode.ADAPTIVE, *(CORRECTED if adapts else ())})
     return CompensatedAxis(
         reference_um=reference,
         drive_v=RANGE,
         position_um=RANGE,
-        compensator=Compensator(FORM, WEIGHTS, mode=mode, fade_cycles=FADE, trimmed_follows=adapts),
+        compensator=Compensator(FORM, WEIGHTS, mode=mode, fade_cycles=FADE, learning=learning),
         identifier=Identifier(
             adaptation, RANGE, RANGE, history, 0, MS, converged, LearningGate(MS)
         ),
@@ -49,7 +53,12 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
         delay_ns=0,
         sensor_delay_ns=0,
         proof=ModelProof(LearnedModel(WEIGHTS.copy()), window_cycles=1000, lag_cycles=3),
-        trim=Trim(50.0, 1e-3, AUTHORITY, FADE),
+        feedbacks={
+            Mode.TRIMMED: Trim(50.0, 1e-3, AUTHORITY, FADE),
+            Mode.CLOSED: NotchedTrim(
+                150.0, 1e-3, 4.0 * AUTHORITY, 4 * FADE, proportional=0.1, notches=[NOTCH]
+            ),
+        },
         shaper=ReferenceShaper(1e-3),
     )
 
@@ -78,24 +87,40 @@ def run(
 
 
 @pytest.mark.parametrize("adapts", [False, True])
-def test_trim_removes_the_error_of_the_model(adapts: bool) -> None:
+@pytest.mark.parametrize("mode", CORRECTED)
+def test_feedback_removes_the_error_of_the_model(adapts: bool, mode: Mode) -> None:
     """Creep of 4 %, which the model lacks, is removed soon after the change of mode."""
     commands = np.full(2000, 0.8)
 
-    _, positions = run(Mode.FEEDFORWARD, Mode.TRIMMED, commands, adapts=adapts)
+    _, positions = run(Mode.FEEDFORWARD, mode, commands, adapts=adapts)
 
     assert positions[SWITCH] - 0.8 > 0.02
     assert positions[SWITCH + 200 :] == pytest.approx(0.8, abs=2e-4)
 
 
+@pytest.mark.parametrize("moving", [False, True])
+def test_closed_leaves_less_error_than_trimmed(moving: bool) -> None:
+    """Its gain is larger; the model lacks the creep of the stage."""
+    commands = wander(2.0) if moving else np.minimum(np.arange(2000) / 500, 0.8)
+
+    def worst(mode: Mode) -> float:
+        _, positions = run(mode, mode, commands)
+        return float(np.abs(positions[101:] - commands[100:-1]).max())
+
+    assert worst(Mode.CLOSED) < 0.9 * worst(Mode.TRIMMED)
+
+
 @pytest.mark.parametrize("adapts", [False, True])
 @pytest.mark.parametrize("moving", [False, True])
-@pytest.mark.parametrize("other", [Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE])
+@pytest.mark.parametrize("corrected", CORRECTED)
+@pytest.mark.parametrize("other", Mode)
 @pytest.mark.parametrize("into", [False, True])
-def test_switch_is_bumpless(adapts: bool, moving: bool, other: Mode, into: bool) -> None:
-    """No step of the drive is larger than command and trim explain."""
+def test_switch_is_bumpless(
+    adapts: bool, moving: bool, corrected: Mode, other: Mode, into: bool
+) -> None:
+    """No step of the drive is larger than command and feedback explain."""
     commands = wander(2.0) if moving else np.minimum(np.arange(2000) / 500, 0.8)
-    start, end = (other, Mode.TRIMMED) if into else (Mode.TRIMMED, other)
+    start, end = (other, corrected) if into else (corrected, other)
 
     drives, _ = run(start, end, commands, adapts=adapts)
 
@@ -120,12 +145,13 @@ def test_trim_fades_when_the_mode_is_left() -> None:
         assert drive is None or after[0] == pytest.approx(drive, abs=1e-9)
 
 
-def test_trim_does_not_wind_up_at_the_end_of_the_range() -> None:
-    """While creep keeps the stage above rest, the trim does not grow."""
+@pytest.mark.parametrize("mode", CORRECTED)
+def test_feedback_does_not_wind_up_at_the_end_of_the_range(mode: Mode) -> None:
+    """While creep keeps the stage above rest, the feedback does not grow."""
     there_and_back = np.repeat([0.9, 0.0], SWITCH // 2)
     commands = np.concatenate((there_and_back, np.full(1000, 0.5)))
 
-    _, positions = run(Mode.TRIMMED, Mode.TRIMMED, commands)
+    _, positions = run(mode, mode, commands)
 
     assert positions[SWITCH - 300 : SWITCH - 1].min() > 0.003
     assert np.abs(positions[SWITCH + 2 : SWITCH + 10] - 0.5).max() < 0.035  # 0.05 more with wind-up

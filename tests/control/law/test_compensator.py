@@ -49,8 +49,9 @@ def test_adaptive_drive_with_the_frozen_weights_is_feedforward(
 )
 def test_trimmed_drive_is_that_of_its_base(kind: Kind, follows: bool, base: Mode) -> None:
     """Without a trim both drives are the same to the bit."""
+    learning = frozenset({Mode.ADAPTIVE, Mode.TRIMMED} if follows else {Mode.ADAPTIVE})
     trimmed = Compensator(
-        kind.form, kind.weights, mode=Mode.TRIMMED, fade_cycles=1, trimmed_follows=follows
+        kind.form, kind.weights, mode=Mode.TRIMMED, fade_cycles=1, learning=learning
     )
 
     assert kind.drives(trimmed, sine(2), kind.other) == kind.drives(

@@ -10,7 +10,8 @@ from tests.control.made_up import STOPS, WEIGHTS, Array, Kind, compensator, driv
 
 NONE = np.zeros(8)
 FADE = 100
-OTHER_DRIVES = [p for p in permutations(Mode, 2) if set(p) != {Mode.FEEDFORWARD, Mode.TRIMMED}]
+SAME_DRIVES = ({Mode.FEEDFORWARD, Mode.TRIMMED}, {Mode.ADAPTIVE, Mode.CLOSED})
+OTHER_DRIVES = [pair for pair in permutations(Mode, 2) if set(pair) not in SAME_DRIVES]
 """Pairs of modes whose drives differ."""
 
 

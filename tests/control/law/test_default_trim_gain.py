@@ -1,5 +1,7 @@
 """Tests of the gain of a trim whose configuration gives none, and of the mode that it is for."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,15 +9,18 @@ from hypothesis import strategies as st
 
 from piezod.config.axes import AxisConfig
 from piezod.config.first_mode import FirstModeConfig
+from piezod.config.modes import Mode
 from piezod.control.law.first_mode import FirstMode
 from piezod.control.law.model import StageModel, with_found_mode
-from piezod.control.law.trim_gains import USUAL_GAIN_PER_S, check_trim, trim_law
+from piezod.control.law.trim_gains import USUAL_GAIN_PER_S, check_feedback, feedback_law
 from piezod.errors import ModelError
 from piezod.hysteresis import AffineRange, StopForm
 from tests.control.law.test_dynamics import MODE, axis_of, response_of
 
 SHARP = FirstModeConfig(frequency_hz=400.0, damping=0.005)
 PERIOD_S, DELAY_S = 1e-3, 0.6e-3
+
+trim_law, check_trim = partial(feedback_law, Mode.TRIMMED), partial(check_feedback, Mode.TRIMMED)
 
 
 def axis_with(mode: FirstModeConfig | None, **trim: object) -> AxisConfig:

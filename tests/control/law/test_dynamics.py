@@ -1,20 +1,24 @@
 """Tests of the dynamics of an axis, as its control law uses them."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import pytest
 
 from piezod.config.axes import AxisConfig
+from piezod.config.modes import Mode
 from piezod.config.response_file import ResponseFile
 from piezod.control.law.dynamics import ModalMotion, known_dynamics
-from piezod.control.law.trim_gains import check_trim, margins_text, trim_law
+from piezod.control.law.trim_gains import check_feedback, feedback_law, margins_text
 from piezod.dynamics import Resonance
 from piezod.errors import ModelError
 from piezod.units import NS_PER_S
 
 PERIOD_S = 1e-4
 MODE = {"frequency_hz": 734.0, "damping": 0.03}
+
+trim_law, check_trim = partial(feedback_law, Mode.TRIMMED), partial(check_feedback, Mode.TRIMMED)
 
 
 def response_of(*resonances: Mapping[str, float], delay_s: float = 0.235e-3) -> ResponseFile:
@@ -136,7 +140,7 @@ def test_response_decides_which_gains_are_safe() -> None:
 
 def test_margins_are_told_with_a_proposal() -> None:
     """The proposal has the required margins."""
-    text = margins_text(axis_of(response_of(MODE), gain_per_s=600.0), PERIOD_S, 0.0)
+    text = margins_text(Mode.TRIMMED, axis_of(response_of(MODE), gain_per_s=600.0), PERIOD_S, 0.0)
 
     assert text.startswith("trim 600 1/s, notch at 734 Hz: gain margin 4.2")
     proposed = text.rpartition(": ")[2]

@@ -135,7 +135,7 @@ def test_expected_position_replaces_a_sample_that_is_not_accurate(
     lms, gate = RecordingIdentifier(errors=[0.0] * 3), FakeGate()
     subject = identifier(lms, gate=gate)
     for _ in range(3):
-        learn(subject)
+        learn(subject, -2.0)  # as expected
 
     gate.reason, gate.accurate = GateReason.SPIKE, False
     learn(subject, position_um, valid)
@@ -207,3 +207,17 @@ def test_identifier_with_halved_gain_learns_from_every_second_sample() -> None:
         learn(subject)
 
     assert lms.learned == [False, True, False, True, True, True]
+
+
+def test_missing_sample_is_as_far_from_the_model_as_those_before() -> None:
+    """A step to the displacement of the model and back would be an extremum of its own."""
+    lms, gate = RecordingIdentifier(errors=[0.0] * 101), FakeGate()
+    subject = identifier(lms, gate=gate)
+    sample = Sample(8 * MS, 0.35, valid=True)
+
+    for _ in range(100):
+        subject.learn(8 * MS, sample, limited=False, expected=0.3)
+    gate.accurate = False
+    subject.learn(8 * MS, sample._replace(valid=False), limited=False, expected=0.4)
+
+    assert lms.pairs[-1][0] == pytest.approx(0.535 - 0.3 + 0.4, abs=1e-4)

@@ -185,3 +185,23 @@ def test_halved_gains_halve_both_parts() -> None:
         steps.append(trim.step(1e-3, True, 0))
 
     assert steps == pytest.approx([1e-3 * (0.2 + 0.05), 0.5e-3 * (0.2 + 0.05)])
+
+
+@given(value=st.floats(-4.0 * AUTHORITY, 4.0 * AUTHORITY), error=st.floats(-1e-3, 1e-3))
+def test_trim_of_another_mode_is_taken_over_without_a_jump(value: float, error: float) -> None:
+    """Beyond the own authority it fades into it; the other one is at zero."""
+    other = NotchedTrim(
+        1e6, PERIOD_S, 4.0 * AUTHORITY, FADE_CYCLES, proportional=0.0, notches=[NOTCH]
+    )
+    other.enable()
+    other.step(value / 100.0, True, 0)
+    before, trim = other.value, Trim(GAIN_PER_S, PERIOD_S, AUTHORITY, FADE_CYCLES)
+    trim.take_over(other)
+    trim.enable()
+    values = [before, *(trim.step(error, True, 0) for _ in range(5 * FADE_CYCLES))]
+
+    assert before == pytest.approx(value)
+    assert (other.value, other.active) == (0.0, False)
+    most = (FADE + 1e-3 * GAIN_PER_S * PERIOD_S) * (1 + 1e-9)
+    assert all(abs(after - earlier) <= most for earlier, after in pairwise(values))
+    assert abs(values[-1]) <= AUTHORITY * (1 + 1e-9)

@@ -63,6 +63,19 @@ def test_unsafe_gain_is_refused_at_the_switch(armed: bool) -> None:
     assert stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE)).accepted
 
 
+def test_closed_needs_a_known_first_mode() -> None:
+    """The refusal says how to measure it, and is not worth an event before."""
+    known, unknown = RigStage(), RigStage(with_axis(shipped_config(), first_mode=None))
+    for stage in (known, unknown):
+        stage.until("SAFE")
+    answer = unknown.ask(rq.SelectMode(mode=Mode.CLOSED))
+
+    assert known.ask(rq.SelectMode(mode=Mode.CLOSED)).accepted
+    assert not answer.accepted
+    assert "piezod response" in answer.why
+    assert not any(each.kind == "trim" for each in unknown.events)
+
+
 def test_model_with_a_longer_delay_is_judged_when_it_is_adopted() -> None:
     """A gain that was safe is refused with the new delay: the model, if the mode is in use."""
     gain = {"gain_per_s": 100.0}

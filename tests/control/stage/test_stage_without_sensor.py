@@ -60,6 +60,7 @@ def test_stage_without_sensor_has_no_fault_of_a_sensor() -> None:
     [
         (rq.SelectMode(mode=Mode.ADAPTIVE), "mode adaptive"),
         (rq.SelectMode(mode=Mode.TRIMMED, axis="x"), "mode trimmed"),
+        (rq.SelectMode(mode=Mode.CLOSED, axis="x"), "mode closed"),
         (rq.Zero(), "zeroing"),
         (
             rq.Identify(drive_v={"x": Setpoint(kind="setpoint", level=3.0)}, duration_s=1.0),

@@ -5,7 +5,7 @@ from itertools import product
 
 import pytest
 
-from piezod.config.modes import Mode
+from piezod.config.modes import CORRECTED, Mode
 from piezod.config.waveforms.combined import WaveformConfig
 from piezod.config.waveforms.paths import Staircase
 from piezod.config.waveforms.shapes import Sine, Triangle
@@ -120,7 +120,7 @@ FAULTS = (
 
 
 def marks_of(kind: InjectionKind, fault: str, mode: Mode) -> list[pytest.MarkDecorator]:
-    """Return the marks of a case; long are those of trimmed, and of noise in adaptive."""
+    """Return the marks of a case; long are those with a feedback, and of noise in adaptive."""
     proves = pytest.mark.fault(fault)
     brief = mode is Mode.FEEDFORWARD or (mode is Mode.ADAPTIVE and kind is not InjectionKind.NOISE)
     return [proves] if brief else [proves, pytest.mark.stress]
@@ -130,7 +130,7 @@ def marks_of(kind: InjectionKind, fault: str, mode: Mode) -> list[pytest.MarkDec
     ("kind", "value", "fault", "within_ms", "mode"),
     [
         pytest.param(*row, mode, marks=marks_of(row[0], row[2], mode))
-        for row, mode in product(FAULTS, (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED))
+        for row, mode in product(FAULTS, (Mode.FEEDFORWARD, Mode.ADAPTIVE, *CORRECTED))
     ],
 )
 def test_fault_is_detected_in_time(

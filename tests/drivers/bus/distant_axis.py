@@ -12,7 +12,7 @@ import numpy as np
 from piezod.config.channels import LineCalibration
 from piezod.control.table_guard import TableGuard
 from piezod.devices.interface import Identity
-from piezod.devices.played_axis import AxisTable, PlayedAxis, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import ChannelPair
 from piezod.experiment.play.stage import AtRest
@@ -60,7 +60,7 @@ class DistantAxis:
         self.play(AxisTable(self._interval_ns, down_v, np.zeros(n), 10))
         return AtRest(time.monotonic(), self._in_force_v)
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         """Play a table that the guard accepts."""
         self._guard.check(table, self._in_force_v)
         self._truth.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator
 from piezod.devices.interface import Sample, Wiring
 from piezod.devices.outputs import CalibratedOutput
-from piezod.devices.played_axis import AxisTable, PlayedAxis, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.player import PlayState
 from piezod.devices.wiring import ChannelPair
 from piezod.experiment.play.stage import AtRest
@@ -98,7 +98,7 @@ class LearnedAxis:
         self._play_now(self._at_rest(down_v, REST_NS))
         return AtRest(self._time.t_ns / NS_PER_S, self._in_force_v())
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         """Play a table that the guard accepts."""
         self._guard.check(table, self._in_force_v())
         return self._play_now(table)
@@ -111,7 +111,7 @@ class LearnedAxis:
     def _in_force_v(self) -> float:
         return self._to_v.voltage(self._device.read_back(self._time.t_ns)[0])
 
-    def _play_now(self, table: AxisTable) -> PlayedRecord:
+    def _play_now(self, table: AxisTable) -> AxisPlayRecord:
         self._played.load(table, self._time.t_ns)
         self._device.arm()
         self._device.start(self._time.t_ns)

@@ -111,17 +111,6 @@ def constant(record: Record) -> Record:
     return replace(record, position_um=np.full_like(record.position_um, 3.5))
 
 
-def inverted(record: Record) -> Record:
-    """Return a record of a sensor with the wrong sign."""
-    return replace(record, position_um=-record.position_um)
-
-
-def unrelated(record: Record) -> Record:
-    """Return a record of a sensor of another stage."""
-    noise = np.random.default_rng(2).normal(size=record.t_s.size)
-    return replace(record, position_um=noise - 0.01 * record.position_um)
-
-
 def undriven(record: Record) -> Record:
     """Return a record of an amplifier that was off."""
     return replace(record, drive_v=np.zeros_like(record.drive_v))
@@ -137,17 +126,9 @@ def short(record: Record) -> Record:
     [
         (constant, "position_um is 3.5 throughout; allowed is a signal that varies"),
         (undriven, "drive_v is 0 throughout; allowed is a signal that varies"),
-        (
-            inverted,
-            "position_um does not grow with the drive: its correlation with drive_v is -0.97",
-        ),
-        (
-            unrelated,
-            "position_um does not grow with the drive: its correlation with drive_v is -0.0",
-        ),
         (short, "59 samples are left for 12 weights; allowed are 60 or more"),
     ],
-    ids=["constant", "undriven", "inverted", "unrelated", "short"],
+    ids=["constant", "undriven", "short"],
 )
 def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
     """The error names the problem of the record and the allowed values."""

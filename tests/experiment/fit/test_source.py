@@ -103,27 +103,6 @@ def test_short_gaps_of_a_csv_file_are_filled(tmp_path: Path) -> None:
     assert source.record.drive_v == pytest.approx(whole.drive_v, abs=0.4)
 
 
-@pytest.mark.parametrize(
-    ("changes", "doubt"),
-    [
-        ({"t_s": 1000.0}, "t_s advances by 10 s from sample to sample, 2.499e+04 s in all: is it"),
-        ({"drive_v": 1000.0}, "is it in mV?"),
-        ({"position_um": 1000.0}, "is it in nm?"),
-        ({"position_um": 0.001}, "is it in mm?"),
-    ],
-)
-def test_units_are_guessed(tmp_path: Path, changes: dict[str, float], doubt: str) -> None:
-    """A column that is probably in another unit gives a question; usual columns give none."""
-    record = record_of()
-    write_record(tmp_path / "right.csv", record)
-    other = {name: getattr(record, name) * factor for name, factor in changes.items()}
-    write_record(tmp_path / "wrong.csv", replace(record, **other))
-
-    assert read_source(tmp_path / "right.csv", 0.0).notes == ()
-    (note,) = read_source(tmp_path / "wrong.csv", 0.0).notes
-    assert doubt in note
-
-
 def noisy(relation: float) -> Record:
     """Return a record whose displacement is noise with this share of the drive."""
     whole = record_of(duration_s=10.0)
@@ -174,7 +153,9 @@ def test_ringing_residual_is_named(tmp_path: Path) -> None:
 def test_model_that_does_not_fit_the_test_is_told(tmp_path: Path) -> None:
     """A test of another stage gives a warning with both errors."""
     record = record_of()
-    other = replace(record, position_um=record.position_um.max() * (record.t_s % 3.0) / 3.0)
+    highest_um = record.position_um.max()
+    share = np.maximum(record.position_um / highest_um, 0.0)
+    other = replace(record, position_um=highest_um * share**0.4)
 
     warnings = warnings_of(tmp_path, record, other)
     assert any("the test seems to be of another stage" in warning for warning in warnings)

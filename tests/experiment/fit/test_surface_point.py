@@ -9,6 +9,7 @@ from piezod.experiment.fit.surface.parameters import (
     COUNT,
     CREEP,
     DECAY,
+    EXPONENT,
     OFFSET,
     PATH,
     PROMPT,
@@ -36,11 +37,11 @@ def point() -> Point:
     parameters = np.zeros(COUNT)
     parameters[:SIZE], parameters[CREEP:OFFSET] = made_up_surface(), WEIGHTS
     parameters[[PROMPT, ACTIVATION]] = 0.3, 0.01
-    parameters[[PATH, DECAY, SKEW]] = -0.2, 2.0, 0.1
+    parameters[[PATH, DECAY, SKEW, EXPONENT]] = -0.2, 2.0, 0.1, 1.5
     return Point.at(record, parameters)
 
 
-@pytest.mark.parametrize("place", [ACTIVATION, DECAY, SKEW])
+@pytest.mark.parametrize("place", [ACTIVATION, DECAY, SKEW, EXPONENT])
 def test_creep_follows_the_change_with_a_parameter_of_the_form(point: Point, place: int) -> None:
     """Creep is linear: the displacement changes by the change without creep, with its creep."""
     step = 1e-3

@@ -11,7 +11,7 @@ from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import read_model
 from piezod.control.table_guard import TableGuard
 from piezod.devices.interface import Wiring
-from piezod.devices.played_axis import AxisTable, PlayedAxis, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.player import AtEnd, PlayerCapabilities
 from piezod.devices.wiring import ChannelPair
 from piezod.dynamics.harmonics import MEASURED_SHIFT
@@ -37,7 +37,7 @@ OPTIONS: Final[dict[str, dict[str, float]]] = {
     "sensor": {"antialias_hz": 5000.0, "bandwidth_hz": 1e4, "delay_s": 110e-6},
 }
 PAIR: Final = ChannelPair("rig", "rig")
-Record = Callable[[PlayedRecord], PlayedRecord]
+Record = Callable[[AxisPlayRecord], AxisPlayRecord]
 
 
 def model() -> StageModel:
@@ -122,13 +122,13 @@ class RigAxis:
         self._play_now(AxisTable(INTERVAL_NS, down_v, np.zeros(4000), 1))
         return AtRest(self._now_ns / NS_PER_S, self._rig.read_back(self._now_ns)[0])
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         """Play a table that the guard accepts."""
         self._guard.check(table, self._rig.read_back(self._now_ns)[0])
         self.tables.append(table)
         return self._record(self._play_now(table))
 
-    def _play_now(self, table: AxisTable) -> PlayedRecord:
+    def _play_now(self, table: AxisTable) -> AxisPlayRecord:
         self._played.load(table, self._now_ns)
         self._rig.arm()
         self._rig.start(self._now_ns)

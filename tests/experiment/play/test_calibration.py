@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from piezod.devices.played_axis import AxisTable, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable
 from piezod.dynamics.model import ResponseModel
 from piezod.experiment.play.calibration import sensor_limit
 from piezod.experiment.play.record import CountedPeriods
@@ -57,12 +57,12 @@ class NoisyRest:
     def rest(self) -> AtRest:
         return AtRest(0.0, 1.0)
 
-    def play(self, table: AxisTable) -> PlayedRecord:
+    def play(self, table: AxisTable) -> AxisPlayRecord:
         self.durations_ns.append(table.duration_ns)
         n = table.lead_in_v.size + table.period_v.size * table.cycles
         position_um = 0.3 + 0.1 * RNG.standard_normal(n)
         position_um[-1] = np.nan
-        return PlayedRecord(table.interval_ns, position_um, np.full(n, np.nan), 0)
+        return AxisPlayRecord(table.interval_ns, position_um, np.full(n, np.nan), 0)
 
 
 def test_zero_is_the_mean_of_a_play_at_rest() -> None:

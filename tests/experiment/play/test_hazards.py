@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from piezod.control.guard import Limits
-from piezod.devices.played_axis import AxisTable, PlayedRecord
+from piezod.devices.played_axis import AxisPlayRecord, AxisTable
 from piezod.dynamics.learning import Stop
 from piezod.errors import DataError, DeviceError, PiezodError
 from piezod.experiment.play.learn import FEWEST_PERIODS, LearnedPlay, PassReport, learn
@@ -22,48 +22,48 @@ BEFORE = 2
 Hazard = Callable[[RigAxis], None]
 
 
-def stuck(record: PlayedRecord) -> PlayedRecord:
+def stuck(record: AxisPlayRecord) -> AxisPlayRecord:
     """Return a record whose sensor shows one value."""
     return record._replace(position_um=np.full_like(record.position_um, 7.0))
 
 
-def cut(record: PlayedRecord) -> PlayedRecord:
+def cut(record: AxisPlayRecord) -> AxisPlayRecord:
     """Return a record whose last hundredth is missing."""
     kept = record.position_um.size * 99 // 100
     return record._replace(position_um=record.position_um[:kept], true_um=record.true_um[:kept])
 
 
-def holed(record: PlayedRecord) -> PlayedRecord:
+def holed(record: AxisPlayRecord) -> AxisPlayRecord:
     """Return a record with one lost sample."""
     position_um = record.position_um.copy()
     position_um[-77] = np.nan
     return record._replace(position_um=position_um)
 
 
-def clipped(record: PlayedRecord) -> PlayedRecord:
+def clipped(record: AxisPlayRecord) -> AxisPlayRecord:
     """Return a record of a sensor that ends at 20 µm."""
     return record._replace(position_um=np.minimum(record.position_um, 20.0))
 
 
-def late(record: PlayedRecord) -> PlayedRecord:
+def late(record: AxisPlayRecord) -> AxisPlayRecord:
     """Return a record that began 1.2 ms late: a quarter of a period."""
     return record._replace(position_um=np.roll(record.position_um, 24))
 
 
-def other_clock(record: PlayedRecord) -> PlayedRecord:
+def other_clock(record: AxisPlayRecord) -> AxisPlayRecord:
     """Return a record whose clock is 0.1 % faster."""
     points = np.arange(record.position_um.size)
     position_um = np.interp(points * 0.999, points, record.position_um)
     return record._replace(position_um=position_um)
 
 
-def noisy(record: PlayedRecord) -> PlayedRecord:
+def noisy(record: AxisPlayRecord) -> AxisPlayRecord:
     """Return a record with 10 % of noise."""
     noise = np.random.default_rng(5).standard_normal(record.position_um.size)
     return record._replace(position_um=record.position_um + 2.0 * noise)
 
 
-def failing(_record: PlayedRecord) -> PlayedRecord:
+def failing(_record: AxisPlayRecord) -> AxisPlayRecord:
     """Fail as a device whose cable is pulled."""
     raise DeviceError("the device does not answer")
 
@@ -80,7 +80,7 @@ def changed(**parts: dict[str, float]) -> Hazard:
     return lambda axis: axis.use(**parts)
 
 
-def spoiled(record: Callable[[PlayedRecord], PlayedRecord]) -> Hazard:
+def spoiled(record: Callable[[AxisPlayRecord], AxisPlayRecord]) -> Hazard:
     """Return a hazard that changes all records."""
     return lambda axis: axis.spoil(record)
 
@@ -221,7 +221,7 @@ def test_mode_that_the_response_lacks_is_not_excited() -> None:
 
 @pytest.mark.parametrize("spoil", [stuck, cut, holed, clipped, late, other_clock, noisy, failing])
 def test_nothing_is_learned_if_the_first_record_is_bad(
-    spoil: Callable[[PlayedRecord], PlayedRecord],
+    spoil: Callable[[AxisPlayRecord], AxisPlayRecord],
 ) -> None:
     """The reason is raised: there is no table that has proved itself."""
     axis = RigAxis()

@@ -224,9 +224,17 @@ def test_path_is_conditioned_by_swings(decay: float, cycles: int) -> None:
     assert left < 0.01 * before + 1e-4 * abs(path.weight)
 
 
-def test_model_without_a_path_needs_no_conditioning() -> None:
-    """The lowest voltage clears its memory."""
-    assert maker().conditioning(2.0) is None
+def test_stage_that_rests_inside_its_range_is_conditioned() -> None:
+    """Its zero is where it rests after a rise from its lowest voltage; others need nothing."""
+    inside = maker().conditioning(40.0)
+
+    assert maker().conditioning(0.0) is None
+    assert inside is not None
+    assert inside.period_v[0] == pytest.approx(40.0)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(inside.period_v))))
+    assert inside.period_v[turns[-1] + 1] == pytest.approx(inside.period_v.min())
+    risen = model().zeroed_from_below(40.0)
+    assert risen.position_um.to_unit(0.0) < model().zeroed_at(40.0).position_um.to_unit(0.0)
 
 
 def test_loops_that_do_not_close_are_played_as_they_are() -> None:

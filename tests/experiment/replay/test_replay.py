@@ -18,7 +18,7 @@ from piezod.records.recording.reader import read_telemetry
 from tests.control.rig_stage import shipped_config
 from tests.recorded import RATE_HZ, new_stage, run_modes, write_recording
 
-ALL = (Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
+ALL = tuple(Mode)
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_weights_of_another_form_are_not_used(tmp_path: Path, form: str, repeats
     assert found.repeats == repeats
 
 
-@pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.TRIMMED])
+@pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.TRIMMED, Mode.CLOSED])
 def test_estimate_for_another_mode_is_what_that_mode_reached(recording: Path, mode: Mode) -> None:
     """From the uncompensated part, the errors of other modes are estimated as they were there."""
     uncompensated, *others = replayed(recording, mode).rows

@@ -6,6 +6,7 @@ import pytest
 
 from piezod.config.axes import CompensatorConfig
 from piezod.config.experiment import ExperimentConfig
+from piezod.config.modes import Mode
 from piezod.control.law.gains import check_gains
 from piezod.errors import ModelError
 from piezod.experiment.check_file import check_file
@@ -24,7 +25,7 @@ REFUSED = r"^axis x: a trim gain of 700 1/s is not safe: .*"
 
 def check(config: ExperimentConfig) -> None:
     """Check the gains that are known before anything moves."""
-    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=True)
+    check_gains(config.axes, 1.0 / config.rate_hz, (Mode.TRIMMED,))
 
 
 def phases(load: Load, text: str) -> list[str]:

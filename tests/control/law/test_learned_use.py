@@ -1,0 +1,134 @@
+"""Tests of whether a learned model is used: only while it predicts no worse than the first one."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from piezod.config.modes import Mode
+from piezod.control.guard import Limits
+from piezod.control.law.axis import CompensatedAxis
+from piezod.control.law.compensator import Compensator, DriveHistory
+from piezod.control.law.identifier import Identifier, LearningGate
+from piezod.control.law.learned_models import LearnedUse, ModelErrors, ModelProof
+from piezod.control.law.trim import Trim
+from piezod.control.reference.preview import ReferenceShaper
+from piezod.devices.interface import Sample
+from piezod.hysteresis import NO_CREEP, AffineRange, LearnedModel, NLMSIdentifier
+from tests.conftest import Figure
+from tests.control.fakes import MS
+from tests.control.made_up import BANK, FORM, WEIGHTS, Array, MadeUpStage, wander
+
+WINDOW = 500
+NOISE = 0.002
+RANGE = AffineRange(0.0, 1.0)
+SECONDS = 16.0
+
+
+def windows_to_change(subject: LearnedUse, learned: float, first: float) -> int | None:
+    """Return after how many windows of noisy errors of this rms the use changes; None if never."""
+    rng = np.random.default_rng(1)
+    for window in range(1, 41):
+        for k, noise in enumerate(rng.normal(0.0, NOISE, WINDOW).tolist()):
+            swings = np.sqrt(2.0) * np.sin(0.05 * k)
+            if subject.add(noise + learned * swings, noise + first * swings):
+                return window
+    return None
+
+
+@pytest.mark.parametrize(
+    ("learned", "first", "changes"),
+    [
+        (0.001, 0.0, True),
+        (0.002, 0.0015, True),
+        (0.001, 0.001, False),
+        (0.0, 0.001, False),
+        (1.5e-4, 0.0, False),  # below what makes a difference
+    ],
+)
+def test_worse_model_is_noticed_in_noise(learned: float, first: float, changes: bool) -> None:
+    """Its error may be half of the noise, which both models have."""
+    assert (windows_to_change(LearnedUse(WINDOW), learned, first) is not None) == changes
+
+
+def test_model_that_has_become_better_is_used_again() -> None:
+    """It has learned on meanwhile, or the stage has changed."""
+    subject = LearnedUse(WINDOW)
+    assert windows_to_change(subject, 0.001, 0.0)
+    assert not subject.used
+
+    assert windows_to_change(subject, 0.0, 0.002)
+    assert subject.used
+    assert not windows_to_change(subject, 0.0, 0.002)
+
+
+def test_errors_that_are_not_finite_do_not_count() -> None:
+    """They are those of samples from which nothing was learned."""
+    subject = LearnedUse(WINDOW)
+    for _ in range(10 * WINDOW):
+        assert not subject.add(float("nan"), 0.0)
+
+
+def axis_of(reference: Callable[[float], float], mode: Mode) -> CompensatedAxis:
+    """Return an axis that knows its stage, with an identifier that forgets."""
+    history, adaptation = DriveHistory(0.0, entries=8), NLMSIdentifier(BANK, gain=0.5)
+    adaptation.adopt(WEIGHTS)
+    proof = ModelProof(LearnedModel(WEIGHTS.copy()), window_cycles=WINDOW, lag_cycles=3)
+    return CompensatedAxis(
+        reference_um=reference,
+        drive_v=RANGE,
+        position_um=RANGE,
+        compensator=Compensator(FORM, WEIGHTS, mode=mode, fade_cycles=100),
+        identifier=Identifier(
+            adaptation,
+            RANGE,
+            RANGE,
+            history,
+            0,
+            MS,
+            None,
+            LearningGate(MS),
+            errors=ModelErrors(FORM, proof.first, adaptation, None),
+        ),
+        history=history,
+        limits=Limits(0.0, 1.0, 1e9),
+        in_force_v=0.0,
+        start_ns=0,
+        period_ns=MS,
+        delay_ns=0,
+        sensor_delay_ns=0,
+        proof=proof,
+        trim=Trim(50.0, 1e-3, 0.05, 100),
+        shaper=ReferenceShaper(1e-3),
+    )
+
+
+def run(mode: Mode) -> tuple[Array, Array]:
+    """Return drives and errors of an axis whose samples have noise and gaps, shape (n,) each."""
+    commands, rng = wander(SECONDS), np.random.default_rng(3)
+
+    def reference(t_s: float) -> float:
+        return float(commands[min(max(round(1e3 * t_s), 0), commands.size - 1)])
+
+    axis, stage, in_force = axis_of(reference, mode), MadeUpStage(NO_CREEP), 0.0
+    noise, missing = rng.normal(0.0, NOISE, commands.size), rng.random(commands.size) < 0.2
+    drives, errors = np.empty(commands.size), np.empty(commands.size)
+    for k in range(commands.size):
+        position = stage.step(in_force)
+        drives[k], errors[k] = in_force, position - commands[k]
+        sample = Sample(k * MS, position + noise[k], valid=not missing[k])
+        output = axis.update(k * MS, sample)
+        axis.applied(output.drive_v)
+        in_force = output.drive_v
+    return drives, errors
+
+
+def test_adaptive_is_no_worse_than_feedforward_with_noise_and_gaps(figure: Figure) -> None:
+    """What noise has taught is not used for long, and is given up without a jump."""
+    (_, without), (drives, learning) = run(Mode.FEEDFORWARD), run(Mode.ADAPTIVE)
+    late = slice(int(500 * SECONDS), None)
+    rms_pct = [100.0 * float(np.sqrt(np.mean(each[late] ** 2))) for each in (without, learning)]
+
+    figure(f"rms %, noise of {100 * NOISE:g} %, 20 % missing: feedforward, adaptive {rms_pct}")
+    assert rms_pct[1] < rms_pct[0] + 0.02
+    assert np.abs(np.diff(drives[100:])).max() < 0.01
