@@ -1,7 +1,6 @@
 """A model file as an object: voltages for positions, positions for voltages."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -275,7 +274,7 @@ def load_model(
         rate_hz = 1.0 / file.held_s if file.held_s else 1000.0
     if not 0.0 < rate_hz < inf:
         raise DataError(f"rate_hz is {rate_hz:g}, allowed are rates above 0 Hz")
-    return LoadedModel(file, replace(model), axis, rate_hz)
+    return LoadedModel(file, model, axis, rate_hz)
 
 
 def checked_trajectory(t_s: npt.ArrayLike, values: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import piezod
+from piezod.config.modes import Mode
 from piezod.errors import ConfigError, DataError
 from piezod.hysteresis.memory import FloatArray
 from piezod.messages import requests as rq
@@ -28,7 +29,7 @@ def trajectory(seed: int = 3) -> tuple[FloatArray, FloatArray]:
 
 def looped(stage: RigStage, t_s: FloatArray, position_um: FloatArray) -> FloatArray:
     """Return the voltages with which a stage follows a trajectory from rest, in V."""
-    stage.armed(rq.SelectMode(mode="feedforward"))
+    stage.armed(rq.SelectMode(mode=Mode.FEEDFORWARD))
     for _ in range(60):  # until the change of mode has faded
         stage.cycle()
     before = len(stage.records)

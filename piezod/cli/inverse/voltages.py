@@ -53,46 +53,51 @@ OfAxisOption: TypeAlias = Annotated[
     typer.Option("--axis", metavar="NAME", help="Axis of the configuration; default: the only one"),
 ]
 
+TrajectoryArgument: TypeAlias = Annotated[
+    Path,
+    typer.Argument(
+        metavar="TRAJECTORY",
+        help="Positions over time, joined by straight lines: a table with the columns t_s and "
+        f"position_um, or what --columns says: {FORMATS}.",
+        readable=False,
+        callback=record_file,
+    ),
+]
+OutOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.csv",
+        readable=False,
+        help="File to write. Default: TRAJECTORY-voltages.csv in the current folder.",
+    ),
+]
+FromOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        metavar="V",
+        help="Voltage at which the stage has stood for long, after a move from rest. Default: "
+        "it starts at rest.",
+    ),
+]
+AfterOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.csv",
+        readable=False,
+        callback=record_file,
+        help="Voltages just before, which the memory has seen: a table with the columns t_s "
+        "and drive_v at the same rate, as an earlier FILE.csv.",
+    ),
+]
+
 
 def voltages(  # noqa: PLR0913, PLR0917 - each argument is an option
     model: ModelArgument,
-    trajectory: Annotated[
-        Path,
-        typer.Argument(
-            metavar="TRAJECTORY",
-            help="Positions over time, joined by straight lines: a table with the columns t_s and "
-            f"position_um, or what --columns says: {FORMATS}.",
-            readable=False,
-            callback=record_file,
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.csv",
-            readable=False,
-            help="File to write. Default: TRAJECTORY-voltages.csv in the current folder.",
-        ),
-    ] = None,
+    trajectory: TrajectoryArgument,
+    out: OutOption = None,
     loop_hz: LoopHzOption = None,
-    from_v: Annotated[
-        float | None,
-        typer.Option(
-            metavar="V",
-            help="Voltage at which the stage has stood for long, after a move from rest. Default: "
-            "it starts at rest.",
-        ),
-    ] = None,
-    after: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.csv",
-            readable=False,
-            callback=record_file,
-            help="Voltages just before, which the memory has seen: a table with the columns t_s "
-            "and drive_v at the same rate, as an earlier FILE.csv.",
-        ),
-    ] = None,
+    from_v: FromOption = None,
+    after: AfterOption = None,
     config: ConfigOption = None,
     axis: OfAxisOption = None,
     columns: ColumnsOption = "",

@@ -41,7 +41,9 @@ def write_voltages(job: Job, *, json: bool) -> None:
     read = _table(job.trajectory, TRAJECTORY, job.choices)
     t_s, position_um = read.columns["t_s"], read.columns["command_um"]
     rate_hz = job.loop_hz or even_rate_hz(t_s)
-    after_v = job.after and _table(job.after, (TIME, DRIVE), Choices()).columns["drive_v"]
+    after_v = None
+    if job.after is not None:
+        after_v = _table(job.after, (TIME, DRIVE), Choices()).columns["drive_v"]
     plan = model.plan(t_s, position_um, rate_hz=rate_hz, from_v=job.from_v, after_v=after_v)
     columns = plan._asdict()
     del columns["merged_pairs"]

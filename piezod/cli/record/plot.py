@@ -59,7 +59,7 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
 
     path = checked_out(out, Path(f"{recording.stem}.png"), FORMATS)
     if recording.suffix in (".yaml", ".yml"):
-        from piezod.cli.inverse.model_curves import model_curves
+        from piezod.inverse.model_curves import model_curves
         from piezod.records.figures.model import model_figure
 
         save_figure(path, model_figure(model_curves(recording, record)))

@@ -22,8 +22,8 @@ from piezod.records.frozen import FloatArray
 
 _WIDTH_IN, _HEIGHT_IN = 7.2, 3.4
 """Width of two columns of a journal."""
-_WORST: Final = {"color": "#EEEEEE", "linewidth": 0.0}
-_RMS: Final = {"color": "#D0D0D0", "linewidth": 0.0}
+_WORST: Final = "#EEEEEE"
+_RMS: Final = "#D0D0D0"
 
 
 class Residual(NamedTuple):
@@ -71,8 +71,8 @@ def model_figure(curves: ModelCurves) -> Figure:
 def _draw_errors(axes: Axes, curves: ModelCurves) -> None:
     """Shade the errors on the record of the identification."""
     if np.isfinite(curves.worst_um):
-        axes.axhspan(-curves.worst_um, curves.worst_um, label="worst", **_WORST)
-        axes.axhspan(-curves.rms_um, curves.rms_um, label="rms", **_RMS)
+        axes.axhspan(-curves.worst_um, curves.worst_um, label="worst", color=_WORST)
+        axes.axhspan(-curves.rms_um, curves.rms_um, label="rms", color=_RMS)
 
 
 def _draw_residual(axes: Axes, residual: Residual) -> None:
