@@ -71,7 +71,7 @@ def read_csv(
             len(lines),
             f"the file ends after {counted(len(table), 'sample')}",
             f"allowed are {min_samples} or more",
-            "record for longer, with many samples on each loop: one row per voltage is too little",
+            "record for longer",
         )
     columns = dict(zip(required, np.ascontiguousarray(table.T), strict=True))
     if "t_s" in columns:
