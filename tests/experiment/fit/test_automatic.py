@@ -1,7 +1,6 @@
 """Tests of the automatic choice if some or all candidates cannot be fitted."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -26,15 +25,6 @@ def test_record_too_short_for_the_order_is_refused(delay_s: float | None) -> Non
 
     with pytest.raises(DataError, match="900 samples are left for 400 weights"):
         choose(record, Wanted(order=200), delay_s)
-
-
-def test_sensor_with_the_wrong_sign_is_refused() -> None:
-    """No candidate can be fitted, and the error names the remedy."""
-    record = record_of()
-    inverted = replace(record, position_um=-record.position_um)
-
-    with pytest.raises(DataError, match="change the sign of one of them"):
-        choose(inverted, Wanted(order=5), 0.0)
 
 
 def test_only_candidates_that_can_be_fitted_are_compared() -> None:
