@@ -15,6 +15,7 @@ from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.slew import slew_warnings
 from piezod.experiment.fit.smoothing import smoothed_record
 from piezod.experiment.fit.source import Source, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
@@ -128,7 +129,7 @@ def identify_file(
         missing_excitation=missing_excitation(smoothed_record(record)),
         warnings=(
             *given.notes,
-            *_warnings(fit, record, test_record),
+            *_warnings(fit, record, test_record, by_blocks=choice is not None),
             *doubts,
             *residual_warnings(chosen, parts),
         ),
@@ -151,7 +152,9 @@ def _read(data: Path, test: Path | None, skip_s: float, axis: str | None) -> _Gi
         return _Given(source, record, None, notes)
     test_source = read_source(test, skip_s, axis)
     test_notes = _notes("test", test_source)
-    return _Given(source, record, thinned(test_source.record), (*notes, *test_notes))
+    # Nobody knows what the stage did before the test.
+    test_record = replace(thinned(test_source.record), from_rest=False)
+    return _Given(source, record, test_record, (*notes, *test_notes))
 
 
 def _counterparts(fit: Fit, record: Record) -> tuple[Fit | None, Fit | None]:
@@ -175,9 +178,10 @@ def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
     return replace(again, delay=fit.delay)
 
 
-def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
-    yield from fit_warnings(fit, record.period_s)
+def _warnings(fit: Fit, record: Record, test: Record | None, *, by_blocks: bool) -> Iterator[str]:
+    yield from fit_warnings(fit, record.period_s, by_blocks=by_blocks)
     yield from saturation_warnings(record)
+    yield from slew_warnings(fit.as_fitted(record))
     yield from _start_warnings(fit)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)
