@@ -132,8 +132,10 @@ def _scaled(values: FloatArray, chosen: Chosen) -> FloatArray:
 
 
 def _times_s(clock: Clock, columns: dict[str, FloatArray]) -> FloatArray:
-    size = next(iter(columns.values())).size
-    return clock.start_s + np.arange(size) * clock.interval_s
+    times_s: FloatArray = np.arange(next(iter(columns.values())).size, dtype=float)
+    times_s *= clock.interval_s
+    times_s += clock.start_s
+    return times_s
 
 
 def _without_empty(

@@ -98,7 +98,7 @@ def axis_of(reference: Callable[[float], float], mode: Mode) -> CompensatedAxis:
         delay_ns=0,
         sensor_delay_ns=0,
         proof=proof,
-        trim=Trim(50.0, 1e-3, 0.05, 100),
+        feedbacks={Mode.TRIMMED: Trim(50.0, 1e-3, 0.05, 100)},
         shaper=ReferenceShaper(1e-3),
     )
 
