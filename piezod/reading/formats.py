@@ -72,8 +72,8 @@ def open_table(path: Path) -> Table:
         return _reader(known)(file, part)
     if part:
         raise DataError(f"{path}: a text file has no parts; leave out ':{part}'")
-    if what := _TEXTS.get(file.suffix.lower()):
-        raise DataError(f"{file}: this is no table of numbers but {what}; give a record")
+    if kind := _TEXTS.get(file.suffix.lower()):
+        raise DataError(f"{file}: this is no table of numbers but {kind}; give a record")
     return _reader("text:open_text")(file)
 
 

@@ -4,7 +4,7 @@ HDF5 can lead out of a file, allocate what it likes, and run foreign code. What 
 package have is a small part of that; anything else is refused.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any, Final
 
 import h5py
@@ -24,12 +24,8 @@ MOST_EXPANSION: Final = 1100
 _SLACK_BYTES: Final = 16_000_000
 _MOST_TEXT_BYTES: Final = 4_000_000
 """Largest size of an attribute, and of a dataset of texts."""
-_FILTERS: Final = (
-    h5z.FILTER_DEFLATE,
-    h5z.FILTER_SHUFFLE,
-    h5z.FILTER_FLETCHER32,
-    h5z.FILTER_LZF,
-)
+_FILTERS: Final = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
+_FOREIGN_FILTERS: Final = (*_FILTERS, h5z.FILTER_LZF)
 _NUMBERS: Final = "biuf"
 
 
@@ -61,7 +57,7 @@ def usable_datasets(file: h5py.File) -> tuple[dict[str, h5py.Dataset], str]:
     for place, item in _objects(file, foreign=True):
         if isinstance(item, h5py.Dataset):
             try:
-                _check_dataset(place, item)
+                _check_dataset(place, item, _FOREIGN_FILTERS)
             except DataError as error:
                 reason = reason or str(error)
             else:
@@ -115,15 +111,15 @@ def _check_attribute(place: str, item: h5py.Group | h5py.Dataset, name: str) -> 
         _ = item.attrs[name]  # texts of any length are elsewhere in the file
 
 
-def _check_dataset(place: str, dataset: h5py.Dataset) -> None:
+def _check_dataset(place: str, dataset: h5py.Dataset, filters: Collection[int] = _FILTERS) -> None:
     if dataset.shape is None or not _is_plain(dataset.dtype):
         raise _refused(place, f"data of the type {dataset.dtype}", "numbers and texts")
     layout = dataset.id.get_create_plist()
     if layout.get_layout() == h5d.VIRTUAL or layout.get_external_count():
         raise _refused(place, "data in another file", "data in the file itself")
     for number in range(layout.get_nfilters()):
-        if layout.get_filter(number)[0] not in _FILTERS:
-            raise _refused(place, "an unknown compression", "gzip, lzf, shuffle, fletcher32")
+        if layout.get_filter(number)[0] not in filters:
+            raise _refused(place, "an unknown compression", "gzip, shuffle, fletcher32")
     item_bytes = dataset.dtype.itemsize
     chunk_bytes = item_bytes
     for rows in dataset.chunks or ():

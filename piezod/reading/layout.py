@@ -56,7 +56,7 @@ def shape_of(rows: Sequence[Row], is_number: Callable[[str], bool]) -> Shape:
     numeric, words = [], 0
     for column in range(width):
         cells = [row[column] for row in usual if row[column].lower() not in EMPTY]
-        if cells and 2 * sum(map(is_number, cells)) > len(cells):
+        if cells and 2 * sum(map(is_number, cells)) >= len(cells):
             numeric.append(column)
         elif cells:
             words += 1

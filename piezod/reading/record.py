@@ -122,12 +122,13 @@ def _columns(table: Table, chosen: list[Chosen]) -> dict[str, FloatArray]:
 
 def _scaled(values: FloatArray, chosen: Chosen) -> FloatArray:
     # A decimal fraction divides exactly where its inverse does not multiply so: 5 ms is 0.005 s.
-    inverse = 1.0 / chosen.factor
+    inverse, scaled = 1.0 / chosen.factor, values.copy()
     if abs(chosen.factor) < 1.0 and abs(inverse - round(inverse)) < 1e-9 * abs(inverse):
-        values = values / np.float64(round(inverse))
+        scaled /= round(inverse)
     else:
-        values = values * np.float64(chosen.factor)
-    return values + np.float64(chosen.offset)
+        scaled *= chosen.factor
+    scaled += chosen.offset
+    return scaled
 
 
 def _times_s(clock: Clock, columns: dict[str, FloatArray]) -> FloatArray:

@@ -17,6 +17,8 @@ from piezod.messages.endpoints import Role
 from piezod.own_folder import make_folder
 from piezod.web.public_url import PublicUrl
 
+UPLOADS: Final = "/uploads/"
+"""Where a page sends files, each to the name of a stage."""
 METRICS: Final = "/metrics"
 API: Final = ("/v1/", "/stages/")
 """Begin of the paths that lead to daemons; they take a token in the header, and no cookie."""
@@ -100,8 +102,8 @@ class Secrets:
                 f"Host {host[:64]!r} is not this server: use localhost, or an address; behind a "
                 "proxy start `piezod web` with its address as --public-url"
             )
-        if origin is None and scope["type"] == "websocket":
-            return "a WebSocket needs an Origin"
+        if origin is None and (scope["type"] == "websocket" or is_upload(scope)):
+            return "a WebSocket or a file needs an Origin"
         if self.public is not None and origin == self.public.origin:
             return ""  # a proxy may send another `Host` than the browser
         if origin is not None and not _is_own(origin, host, secure=self.is_secure(scope)):
@@ -176,7 +178,7 @@ class Door:
             scope[_ROLE] = secrets.header_role(scope)
             challenge = {"www-authenticate": "Bearer"}
             return JSONResponse({"error": _NO_TOKEN}, 401, challenge) if not scope[_ROLE] else None
-        if scope["type"] == "http" and scope["method"] not in _SAFE:
+        if scope["type"] == "http" and scope["method"] not in _SAFE and not is_upload(scope):
             return PlainTextResponse("allowed: GET\n", 405, {"allow": ", ".join(_SAFE)})
         by_query, by_cookie = secrets.query_role(scope), secrets.cookie_role(scope)
         if path == "/" and _query_token(scope) and (role := by_query or by_cookie):
@@ -185,6 +187,12 @@ class Door:
         if by_cookie or (path == METRICS and (by_query or secrets.header_role(scope))):
             return None
         return PlainTextResponse(_HOW, 401)
+
+
+def is_upload(scope: Scope) -> bool:
+    """Return whether a request sends a file."""
+    path: str = scope["path"]
+    return scope["type"] == "http" and scope["method"] == "POST" and path.startswith(UPLOADS)
 
 
 def role_of(scope: Scope) -> Role:

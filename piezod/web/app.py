@@ -6,16 +6,18 @@ from typing import Final
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.requests import Request
-from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from piezod.messages.answers import AXIS, STAGE
-from piezod.web.access import METRICS, Door, Secrets, role_of
+from piezod.messages.endpoints import Role
+from piezod.web.access import METRICS, UPLOADS, Door, Secrets, role_of
 from piezod.web.api import Api
 from piezod.web.download import DownloadAnswer
+from piezod.web.errors import PageError, require
 from piezod.web.export import ExportAnswer, Exports
 from piezod.web.metrics import PLAIN_TEXT, joined
 from piezod.web.rows import encoded
@@ -58,6 +60,18 @@ def create_app(stages: Stages, secrets: Secrets) -> Starlette:
     async def metrics(_request: Request) -> Response:
         return PlainTextResponse(joined(await stages.metrics()), media_type=PLAIN_TEXT)
 
+    async def upload(request: Request) -> Response:
+        try:
+            require(role_of(request.scope), Role.ENGINEER)
+            stage = stages.named(request.path_params["stage"]).name
+            name = request.headers.get("x-file-name", "")
+            await stages.uploads.take(stage, name, request.stream())
+        except (PageError, ClientDisconnect) as error:
+            document = error.document if isinstance(error, PageError) else {}
+            # What was not read yet is not waited for.
+            return JSONResponse({"error": document}, 400, {"connection": "close"})
+        return JSONResponse({})
+
     async def figure(request: Request) -> Response:
         image = stages.jobs.figure(request.path_params["stage"])
         return Response(
@@ -77,6 +91,7 @@ def create_app(stages: Stages, secrets: Secrets) -> Starlette:
             Route("/recordings/{stage}/{name}", recording),
             Route("/recordings/{stage}/{name}/{ending}", table),
             Route("/jobs/{stage}.png", figure),
+            Route(UPLOADS + "{stage}", upload, methods=["POST"]),
             WebSocketRoute("/ws", socket),
             Route("/static/shown.js", shown),
             Mount("/static", StaticFiles(directory=_FILES)),

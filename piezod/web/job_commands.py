@@ -43,14 +43,37 @@ class ChosenDrive(MessagePart):
     duration_s: Annotated[float, Field(ge=5.0, le=600.0)]
 
 
+class FileChoices(MessagePart):
+    """How the columns of the file that the page has sent are read, as the options of commands."""
+
+    columns: Annotated[str, Field(max_length=500)] = ""
+    scale: Annotated[str, Field(max_length=100)] = ""
+    offset: Annotated[str, Field(max_length=100)] = ""
+    invert: Annotated[str, Field(max_length=100)] = ""
+    rate_hz: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+
+
 class IdentifyJob(PageMessage):
-    """Identify an axis. Without a drive, one of 80 s over all voltages of the axis is used."""
+    """Identify an axis. Without a drive, one of 80 s over all voltages of the axis is used.
+
+    With a file the stage is not driven.
+    """
 
     do: Literal["identify"]
     stage: str
     axis: Annotated[str, Field(max_length=100, pattern=r"^[^-]")]
     method: Literal["auto", "surface", "least-squares", "lms"] = "auto"
     drive: ChosenDrive | None = None
+    file: FileChoices | None = None
+
+
+class ImportJob(PageMessage):
+    """Show how the file that the page has sent is read."""
+
+    do: Literal["import"]
+    stage: str
+    axis: Annotated[str, Field(max_length=100, pattern=r"^[^-]")]
+    file: FileChoices
 
 
 class LearnJob(PageMessage):
@@ -82,16 +105,26 @@ class LookAtJob(PageMessage):
     stage: str
 
 
-JobMessage: TypeAlias = IdentifyJob | LearnJob | ReplayJob
+JobMessage: TypeAlias = IdentifyJob | ImportJob | LearnJob | ReplayJob
 
 
-def command_of(wanted: JobMessage, model: Document | None) -> Callable[[Path], list[str]]:
+def of_file(wanted: JobMessage) -> FileChoices | None:
+    """Return how a sent file is read; None if the job has none, but uses the stage."""
+    return wanted.file if isinstance(wanted, IdentifyJob | ImportJob) else None
+
+
+def command_of(
+    wanted: JobMessage, model: Document | None, upload: Path | None = None
+) -> Callable[[Path], list[str]]:
     """Return a function that writes the files of a command into a folder; it returns the arguments.
 
     Args:
         wanted: What to do.
         model: The present model of the axis, for a replay.
+        upload: The file that the page has sent, for a job that reads it.
     """
+    if upload is not None and (choices := of_file(wanted)):
+        return partial(file_command, wanted, choices, upload)
     match wanted:
         case IdentifyJob():
             return partial(identify_command, wanted)
@@ -99,6 +132,8 @@ def command_of(wanted: JobMessage, model: Document | None) -> Callable[[Path], l
             return partial(learn_command, wanted)
         case ReplayJob():
             return partial(replay_command, wanted, model)
+        case ImportJob():
+            raise ValueError("an import reads a file")
 
 
 def identify_command(wanted: IdentifyJob, folder: Path) -> list[str]:
@@ -110,6 +145,24 @@ def identify_command(wanted: IdentifyJob, folder: Path) -> list[str]:
         file.write_text(json.dumps({"identification": _drive(wanted.drive)}))
         arguments += ["--drive", str(file)]
     return arguments
+
+
+def file_command(wanted: JobMessage, choices: FileChoices, upload: Path, folder: Path) -> list[str]:
+    """Return the arguments of `piezod` that read a sent file; link it into the folder.
+
+    Args:
+        wanted: What to do.
+        choices: How its columns are read.
+        upload: The file.
+        folder: Folder of the command, in which messages name the file without a path.
+    """
+    (folder / upload.name).symlink_to(upload)
+    arguments = ["import", upload.name, "--out", "record.csv"]
+    if isinstance(wanted, IdentifyJob):
+        arguments = ["identify", upload.name, "--method", wanted.method, "--out", MODEL]
+    # With "=" a value that begins with a dash is no option.
+    given = choices.model_dump(exclude_defaults=True)
+    return [*arguments, *(f"--{key.replace('_', '-')}={value}" for key, value in given.items())]
 
 
 def learn_command(wanted: LearnJob, folder: Path) -> list[str]:

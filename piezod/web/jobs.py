@@ -38,6 +38,7 @@ class Job:
     Args:
         wanted: What to do.
         model: The present model of the axis, for a replay.
+        upload: The file that the page has sent, for a job that reads it.
         socket: Socket of the stage's daemon.
         changed: Called after each change.
 
@@ -49,6 +50,7 @@ class Job:
         self,
         wanted: JobMessage,
         model: Document | None,
+        upload: Path | None,
         socket: Path,
         changed: Callable[[], None],
     ) -> None:
@@ -67,7 +69,7 @@ class Job:
         self._process: asyncio.subprocess.Process | None = None
         self._ending = False
         self._task = asyncio.get_running_loop().create_task(
-            self._run(command_of(wanted, model), socket)
+            self._run(command_of(wanted, model, upload), None if upload else socket)
         )
 
     @property
@@ -90,7 +92,7 @@ class Job:
         """Wait for the end of the command."""
         await asyncio.wait((self._task,))
 
-    async def _run(self, command: Callable[[Path], list[str]], socket: Path) -> None:
+    async def _run(self, command: Callable[[Path], list[str]], socket: Path | None) -> None:
         with TemporaryDirectory(prefix=_FOLDER) as name:
             folder = Path(name)
             try:
@@ -101,11 +103,13 @@ class Job:
                 self._document.update(running=False, activity="")
                 self._changed()
 
-    async def _run_in(self, folder: Path, arguments: list[str], socket: Path) -> None:
+    async def _run_in(self, folder: Path, arguments: list[str], socket: Path | None) -> None:
+        if socket is not None:
+            arguments += ["--socket", str(socket)]
         pipe = asyncio.subprocess.PIPE
         self._process = process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "piezod", *arguments,
-            "--json", "--socket", str(socket),
+            "--json",
             stdin=asyncio.subprocess.DEVNULL, stdout=pipe, stderr=pipe, limit=_LONGEST_LINE,
             env={**os.environ, "PIEZOD_PROGRESS": "json"}, cwd=folder,
             start_new_session=True,  # Ctrl-C reaches this server, which interrupts the command
@@ -154,7 +158,9 @@ class Jobs:
         self._publish = publish
         self._jobs: dict[str, Job] = {}
 
-    def start(self, wanted: JobMessage, model: Document | None, socket: Path) -> Document:
+    def start(
+        self, wanted: JobMessage, model: Document | None, upload: Path | None, socket: Path
+    ) -> Document:
         """Start a job; return its document. See `Job`.
 
         Raises:
@@ -164,7 +170,7 @@ class Jobs:
         if (running := self._jobs.get(stage)) and running.running:
             what = f"stage {stage} is busy: {running.document['kind']}"
             raise PageError("busy", what, "wait for its end, or end it")
-        job = self._jobs[stage] = Job(wanted, model, socket, lambda: self._tell(stage, job))
+        job = self._jobs[stage] = Job(wanted, model, upload, socket, lambda: self._tell(stage, job))
         self._tell(stage, job)
         return job.document
 

@@ -11,7 +11,14 @@ from piezod.messages.documents import Document
 from piezod.messages.endpoints import LARGE_BODY, Endpoint
 from piezod.messages.requests import TABLE
 from piezod.web.errors import NOT_FOUND, PageError
-from piezod.web.job_commands import IdentifyJob, LearnJob, LookAtJob, PageMessage, ReplayJob
+from piezod.web.job_commands import (
+    IdentifyJob,
+    ImportJob,
+    LearnJob,
+    LookAtJob,
+    PageMessage,
+    ReplayJob,
+)
 from piezod.web.rows import RATE_HZ
 
 LONGEST: Final = LARGE_BODY + 4096
@@ -83,6 +90,7 @@ AnyMessage: TypeAlias = (
     | EmergencyStop
     | ReadRecording
     | IdentifyJob
+    | ImportJob
     | LearnJob
     | ReplayJob
     | LookAtJob

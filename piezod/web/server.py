@@ -150,6 +150,7 @@ async def _serve(
     announce(f"{url} with the token in {file}" if file else f"{url}?token={secrets.tokens.user}")
     await server.serve(sockets=[endpoint])
     await stages.jobs.aclose()
+    stages.uploads.close()
 
 
 def _write_token(token: str) -> Path | None:

@@ -16,6 +16,7 @@ from piezod.web.messages import ReadRecording
 from piezod.web.recording_reader import RecordingReader
 from piezod.web.rows import encoded
 from piezod.web.stage import WebStage
+from piezod.web.uploads import Uploads
 
 LOOK_EACH_S: Final = 3.0
 """Time between two looks for new stages, in s."""
@@ -38,6 +39,7 @@ class Stages:
 
     Attributes:
         jobs: Identification, learning and replays, which go on when a tab is closed.
+        uploads: The files that pages have sent.
     """
 
     def __init__(self, client: str, find: Callable[[], dict[str, Path]] = running_stages) -> None:
@@ -47,7 +49,7 @@ class Stages:
         self._stages: dict[str, WebStage] = {}
         self._looking: asyncio.Task[None] | None = None
         self._recordings = RecordingReader()
-        self.jobs = Jobs(self.publish)
+        self.jobs, self.uploads = Jobs(self.publish), Uploads()
 
     @property
     def tabs(self) -> int:

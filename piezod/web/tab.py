@@ -15,7 +15,15 @@ from piezod.messages.requests import TABLE
 from piezod.web import messages
 from piezod.web.errors import NOT_FOUND, PageError, require
 from piezod.web.export import barriers
-from piezod.web.job_commands import IdentifyJob, JobMessage, LearnJob, LookAtJob, ReplayJob
+from piezod.web.job_commands import (
+    IdentifyJob,
+    ImportJob,
+    JobMessage,
+    LearnJob,
+    LookAtJob,
+    ReplayJob,
+    of_file,
+)
 from piezod.web.rows import Decimator, Row, encoded, telemetry_event
 from piezod.web.stage import WebStage
 from piezod.web.stages import Stages
@@ -129,7 +137,7 @@ class Tab:
                     self._start(self._calls, message.id, self._call(message))
                 case messages.ReadRecording():
                     self._start(self._calls, message.id, self._stages.read(message))
-                case IdentifyJob() | LearnJob() | ReplayJob():
+                case IdentifyJob() | ImportJob() | LearnJob() | ReplayJob():
                     self._start(self._calls, message.id, self._start_job(message))
                 case LookAtJob():
                     require(self._role, Role.VIEWER if message.do == "job" else Role.OPERATOR)
@@ -172,14 +180,17 @@ class Tab:
         return await stage.connections.call(request)
 
     async def _start_job(self, wanted: JobMessage) -> Document:
-        stage, model = self._stages.named(wanted.stage), None
+        stage, model, upload = self._stages.named(wanted.stage), None, None
         if isinstance(wanted, ReplayJob):
             require(self._role, Role.OPERATOR)
             model = await self._present_model(stage, wanted.axis)
+        elif of_file(wanted):
+            require(self._role, Role.ENGINEER)
+            upload = self._stages.uploads.path(stage.name)
         else:
             require(self._role, Role.ENGINEER)
             await self._release_lease(stage)  # the command needs it
-        return self._stages.jobs.start(wanted, model, stage.connections.socket)
+        return self._stages.jobs.start(wanted, model, upload, stage.connections.socket)
 
     async def _present_model(self, stage: WebStage, axis: str) -> Document | None:
         """Return the model of an axis with its learned weights; None if it has none.

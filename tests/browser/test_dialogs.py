@@ -43,6 +43,7 @@ def test_an_identified_model_is_used_and_saved(page: Page, machine: Machine) -> 
 
     accept = found.get_by_role("button", name="Use this model")
     accept.wait_for(timeout=DRIVEN_WITHIN_MS)
+    expect(found).to_contain_text("Error on another drive")
     expect(found.get_by_role("table")).to_contain_text("held-out blocks")
     figure = found.get_by_role("img", name="Measured and model")
     assert figure.evaluate("image => image.naturalWidth") > 500

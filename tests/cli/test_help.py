@@ -36,6 +36,7 @@ def test_help_lists_verbs_under_headings(piezod: Command) -> None:
     assert found["Experiments and models"] == [
         "demo",
         "experiment",
+        "import",
         "identify",
         "voltages",
         "export-code",

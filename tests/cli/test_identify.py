@@ -71,7 +71,7 @@ def test_text(piezod: Command, data: Path) -> None:
 
     assert (code, err) == (0, "")
     assert "data.csv: 2500 samples at 100 Hz, 24.99 s" in out
-    assert "Delay 20 ms ± 0.5 ms" in out
+    assert "Delay 20 ms, from the smallest rms error" in out
     (curve,) = [line for line in out.splitlines() if line.endswith("█ 60 ms")]
     assert curve.startswith("  0 ms ")
     assert len(curve) < 80

@@ -8,6 +8,7 @@ import pytest
 
 from piezod.cli.identify.run import FitJob
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
+from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, swells, write_record
@@ -45,9 +46,9 @@ def test_text_has_the_candidates_and_the_choice(piezod: Command, data: Path) -> 
 
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
-    tried = [row for row in rows if row and row[0] in {"lms", "least-squares"}]
+    tried = [row for row in rows if row and row[0] in set(Method)]
     assert 20 < len(tried) < 50
-    assert {row[1] for row in tried} == {"even", "graded", "placed"}
+    assert {row[1] for row in tried} == {"even", "graded", "placed", "–"}
     document = json.loads(
         piezod("identify", "--verbose", data, *AUTO, "--delay-s", 0, "--json").out
     )
@@ -55,7 +56,7 @@ def test_text_has_the_candidates_and_the_choice(piezod: Command, data: Path) -> 
     marks = ["taken" if each["taken"] else "best" if each["best"] else "" for each in candidates]
     assert [row[-1] if row[-1] in {"best", "taken"} else "" for row in tried] == marks
     (taken,) = re.findall(r"Taken: (.*?)\.\s", " ".join(out.split()))
-    assert "a surface was not tried, because the record does not have loops" in taken
+    assert "a surface does not count, because the record does not have loops" in taken
 
 
 @pytest.mark.usefixtures("chosen_once")
@@ -222,7 +223,7 @@ def test_uncertainty_is_reported(piezod: Command, data: Path) -> None:
     out = " ".join(piezod("identify", "--verbose", data, "--creep").out.split())
 
     uncertainty = document["uncertainty"]
-    assert uncertainty["delay_95_s"] == document["delay_estimate"]["uncertainty_s"]
+    assert 0.0 < uncertainty["delay_95_s"] <= document["delay_estimate"]["uncertainty_s"]
     assert 0.0 < uncertainty["creep_per_decade_95"] < document["creep_per_decade"]
     band = uncertainty["voltage_band_95"]
     assert 0.0 < band["rms_pct"] <= band["max_pct"] < 1.0

@@ -14,7 +14,7 @@ from piezod.config.experiment_fields import Metric
 from piezod.config.first_mode import FirstModeConfig
 from piezod.config.modes import Mode
 from piezod.config.response_file import ResponseFile
-from piezod.config.trim import TrimConfig
+from piezod.config.trim import ClosedConfig, TrimConfig
 
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text(encoding="utf-8")
 # Words in code spans, in the text or in an example: `high`, `{kind: modulated, depth: 0.8}`.
@@ -64,12 +64,21 @@ def test_page_names_every_mode_and_metric() -> None:
     assert {*Mode, *get_args(Metric)} <= WORDS
 
 
-@pytest.mark.parametrize("model", [LimitsConfig, FirstModeConfig, CompensatorConfig, TrimConfig])
-def test_page_has_ranges_units_and_defaults(model: type[BaseModel]) -> None:
+@pytest.mark.parametrize(
+    ("model", "prefix"),
+    [
+        (LimitsConfig, ""),
+        (FirstModeConfig, ""),
+        (CompensatorConfig, ""),
+        (TrimConfig, ""),
+        (ClosedConfig, "closed."),
+    ],
+)
+def test_page_has_ranges_units_and_defaults(model: type[BaseModel], prefix: str) -> None:
     """The tables of numbers of an axis agree with the models."""
     properties = model.model_json_schema()["properties"]
     for name, field in model.model_fields.items():
-        (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` | "))
+        (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{prefix}{name}` | "))
         cells = [cell.strip() for cell in row.strip("|").split("|")]
 
         assert cells[2] == range_of(properties[name])

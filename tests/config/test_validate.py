@@ -132,4 +132,5 @@ def test_number_with_its_unit_is_told_so(text: str) -> None:
     error: Any = {"type": "float_parsing", "input": text, "loc": ("x",), "msg": ""}
 
     assert describe(error, ()).startswith("must be a number without its unit")
-    assert "unit" not in describe({**error, "input": "fast"}, ())
+    error["input"] = "fast"
+    assert "unit" not in describe(error, ())

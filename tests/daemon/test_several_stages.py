@@ -1,5 +1,6 @@
 """Several daemons on one machine: they begin together, and none disturbs another."""
 
+import gc
 import os
 import shutil
 import signal
@@ -107,6 +108,8 @@ def test_the_wait_ends_when_both_stages_are_on_target(daemons: Daemons) -> None:
         assert daemons[name].status()["axes"]["x"]["target_um"] == 9.0
 
 
+# httpcore closes no socket that cannot be connected.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("loss", ["estop", "hold", "loop", "supervisor"])
 def test_a_stage_that_is_lost_in_a_movement_lets_the_other_hold(
     daemons: Daemons, loss: str
@@ -125,10 +128,11 @@ def test_a_stage_that_is_lost_in_a_movement_lets_the_other_hold(
             victim.signal(signal.SIGKILL)
         else:
             victim.do(loss)
-        with pytest.raises(GroupError, match="slow: ") as caught:
+        with pytest.raises(GroupError, match=r"slow: .*fast held"):
             waiting.result(60.0)
+        del waiting
+        gc.collect()
 
-    assert "fast held" in str(caught.value)
     assert daemons["fast"].until("HOLD")["axes"]["x"]["motion"] > 0
 
 

@@ -65,7 +65,9 @@ def hdf5(path: Path) -> None:
 
 def npz(path: Path) -> None:
     """Write named arrays."""
-    np.savez(path, note=np.array("a text"), t_s=T_S, drive_v=DRIVE_V, position_um=POSITION_UM)
+    arrays = {"t_s": T_S, "drive_v": DRIVE_V, "position_um": POSITION_UM}
+    with path.open("wb") as file:  # with a name numpy appends its ending
+        np.savez(file, note=np.array("a text"), **arrays)  # type: ignore[arg-type]  # a flag, too
 
 
 def npy_with_names(path: Path) -> None:
@@ -73,7 +75,8 @@ def npy_with_names(path: Path) -> None:
     table = np.zeros(T_S.size, [(name, "f8") for name in NAMES])
     for name in NAMES:
         table[name] = COLUMNS[name]
-    np.save(path, table)
+    with path.open("wb") as file:
+        np.save(file, table)
 
 
 def columnar(path: Path) -> None:

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import httpx
 import pytest
 
 from piezod.config.fields import Context
@@ -12,9 +13,11 @@ from piezod.config.yaml_loader import load_yaml
 from piezod.experiment.live.drive import read_drive
 from piezod.web.job_commands import (
     ChosenDrive,
+    FileChoices,
     IdentifyJob,
     LearnJob,
     ReplayJob,
+    command_of,
     identify_command,
     learn_command,
     replay_command,
@@ -132,3 +135,80 @@ def test_what_a_command_would_not_take_is_refused(web: Web, change: dict[str, ob
         tab.send(**message)
         answer = tab.answer(None)
     assert answer["error"]["code"] == "invalid"
+
+
+RECORD = "TIME,CH1,CH2\ns,V,V\n" + "".join(
+    f"{k / 100},{50 + k % 40},{(k % 40) / 8}\n" for k in range(400)
+)
+
+
+def send(web: Web, name: str, text: str, **headers: str) -> httpx.Response:
+    """Send a file as the page does."""
+    headers = {"Cookie": web.cookie(), "Origin": f"http://{web.host}"} | headers
+    url = f"http://{web.host}/uploads/{name}"
+    return httpx.post(url, content=text.encode(), headers={"x-file-name": "a%20b.csv", **headers})
+
+
+def test_a_sent_file_is_shown_as_it_is_read(web: Web) -> None:
+    """What cannot be told is an error with the command; with the columns there is a picture."""
+    with web.tab() as tab:
+        asked = {"do": "import", "stage": "bench", "axis": "x"}
+        none_yet = tab.ask(**asked, file={})
+        assert send(web, "bench", RECORD).status_code == 200
+        tab.ask(**asked, file={})
+        unclear = last_job(tab)
+        tab.ask(**asked, file={"columns": "drive=CH1,position=CH2", "scale": "position=2"})
+        job = last_job(tab)
+
+    assert none_yet["error"]["what"] == "no file was sent for stage bench"
+    assert "a_b.csv: which column is the drive voltage?" in str(unclear["error"])
+    assert "--columns t=TIME,drive=CH1,position=CH2" in str(unclear["error"])
+    assert job["error"] == ""
+    assert job["figure"]
+    assert "position_um = 2 · 'CH2', which is in V." in str(job["result"])
+
+
+def test_a_sent_file_can_be_fitted(tmp_path: Path) -> None:
+    """The command reads the file and drives nothing; no choice is an option of its own."""
+    upload = tmp_path / "a.csv"
+    upload.write_text(RECORD)
+    folder = tmp_path / "job"
+    folder.mkdir()
+    choices = FileChoices(columns="t=TIME", offset="-1", rate_hz=100.0)
+    wanted = IdentifyJob(id=1, do="identify", stage="bench", axis="x", file=choices)
+    arguments = command_of(wanted, None, upload)(folder)
+
+    assert arguments[:4] == ["identify", "a.csv", "--method", "auto"]
+    assert arguments[-3:] == ["--columns=t=TIME", "--offset=-1", "--rate-hz=100.0"]
+    assert "--live" not in arguments
+    assert (folder / "a.csv").read_text() == RECORD
+
+
+@pytest.mark.parametrize(
+    ("name", "headers", "status"),
+    [
+        ("none", {}, 400),
+        ("bench", {"Origin": "http://elsewhere.org"}, 403),
+        ("bench", {"Cookie": "piezod=none"}, 401),
+    ],
+)
+def test_a_file_from_elsewhere_is_refused(
+    web: Web, name: str, headers: dict[str, str], status: int
+) -> None:
+    """It needs the cookie, the page's own origin, and a stage."""
+    with web.tab():
+        assert send(web, name, RECORD, **headers).status_code == status
+
+
+def test_a_file_needs_an_origin_and_has_a_largest_size(
+    web: Web, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A form of another page sends none; too many bytes are refused as they arrive."""
+    url = f"http://{web.host}/uploads/bench"
+    with web.tab():
+        assert httpx.post(url, headers={"Cookie": web.cookie()}).status_code == 403
+        monkeypatch.setattr("piezod.web.uploads.MOST_UPLOAD", 1000)
+        answer = send(web, "bench", RECORD)
+
+    assert answer.status_code == 400
+    assert answer.json()["error"]["code"] == "too_large"

@@ -104,6 +104,7 @@ def _errors(judged: Judgement) -> Document:
 def _cross_validation(validation: CrossValidation) -> Document:
     return {
         **validation.errors,
+        "position_error_rms_worst_block_pct": validation.worst_block_rms_pct,
         "voltage_error_rms_with_standard_error_pct": validation.rms_with_standard_error_pct,
         "blocks": [
             {"start_s": block.start_s, "end_s": block.end_s, **block.errors}
@@ -120,6 +121,7 @@ def _uncertainty(uncertainty: Uncertainty) -> Document:
         "independent_samples": uncertainty.independent_samples,
         "voltage_spread_over_blocks": spread(uncertainty.spread_pct),
         "creep_per_decade_of_blocks": uncertainty.block_creep_per_decade,
+        "delay_of_blocks_s": uncertainty.block_delay_s,
     }
 
 

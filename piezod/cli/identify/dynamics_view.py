@@ -29,8 +29,9 @@ def print_delay(console: Console, delay_s: float, delay: DelayEstimate | None) -
     curve_pct = narrowed(delay.criterion_pct)
     best = int(curve_pct.argmin())
     console.print(
-        f"Delay {in_ms(delay_s)} ± {in_ms(delay.uncertainty_s)}, from the smallest rms error of "
-        f"the predicted {'position' if delay.of_position else 'voltage'}:\n"
+        f"Delay {in_ms(delay_s)}, from the smallest rms error of the predicted "
+        f"{'position' if delay.of_position else 'voltage'}; a shift of up to "
+        f"{in_ms(delay.uncertainty_s)} could hide in that error:\n"
     )
     margin = " " * (len(first) + 3)
     console.print(f"  {first} {_curve(curve_pct)} {last}")

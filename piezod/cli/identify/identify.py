@@ -92,8 +92,8 @@ CreepOption: TypeAlias = Annotated[
     bool | None,
     typer.Option(
         "--creep/--no-creep",
-        help="Whether creep is fitted too; not with lms. Default: no; with surface, yes; with "
-        "auto, chosen.",
+        help="Whether creep is fitted too; not with lms. Default: no; with surface, if the "
+        "record is long enough; with auto, chosen.",
         show_default=False,
     ),
 ]

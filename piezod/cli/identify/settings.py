@@ -65,7 +65,7 @@ def fit_settings(
             if value is not None:
                 message = "a surface has no operators; leave the option out"
                 raise typer.BadParameter(message, param_hint=f"'{name}'")
-        return FitSettings(method=Method.SURFACE, creep=creep is not False)
+        return FitSettings(method=Method.SURFACE, creep=creep)
     if method is MethodChoice.LMS and creep:
         message = "creep is fitted by least-squares and surface, not by lms"
         raise typer.BadParameter(message, param_hint="'--creep'")

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -156,7 +157,7 @@ def _reason(choice: Choice) -> str:
             "good"
         )
     if choice.no_surface:
-        text += f"; a surface was not tried, because {choice.no_surface}"
+        text += f"; a surface {choice.no_surface}"
     elif not any(each.fit.settings.method is Method.SURFACE for each in choice.candidates):
         text += "; no surface could be fitted to this record"
     elif taken.fit.settings.method is Method.SURFACE and taken.fit.model.mode is None:
@@ -244,7 +245,15 @@ def _uncertainty(fitted: FileFit) -> str:
         )
     text = f"Uncertainty due to noise (95 %): {'; '.join(parts)}. " if parts else ""
     blocks = spread(uncertain.spread_pct) or {}
-    return f"{text}Models fitted without one of the blocks differ by {blocks['rms_pct']:.2f} % rms."
+    text += f"Models fitted without one of the blocks differ by {blocks['rms_pct']:.2f} % rms"
+    apart = np.ptp(uncertain.block_creep_per_decade), np.ptp(uncertain.block_delay_s)
+    if any(apart):
+        text += f", in the creep by {100 * apart[0]:.2g} %, in the delay by {in_ms(apart[1])}"
+    worst_pct = fitted.chosen.validation.worst_block_rms_pct
+    return (
+        f"{text}: that is what the model does not describe. On another drive expect errors of the "
+        f"position as in the worst block, {worst_pct:.3g} % rms."
+    )
 
 
 def _print_excitation(console: Console, fitted: FileFit) -> None:

@@ -301,7 +301,7 @@ def _feedback(mode: Mode, config: AxisConfig, model: StageModel, period_ns: int)
     fade_cycles = _cycles(larger * FADE_S, period_ns)
     settings = law.gain_per_s, period_s, authority_pct / 100.0, fade_cycles, refusal
     if law.proportional or law.notches:
-        notches = [notch(mode, period_s) for mode in law.notches]
+        notches = [notch(each, period_s) for each in law.notches]
         return NotchedTrim(*settings, proportional=law.proportional, notches=notches)
     return Trim(*settings)
 

@@ -8,6 +8,11 @@ the voltage shows the loops. A product needs no weights: a share lost counts as 
 The choice is the simplest candidate that is as good as the best one: each of its rms errors is at
 most 2 % larger, and by no more than chance explains.
 
+A part needs evidence. Creep is tried on records that are long enough to show it, and counts only if
+it makes the held-out position clearly better than the same model without. A surface extrapolates
+badly to loops that its record does not have: on a record without all loops it counts only if
+position and voltage are clearly better than by any operators.
+
 All candidates are judged on the same blocks, so that chance is the standard error of the paired
 difference of their mean squared errors, block by block. The standard error of one candidate
 (Breiman et al. 1984) is mostly that of the blocks, which differ in difficulty: it once took 5
@@ -24,14 +29,14 @@ import numpy as np
 
 from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.creep import TIME_CONSTANTS_S
-from piezod.errors import DataError
+from piezod.errors import DataError, ModelError
 from piezod.experiment.fit.delay import DelayEstimate
 from piezod.experiment.fit.errors import CrossValidation, cross_validate
-from piezod.experiment.fit.excitation import has_all_loops
+from piezod.experiment.fit.excitation import has_all_loops, shows_creep
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
-from piezod.experiment.fit.residuals import BLOCKS, standard_error
+from piezod.experiment.fit.residuals import BLOCKS, clearly_better, standard_error
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
 from piezod.experiment.progress import Progress
@@ -44,6 +49,10 @@ not describe the loops; if they predict the position of one record best, that is
 so on two records, and were worse on the tests."""
 LARGEST_LOSS = 1.02
 """Largest rms error of the chosen model, as a multiple of that of the best one."""
+CLEAR_GAIN = 0.9
+"""Largest ratio of the rms errors with and without a part that needs evidence."""
+CREEP_STANDARD_ERRORS, SURFACE_STANDARD_ERRORS = 1.0, 2.0
+"""Least mean gain of the blocks: creep shows only in some blocks, those with slow motion."""
 _OFFSET, _RATE, _PATH, _EXPONENT, _MODE = 1, 2, 3, 1, 3
 # Of a surface: a lag with the rate and a prompt slope; weight, decay and skew of a path, and its
 # exponent; frequency, damping and lag of a mode.
@@ -74,7 +83,7 @@ class Candidate:
         """Number of fitted parameters."""
         settings = self.fit.settings
         if settings.method is Method.SURFACE:
-            slow = TIME_CONSTANTS_S.size * settings.creep
+            slow = TIME_CONSTANTS_S.size * bool(settings.creep)
             optional = (
                 _RATE * (self.fit.rate_lag > 0.0)
                 + _PATH * (self.fit.path is not None)
@@ -82,7 +91,7 @@ class Candidate:
                 + _MODE * (self.fit.shows_mode is not None)
             )
             return settings.n_weights + _OFFSET + slow + optional
-        return settings.n_weights + settings.creep
+        return settings.n_weights + bool(settings.creep)
 
 
 @dataclass(frozen=True)
@@ -96,7 +105,7 @@ class Choice:
     limit_pct: (
         float  #: Largest rms error of the position that is as good as that of the best, in %.
     )
-    no_surface: str = ""  #: Why no surface was tried; empty if one was.
+    no_surface: str = ""  #: That a surface was not tried or does not count, and why; or empty.
 
 
 def choose(
@@ -122,10 +131,53 @@ def choose(
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
         delay_s = estimate.delay_s
-    no_surface = _no_surface(record, wanted)
+    no_surface = _no_surface(wanted)
     tried = tuple(_settings(record, wanted, surface=not no_surface))
-    chosen = simplest_as_good(_candidates(record, tried, delay_s, estimate, progress))
-    return replace(chosen, no_surface=no_surface)
+    candidates = _candidates(record, tried, delay_s, estimate, progress)
+    shown = tuple(each for each in candidates if creep_is_shown(each, candidates))
+    if not has_all_loops(smoothed_record(record)):
+        counting = tuple(each for each in shown if _is_better_than_operators(each, shown))
+        if _has_surface(shown) and not _has_surface(counting):
+            no_surface = (
+                "does not count, because the record does not have loops of all sizes and heights "
+                "(below), and held-out blocks do not show that it is clearly better"
+            )
+        shown = counting
+    chosen = simplest_as_good(shown)
+    return replace(chosen, candidates=candidates, no_surface=no_surface)
+
+
+def creep_is_shown(candidate: Candidate, candidates: tuple[Candidate, ...]) -> bool:
+    """Return whether a candidate has no creep, or is clearly better than the same one without."""
+    return not candidate.fit.settings.creep or all(
+        clearly_better(
+            candidate.validation.squares.position_pct,
+            each.validation.squares.position_pct,
+            CLEAR_GAIN,
+            CREEP_STANDARD_ERRORS,
+        )
+        for each in candidates
+        if not each.fit.settings.creep and _kind(each) == _kind(candidate)
+    )
+
+
+def _kind(candidate: Candidate) -> tuple[Method, int, Spacing]:
+    settings = candidate.fit.settings
+    return settings.method, settings.order, settings.spacing
+
+
+def _has_surface(candidates: tuple[Candidate, ...]) -> bool:
+    return any(each.fit.settings.method is Method.SURFACE for each in candidates)
+
+
+def _is_better_than_operators(candidate: Candidate, candidates: tuple[Candidate, ...]) -> bool:
+    """Return whether a candidate is no surface, or clearly better than the best operators."""
+    operators = [each for each in candidates if each.fit.settings.method is not Method.SURFACE]
+    if candidate in operators or not operators:
+        return True
+    best = min(operators, key=_product)
+    pairs = zip(candidate.validation.squares, best.validation.squares, strict=True)
+    return all(clearly_better(*pair, CLEAR_GAIN, SURFACE_STANDARD_ERRORS) for pair in pairs)
 
 
 def simplest_as_good(candidates: tuple[Candidate, ...]) -> Choice:
@@ -166,7 +218,7 @@ def _candidates(
         try:
             fit = _fitted(record, settings, delay_s, estimate)
             candidates.append(Candidate(fit, cross_validate(fit)))
-        except DataError as error:  # for example if a record contains no creep
+        except (DataError, ModelError) as error:  # for example if a record contains no creep
             refused = error
     if refused and not candidates:
         raise refused
@@ -190,25 +242,21 @@ def _delay(record: Record, wanted: Wanted) -> DelayEstimate | None:
     return fit_model(record, settings).delay
 
 
-def _no_surface(record: Record, wanted: Wanted) -> str:
-    """Return why no surface is tried; empty if one is."""
+def _no_surface(wanted: Wanted) -> str:
+    """Return that no surface is tried, and why; empty if one is."""
     if not wanted.surface:
-        return "the identifier of the axis learns operators only"
+        return "was not tried, because the identifier of the axis learns operators only"
     if wanted.order is not None or wanted.spacing is not None:
-        return "--order or --thresholds asks for operators"
-    # A surface extrapolates badly to loops that its record does not have.
-    if not has_all_loops(smoothed_record(record)):
-        return (
-            "the record does not have loops of all sizes and heights (below); --method surface "
-            "fits one nevertheless"
-        )
+        return "was not tried, because --order or --thresholds asks for operators"
     return ""
 
 
 def _settings(record: Record, wanted: Wanted, *, surface: bool) -> Iterator[FitSettings]:
     orders = _affordable(record) if wanted.order is None else (wanted.order,)
     spacings = tuple(Spacing) if wanted.spacing is None else (wanted.spacing,)
-    creeps = (False, True) if wanted.creep is None else (wanted.creep,)
+    creeps: tuple[bool | None, ...] = (wanted.creep,)
+    if wanted.creep is None:
+        creeps = (False, True) if shows_creep(record) else (False,)
     # LMS fits neither creep nor other thresholds than even ones.
     if wanted.creep is not True and Spacing.EVEN in spacings:
         for order in orders:

@@ -69,6 +69,11 @@ class CrossValidation:
         return self.errors["position_error_rms_pct"]
 
     @property
+    def worst_block_rms_pct(self) -> float:
+        """Rms error of the position in the worst block, in %: of motion unlike the rest."""
+        return float(np.sqrt(np.max(self.squares.position_pct)))
+
+    @property
     def rms_with_standard_error_pct(self) -> float:
         """Rms error of the voltage plus one standard error of its mean square over the blocks."""
         squares = self.squares.voltage_pct

@@ -7,7 +7,7 @@ are not required: they contain little hysteresis.
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import ceil, floor
+from math import ceil, floor, inf, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +25,15 @@ MIN_SWINGS = 2
 PARTIAL_SWING = 0.7
 """Swings up to this share of the range show how the hysteresis depends on the height."""
 HEIGHTS = ("lower", "middle", "upper")
+CREEP_S = 10.0
+"""A shorter record does not show creep: it has seen less than half of the lags, and what it has
+looks like wider loops."""
+FULL_HZ, FAST_HZ, FAST_SHARE = 0.7, 5.0, 0.7
+"""Frequency of the full swings of the recommended drive, and frequency and swing, as a share of the
+range, of its fastest part."""
+SLEW_SHARE = 0.8
+"""The recommended drive uses at most this share of the slew rate, which may be an optimistic
+number."""
 MIN_TIME_RATIO = 5.0
 """Some motion or hold must last this many times the fastest swing."""
 
@@ -49,7 +58,9 @@ def missing_excitation(record: Record) -> tuple[str, ...]:
     if not range_um:
         return ("The displacement does not move.",)
     swings = swings_of(t_s, (position_um - position_um.min()) / range_um)
+    long_enough = () if shows_creep(record) else (f"Time for the creep: {CREEP_S:g} s are needed.",)
     return (
+        *long_enough,
         *_missing_sizes(swings, range_um),
         *_missing_heights(swings, range_um),
         *_missing_times(swings),
@@ -79,6 +90,11 @@ def _has_all_swings(t_s: FloatArray, values: FloatArray) -> bool:
         return False
     swings = swings_of(t_s, (values - values.min()) / size)
     return not any((*_missing_sizes(swings, size), *_missing_heights(swings, size)))
+
+
+def shows_creep(record: Record) -> bool:
+    """Return whether a record is long enough to show creep."""
+    return float(record.t_s[-1] - record.t_s[0]) >= CREEP_S
 
 
 def swings_of(t_s: FloatArray, positions: FloatArray) -> Swings:
@@ -111,43 +127,52 @@ def turning_points(positions: FloatArray) -> list[int]:
     return [*indices, extreme]
 
 
-def recommended_drive(low_v: float, high_v: float) -> str:
+def recommended_drive(low_v: float, high_v: float, slew_v_per_s: float = inf) -> str:
     """Return a drive with all excitation, as the `identification:` of an experiment, in YAML.
 
     It starts and ends at the lowest voltage, and does not jump.
+
+    Args:
+        low_v: Lowest voltage, in V.
+        high_v: Highest voltage, in V.
+        slew_v_per_s: Slew rate of the amplifier, in V/s. A drive that would come near it is
+            slower by a whole factor, in its fastest part by another one.
     """
+    per_hz = pi * (high_v - low_v) / (SLEW_SHARE * slew_v_per_s)
+    slower, fast = (max(1, ceil(hz * per_hz)) for hz in (FULL_HZ, FAST_HZ * FAST_SHARE))
     # Rounded inwards to whole millivolts, so that the text has short numbers within the limits.
-    part = _PartWriter(ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6)))
+    part = _PartWriter(ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6)), slower)
+    fastest = part._replace(slower=fast)
     half_v = (part.high_mv - part.low_mv) // 2 / 1e3
     middle = f"{part.low_mv / 1e3 + half_v:.10g}"
     return f"""\
 identification:
   method: surface # with `creep: true` of the compensator
   settle_s: 5
-  run_in_s: 8
-  duration_s: 80
+  run_in_s: {8 * slower}
+  duration_s: {78 * slower + 2 * fast}
   drive_v:
     kind: sequence
     parts:
       # run-in, over the full swing
       {part.sine(8, 0, 1, 0.5)}
       # loops of all sizes
-      - duration_s: 20
+      - duration_s: {20 * slower}
         waveform:
           kind: sine
           low: {part.at(0)}
           high: {part.at(1)}
-          frequency_hz: 0.7
-          envelope: {{kind: decaying, time_constant_s: 10}}
+          frequency_hz: {part.hz(FULL_HZ)}
+          envelope: {{kind: decaying, time_constant_s: {10 * slower}}}
       # loops within loops, at all heights
-      - duration_s: 30
+      - duration_s: {30 * slower}
         waveform:
           kind: sum
           parts:
-            - {{kind: triangle, low: {part.at(0)}, high: {middle}, frequency_hz: 0.7}}
-            - {{kind: triangle, low: 0, high: {half_v:.10g}, frequency_hz: 0.1}}
+            - {{kind: triangle, low: {part.at(0)}, high: {middle}, frequency_hz: {part.hz(0.7)}}}
+            - {{kind: triangle, low: 0, high: {half_v:.10g}, frequency_hz: {part.hz(0.1)}}}
       # fast, for the delay
-      {part.sine(2, 0, 0.7, 5)}
+      {fastest.sine(2, 0, FAST_SHARE, FAST_HZ)}
       # up in two steps, each with a hold, for the creep, and small loops; then down
       {part.sine(1, 0, 0.4, 0.5)}
       {part.hold(5, 0.4)}
@@ -155,11 +180,12 @@ identification:
       {part.sine(1, 0.4, 0.8, 0.5)}
       {part.hold(5, 0.8)}
       {part.sine(3, 0.8, 0.95, 1)}
-      - duration_s: 2
+      - duration_s: {2 * slower}
         waveform:
           kind: multisine
           low: {part.at(0)}
-          components: [{{amplitude: {0.8 * half_v:.10g}, frequency_hz: 0.25, phase_deg: 180}}]
+          components:
+            - {{amplitude: {0.8 * half_v:.10g}, frequency_hz: {part.hz(0.25)}, phase_deg: 180}}
 """
 
 
@@ -168,18 +194,22 @@ class _PartWriter(NamedTuple):
 
     low_mv: int
     high_mv: int
+    slower: int  #: Factor of all times.
 
     def at(self, share: float) -> str:
         return f"{round(self.low_mv + share * (self.high_mv - self.low_mv)) / 1e3:.10g}"
 
+    def hz(self, frequency_hz: float) -> str:
+        return f"{frequency_hz / self.slower:.10g}"
+
     def sine(self, duration_s: int, start: float, end: float, frequency_hz: float) -> str:
         ends = f"low: {self.at(start)}, high: {self.at(end)}"
-        waveform = f"kind: sine, {ends}, frequency_hz: {frequency_hz:g}"
-        return f"- {{duration_s: {duration_s}, waveform: {{{waveform}}}}}"
+        waveform = f"kind: sine, {ends}, frequency_hz: {self.hz(frequency_hz)}"
+        return f"- {{duration_s: {duration_s * self.slower}, waveform: {{{waveform}}}}}"
 
     def hold(self, duration_s: int, share: float) -> str:
         waveform = f"kind: setpoint, level: {self.at(share)}"
-        return f"- {{duration_s: {duration_s}, waveform: {{{waveform}}}}}"
+        return f"- {{duration_s: {duration_s * self.slower}, waveform: {{{waveform}}}}}"
 
 
 def _missing_sizes(swings: Swings, range_um: float) -> Iterator[str]:

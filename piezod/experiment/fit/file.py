@@ -18,6 +18,7 @@ from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.settings import FitSettings
+from piezod.experiment.fit.slew import slew_warnings
 from piezod.experiment.fit.smoothing import smoothed_record
 from piezod.experiment.fit.source import NO_CHOICES, Source, read_source
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
@@ -128,6 +129,11 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
     with prefix_errors(str(data)):
         doubts = tuple(quality_warnings(chosen, record, test_record))
     parts = breakdown_of(fit, given.source.record)
+    found = (
+        *_warnings(fit, record, test_record, by_blocks=choice is not None),
+        *doubts,
+        *residual_warnings(chosen, parts),
+    )
     return FileFit(
         data=data,
         test_data=test,
@@ -140,12 +146,7 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
         parts=parts,
         choice=choice,
         missing_excitation=missing_excitation(smoothed_record(record)),
-        warnings=(
-            *given.notes,
-            *_warnings(fit, record, test_record),
-            *doubts,
-            *residual_warnings(chosen, parts),
-        ),
+        warnings=(*given.notes, *found),
         understood=given.source.understood,
         questions=given.questions,
     )
@@ -174,10 +175,12 @@ def _read(
     if not test:
         return _Given(source, record, None, notes, questions)
     test_source, others = _examined(test, skip_s, axis, source.delay_s, choices)
+    # Nobody knows what the stage did before the test.
+    test_record = replace(thinned(test_source.record), from_rest=False)
     return _Given(
         source,
         record,
-        thinned(test_source.record),
+        test_record,
         (*notes, *_notes("test", test_source)),
         (*questions, *(f"Test: {each}" for each in others)),
     )
@@ -218,8 +221,9 @@ def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
     return replace(again, delay=fit.delay)
 
 
-def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
-    yield from fit_warnings(fit, record.period_s)
+def _warnings(fit: Fit, record: Record, test: Record | None, *, by_blocks: bool) -> Iterator[str]:
+    yield from fit_warnings(fit, record.period_s, by_blocks=by_blocks)
+    yield from slew_warnings(fit.as_fitted(record))
     yield from _start_warnings(fit)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)

@@ -8,6 +8,7 @@ from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
 from piezod.experiment.fit.delay import DelayEstimate, has_one_frequency
+from piezod.experiment.fit.excitation import shows_creep
 from piezod.experiment.fit.least_squares import search_creep
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.prediction import predicted_um, predicted_v
@@ -34,6 +35,7 @@ class Fit:
     problem: Problem = field(repr=False)  #: The problem that was solved.
     #: The problem, linear around the solution; None for LMS.
     linearised: LinearProblem | None = field(repr=False)
+    recorded: Record = field(repr=False)  #: The record of the fit, never smoothed.
     #: How clearly the record shows the first mode; None if the model has none.
     shows_mode: ShownMode | None = None
 
@@ -124,6 +126,8 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         ModelError: If the gain of LMS is not stable for this number of operators.
     """
     _check(record, settings)
+    if settings.creep is None:
+        settings = replace(settings, creep=shows_creep(record))
     if settings.method is Method.SURFACE:
         return _fit_surface(record, settings)
     problem = StopProblem(settings.as_fitted(record), settings)
@@ -139,7 +143,7 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         weights, creep, linearised = problem.least_squares(bank, delay_s)
     model = replace(problem.model(bank, weights, creep, delay_s), held_s=record.held_s)
     slope = model.form.smallest_slope(model.weights)
-    return Fit(model, settings, estimate, slope, problem, linearised)
+    return Fit(model, settings, estimate, slope, problem, linearised, record)
 
 
 def _fit_surface(record: Record, settings: FitSettings) -> Fit:
@@ -154,7 +158,9 @@ def _fit_surface(record: Record, settings: FitSettings) -> Fit:
         estimate = problem.delay(linearised)
     model = replace(problem.model(linearised.parameters), held_s=record.held_s)
     slope = model.form.smallest_slope(model.weights)
-    return Fit(model, found.settings, estimate, slope, problem, linearised, found.shows_mode)
+    return Fit(
+        model, found.settings, estimate, slope, problem, linearised, record, found.shows_mode
+    )
 
 
 def _check(record: Record, settings: FitSettings) -> None:

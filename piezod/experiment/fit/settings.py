@@ -17,7 +17,8 @@ class FitSettings:
     #: of this order.
     order: int = 19
     spacing: Spacing = Spacing.EVEN  #: Position of their thresholds; a surface has none.
-    creep: bool = False  #: Whether creep is fitted, too; not by LMS.
+    #: Whether creep is fitted, too, not by LMS; None: if the record is long enough to show it.
+    creep: bool | None = False
     #: γ, for LMS; None for the paper's, or a smaller one if that is not stable.
     lms_gain: float | None = None
     #: Width of the backlash before the memory, in units of the range, for LMS. Least squares gets a

@@ -63,6 +63,21 @@ def vibration_of(
     return float(np.sqrt(max(excess, 0.0))), strongest / (residuals.size * period_s)
 
 
+def noise_density_of(residuals: FloatArray) -> float:
+    """Return the mean square of white noise with the density that residuals have at low frequency.
+
+    It is that above the harmonics of a slow drive, and below the filter of a sensor: from a tenth
+    to half of the highest frequency.
+
+    Args:
+        residuals: (n,) residuals over time.
+    """
+    power = power_spectrum(residuals)
+    band = power[power.size // 10 : power.size // 2]
+    # As in `noise_of`: the power of a line has an exponential distribution.
+    return float(np.median(band)) / float(np.log(2.0)) * power.size if band.size else 0.0
+
+
 def noise_of(residuals: FloatArray, vibration_hz: float | None, period_s: float) -> float:
     """Return the rms of the white noise, from the upper half of the spectrum.
 

@@ -79,7 +79,7 @@ class StopProblem(Problem):
 
     def least_squares(self, bank: FloatArray, delay_s: float) -> LeastSquaresFit:
         """Return the weights, and the creep if it is set, all at once."""
-        return fit_least_squares(bank, self.series(delay_s), creep=self._settings.creep)
+        return fit_least_squares(bank, self.series(delay_s), creep=bool(self._settings.creep))
 
     def lms(self, bank: FloatArray, delay_s: float, held_out: Rows | None = None) -> FloatArray:
         """Return the weights [a^l, a^r] by the update of paper eq. (29), shape (2 M,).

@@ -36,18 +36,25 @@ RATE_SHARE = 0.25
 """The rate of the drive is a considerable cause from this share of the residual's power on."""
 
 
-def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
-    """Yield the warnings about a model."""
+def fit_warnings(fit: Fit, period_s: float, *, by_blocks: bool = False) -> Iterator[str]:
+    """Yield the warnings about a model.
+
+    Args:
+        fit: Its fit.
+        period_s: Sample period, in s.
+        by_blocks: Whether held-out blocks have chosen its method.
+    """
     if fit.delay is not None:
         yield from _delay_warnings(fit.delay, period_s)
     record = fit.record
     if fit.model.mode is not None:  # its vibration has swings of all sizes
         record = replace(record, position_um=record.drive_v)
     if fit.settings.method is Method.SURFACE and not has_all_loops(record):
+        remedy = "" if by_blocks else "Use --method auto or least-squares, or record "
         yield (
             "The record does not have loops of all sizes and heights. A surface is determined by "
-            "the loops of its record only, and may be far off on others. Use --method auto or "
-            "least-squares, or record the drive that is recommended."
+            "the loops of its record only, and may be far off on others. "
+            f"{remedy or 'Record '}the drive that is recommended."
         )
 
 

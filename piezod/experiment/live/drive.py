@@ -47,7 +47,7 @@ def read_drive(path: Path) -> IdentificationConfig:
 def designed_drive(axis: LiveAxis) -> IdentificationConfig:
     """Return a drive with all excitation that a model needs, over all voltages of an axis."""
     limits = axis.config.limits
-    text = recommended_drive(limits.drive_min_v, limits.drive_max_v)
+    text = recommended_drive(limits.drive_min_v, limits.drive_max_v, limits.slew_v_per_s)
     return _validated(parse_yaml(text, "designed drive"), Path())
 
 

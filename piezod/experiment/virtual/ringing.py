@@ -9,7 +9,7 @@ from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.control.faults.table import FAULTS, INDEX
 from piezod.control.stage.zeroing import ZERO_OVER_S
-from piezod.control.watch.oscillation import Oscillation
+from piezod.control.watch.adaptation import Oscillation
 from piezod.errors import ModelError
 from piezod.hysteresis import AffineRange
 from piezod.hysteresis.memory import FloatArray

@@ -25,12 +25,102 @@ class IdentifyDialog extends JobDialog {
     );
     this.drive.addEventListener("change", () => (this.chosen.disabled = this.drive.value === "full"));
     this.#fill();
+    this.source = el("select", {}, el("option", { value: "stage" }, "this stage, driven"), el("option", { value: "file" }, "a file"));
+    this.source.addEventListener("change", () => this.#choose());
+    this.fromStage = el("div", {}, this.#stageFields());
+    this.fromFile = el("div", { hidden: true }, this.#fileFields());
+    return [
+      el("div", { class: "fields" }, field("Record", this.source), field("Axis", this.axis), field("Model", this.method)),
+      this.fromStage, this.fromFile,
+    ];
+  }
+
+  #stageFields() {
     return [
       el("p", { class: "quiet" }, "The stage is stopped, rests, is zeroed, driven over the voltages, and disarmed at the end. Other axes rest."),
-      el("div", { class: "fields" }, field("Axis", this.axis), field("Model", this.method), field("Drive", this.drive)),
+      el("div", { class: "fields" }, field("Drive", this.drive)),
       this.chosen,
       el("p", { class: "quiet" }, "The complete drive goes over all voltages and has everything that a fit needs. Decaying swings are shorter, and tell less about creep and small loops."),
     ];
+  }
+
+  /** Return the fields for a file: what of it is which column. */
+  #fileFields() {
+    const text = (placeholder) => el("input", { type: "text", placeholder, maxlength: 500, spellcheck: "false" });
+    this.file = el("input", { type: "file" });
+    this.file.addEventListener("change", () => (this.sent = null));
+    this.choices = {
+      columns: text("t=TIME,drive=CH1,position=CH2"), scale: text("drive=20,position=2"), offset: text("position=-10"),
+      invert: el("select", {}, el("option", { value: "" }, "nothing"), el("option", { value: "position" }, "position")),
+      rate_hz: numberInput("", { required: false, min: 0 }),
+    };
+    this.preview = el("section", { "aria-label": "How the file is read" });
+    const { columns, scale, offset, invert, rate_hz } = this.choices;
+    return [
+      el("p", { class: "quiet" }, "CSV, .xlsx, .mat, .tdms, .lvm, .npz, .parquet or HDF5 with time, voltage and position. Columns are told by names and units; say what cannot be told."),
+      el("div", { class: "fields" }, field("File", this.file), field("Columns", columns), field("Scale", scale), field("Offset", offset), field("Invert", invert), field("Without time", rate_hz, "Hz")),
+      el("div", { class: "buttons" }, el("button", { type: "button", onclick: () => this.#look() }, "Preview")),
+      this.preview,
+    ];
+  }
+
+  #choose() {
+    this.fromStage.hidden = this.source.value === "file";
+    this.fromFile.hidden = !this.fromStage.hidden;
+  }
+
+  /** Send the chosen file, unless the server has it. */
+  async #send() {
+    const file = this.file.files[0];
+    if (!file) throw refusal("no file is chosen");
+    if (this.sent === file) return;
+    const headers = { "x-file-name": encodeURIComponent(file.name) };
+    const answer = await fetch(`uploads/${encodeURIComponent(this.stage)}`, { method: "POST", body: file, headers }).catch(() => null);
+    if (!answer?.ok) {
+      const { error } = (await answer?.json().catch(() => null)) ?? {};
+      throw refusal(error ? `${error.what}; ${error.remedy}` : "the file could not be sent: it is too large, or the server has ended");
+    }
+    this.sent = file;
+  }
+
+  async #look() {
+    await this.try_(async () => {
+      await this.#send();
+      this.show(await this.request({ do: "import", axis: this.axis.value, file: this.#said() }));
+    });
+  }
+
+  /** Return what is said about the columns. */
+  #said() {
+    const { rate_hz, ...texts } = this.choices;
+    const said = Object.fromEntries(Object.entries(texts).map(([name, input]) => [name, input.value.trim()]));
+    return rate_hz.value === "" ? said : { ...said, rate_hz: rate_hz.valueAsNumber };
+  }
+
+  async start() {
+    if (this.source.value !== "file") return super.start();
+    let sent = false;
+    await this.try_(async () => {
+      await this.#send();
+      sent = true;
+    });
+    return sent ? super.start() : undefined;
+  }
+
+  show(job) {
+    if (job?.kind !== "import" || job.running) return super.show(job);
+    super.show(null);
+    this.source.value = "file";
+    this.#choose();
+    this.preview.replaceChildren(...(job.result ? preview(job.result, job.figure && this.#figure()) : []));
+    if (!job.error) return undefined;
+    const columns = job.error.match(/--columns (?:'([^']*)'|(\S+))/);
+    if (columns && !this.choices.columns.value) this.choices.columns.value = columns[1] ?? columns[2];
+    return this.say(job.error);
+  }
+
+  #figure() {
+    return `jobs/${encodeURIComponent(this.stage)}.png?${Date.now()}`;
   }
 
   /** Fill in the voltages that the axis allows. */
@@ -44,8 +134,10 @@ class IdentifyDialog extends JobDialog {
   }
 
   wanted() {
+    const wanted = { axis: this.axis.value, method: this.method.value };
+    if (this.source.value === "file") return { ...wanted, file: this.#said() };
     const drive = Object.fromEntries(Object.entries(this.numbers).map(([name, input]) => [name, input.valueAsNumber]));
-    return { axis: this.axis.value, method: this.method.value, ...(this.drive.value === "full" ? {} : { drive }) };
+    return this.drive.value === "full" ? wanted : { ...wanted, drive };
   }
 
   result(job) {
@@ -60,7 +152,7 @@ class IdentifyDialog extends JobDialog {
         ["held-out blocks", ...ERRORS.map((name) => fixed(result.cross_validation[name], 3))],
       ]),
       ...notes(result),
-      job.figure ? figure(`jobs/${encodeURIComponent(this.stage)}.png?${Date.now()}`) : null,
+      job.figure ? figure(this.#figure()) : null,
       el("div", { class: "buttons" }, accept, el("button", { type: "button", onclick: () => this.dismiss() }, "Reject it")),
     ].filter(Boolean);
   }
@@ -84,6 +176,21 @@ class IdentifyDialog extends JobDialog {
       this.close();
     });
   }
+}
+
+/** Return an error that the dialog shows. */
+function refusal(what) {
+  return Object.assign(new Error(what), { what });
+}
+
+/** Return what was understood of a file: its columns, rate, ranges and picture. */
+function preview({ read_as, samples, rate_hz, drive_v, position_um, warnings }, href) {
+  const range = ([low, high], unit) => `${short(low)} to ${short(high)} ${unit}`;
+  return [
+    el("p", { role: "status" }, `${samples} samples at ${short(rate_hz)} Hz; drive ${range(drive_v, "V")}; position ${range(position_um, "µm")}.`),
+    el("ul", { class: "notes" }, [...read_as, ...warnings].map((text) => el("li", {}, text))),
+    href ? figure(href) : null,
+  ].filter(Boolean);
 }
 
 /** Return the figure of the command, which opens in its full size. */

@@ -47,8 +47,8 @@ class Plant(NamedTuple):
         hz = np.unique(sweep[sweep <= high_hz])
         z = np.exp(2j * np.pi * hz * period_s)
         control = law.gain_per_s * period_s / (z - 1.0) + law.proportional / z
-        for mode in law.notches:
-            control = control * _notch(z, mode.frequency_hz * period_s, mode.damping)
+        for each in law.notches:
+            control = control * _notch(z, each.frequency_hz * period_s, each.damping)
         images_hz = hz + np.arange(-6, 7)[:, np.newaxis] / period_s
         s = 2j * np.pi * images_hz
         held = -np.expm1(-s * period_s) / (s * period_s)

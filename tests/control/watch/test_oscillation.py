@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from piezod.control.watch.oscillation import Oscillation
+from piezod.control.watch.adaptation import Oscillation
 from tests.control.fakes import MS
 
 

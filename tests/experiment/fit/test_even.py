@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from piezod.experiment.fit.even import periods_between
+from piezod.hysteresis.memory import FloatArray
 
 PERIOD_S = 1e-3
 
@@ -12,7 +13,8 @@ PERIOD_S = 1e-3
 def test_jitter_is_no_missing_sample(seed: int) -> None:
     """Stamps that are late by up to almost half a period leave no gap."""
     random = np.random.default_rng(seed)
-    t_s = PERIOD_S * (np.arange(20_000) + np.clip(0.2 * random.normal(size=20_000), -0.45, 0.45))
+    jitter = np.clip(0.2 * random.normal(size=20_000), -0.45, 0.45)
+    t_s: FloatArray = PERIOD_S * (np.arange(20_000) + jitter)
 
     assert np.max(np.diff(t_s)) > 1.5 * PERIOD_S
     assert np.all(periods_between(t_s) == 1)

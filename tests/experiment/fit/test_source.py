@@ -153,9 +153,8 @@ def test_ringing_residual_is_named(tmp_path: Path) -> None:
 def test_model_that_does_not_fit_the_test_is_told(tmp_path: Path) -> None:
     """A test of another stage gives a warning with both errors."""
     record = record_of()
-    highest_um = record.position_um.max()
-    share = np.maximum(record.position_um / highest_um, 0.0)
-    other = replace(record, position_um=highest_um * share**0.4)
+    up_and_down = np.abs(1.0 - record.t_s % 3.0 / 1.5)
+    other = replace(record, position_um=record.position_um.max() * up_and_down)
 
     warnings = warnings_of(tmp_path, record, other)
     assert any("the test seems to be of another stage" in warning for warning in warnings)

@@ -1,5 +1,6 @@
 """Tests of the uncertainty of a model."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,18 @@ from piezod.experiment.fit.uncertainty import (
     covariance_of,
     uncertainty_of,
 )
-from tests.experiment.made_up import DRIVE_V, ORDER, record_of, swells
+from tests.conftest import Figure
+from tests.control.made_up import SURFACE
+from tests.experiment.made_up import (
+    DRIVE_V,
+    ORDER,
+    POSITION_UM,
+    RATE_HZ,
+    record_of,
+    sine,
+    swells,
+)
+from tests.experiment.made_up_surface import surface_record, two_frequencies
 
 NOISE = 0.002
 """Noise of the voltage, as a share of its range."""
@@ -99,13 +111,63 @@ def test_creep_is_as_uncertain_as_it_scatters() -> None:
 
 
 def test_given_delay_has_no_uncertainty() -> None:
-    """An estimated delay has the uncertainty of its estimate."""
-    record = record_of(path=swells, delay_periods=2.0)
-    fit, estimated = judged(record, delay_s=None)
+    """An estimated delay has one, also from a record of one frequency, which hardly shows it."""
+    record = record_of(delay_periods=2.0, noise=0.001)
+    alone = record_of(path=sine, delay_periods=2.0, noise=0.001)
 
-    assert fit.delay
-    assert estimated.delay_s == fit.delay.uncertainty_s
     assert judged(record, delay_s=0.02)[1].delay_s is None
+    assert 0.0 < (judged(record, delay_s=None)[1].delay_s or 0.0) < 0.002
+    assert (judged(alone, delay_s=None)[1].delay_s or 0.0) >= 0.01
+
+
+DELAY_PERIODS, CREEP = 1.3, 0.004
+
+
+def _of_surface(seed: int, duration_s: float) -> tuple[Fit, Uncertainty]:
+    record = surface_record(
+        weights=SURFACE.weights,
+        drive=two_frequencies,
+        duration_s=duration_s,
+        delay_s=DELAY_PERIODS / RATE_HZ,
+        creep=CREEP,
+        noise=0.001,
+        seed=seed,
+    )
+    return judged(record, method=Method.SURFACE, delay_s=None, creep=True, smoothing=True)
+
+
+def _of_stops(seed: int, duration_s: float) -> tuple[Fit, Uncertainty]:
+    clean = record_of(delay_periods=DELAY_PERIODS, creep=CREEP, duration_s=duration_s)
+    noise_um = 0.001 * POSITION_UM * np.random.default_rng(seed).standard_normal(clean.t_s.size)
+    record = replace(clean, position_um=clean.position_um + noise_um)
+    return judged(record, delay_s=None, creep=True, smoothing=True)
+
+
+@pytest.mark.parametrize("repeat", [_of_surface, _of_stops])
+@pytest.mark.parametrize(
+    ("repeats", "duration_s"), [(8, 20.0), pytest.param(30, 50.0, marks=pytest.mark.stress)]
+)
+def test_stated_errors_are_those_of_repeats(
+    figure: Figure,
+    repeat: Callable[[int, float], tuple[Fit, Uncertainty]],
+    repeats: int,
+    duration_s: float,
+) -> None:
+    """Where noise is the only error, delay and creep scatter as stated."""
+    found, stated = np.empty((2, repeats, 2))
+    for seed in range(repeats):
+        fit, uncertainty = repeat(seed, duration_s)
+        found[seed] = fit.model.delay_s * RATE_HZ, fit.model.creep.per_decade
+        assert uncertainty.delay_s is not None
+        assert uncertainty.creep_per_decade is not None
+        stated[seed] = uncertainty.delay_s * RATE_HZ, uncertainty.creep_per_decade
+
+    errors = np.abs(found - np.mean(found, axis=0))
+    inside = np.mean(errors <= stated, axis=0)
+    ratios = np.mean(stated, axis=0) / SIGMAS_95 / np.std(found, axis=0, ddof=1)
+    figure(f"{repeat.__name__}, {repeats} repeats: delay and creep inside {inside}, σ {ratios}")
+    assert np.all(inside >= 0.85)
+    assert np.all(ratios <= 5.0)
 
 
 def test_lms_has_only_the_spread_over_the_blocks() -> None:

@@ -54,7 +54,7 @@ class SurfaceProblem(Problem):
         def fitted(terms: frozenset[Term]) -> LinearisedSurface:
             return fit_surface(
                 record,
-                creep=self._settings.creep,
+                creep=bool(self._settings.creep),
                 delay_s=None if search_delay else delay_s,
                 start_delay_s=delay_s,
                 terms=terms,
