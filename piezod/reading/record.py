@@ -122,20 +122,15 @@ def _columns(table: Table, chosen: list[Chosen]) -> dict[str, FloatArray]:
 
 def _scaled(values: FloatArray, chosen: Chosen) -> FloatArray:
     # A decimal fraction divides exactly where its inverse does not multiply so: 5 ms is 0.005 s.
-    inverse, scaled = 1.0 / chosen.factor, values.copy()
-    if abs(chosen.factor) < 1.0 and abs(inverse - round(inverse)) < 1e-9 * abs(inverse):
-        scaled /= round(inverse)
-    else:
-        scaled *= chosen.factor
-    scaled += chosen.offset
-    return scaled
+    inverse = 1.0 / chosen.factor
+    divides = abs(inverse) > 1.0 and abs(inverse - round(inverse)) < 1e-9 * abs(inverse)
+    scaled = values / round(inverse) if divides else values * chosen.factor
+    return np.asarray(scaled + chosen.offset, dtype=np.float64)
 
 
 def _times_s(clock: Clock, columns: dict[str, FloatArray]) -> FloatArray:
-    times_s: FloatArray = np.arange(next(iter(columns.values())).size, dtype=float)
-    times_s *= clock.interval_s
-    times_s += clock.start_s
-    return times_s
+    size = next(iter(columns.values())).size
+    return clock.start_s + np.arange(size, dtype=np.float64) * np.float64(clock.interval_s)
 
 
 def _without_empty(

@@ -225,10 +225,10 @@ def with_gap(lines: Lines) -> Lines:
     return lines[:500] + lines[510:]
 
 
-def with_nan(lines: Lines) -> Lines:
-    """Return a record with a NaN."""
+def with_infinity(lines: Lines) -> Lines:
+    """Return a record with an infinity."""
     t_s, drive_v, _ = lines[700].split(",")
-    return [*lines[:700], f"{t_s},{drive_v},nan", *lines[701:]]
+    return [*lines[:700], f"{t_s},{drive_v},inf", *lines[701:]]
 
 
 def with_text(lines: Lines) -> Lines:
@@ -272,13 +272,13 @@ def inverted(lines: Lines) -> Lines:
     ("spoil", "text"),
     [
         (with_gap, "data.csv:501: a gap of 0.11 s before t_s 5.09; allowed are 0.065 s"),
-        (with_nan, "data.csv:701: position_um is nan; allowed is any finite number"),
+        (with_infinity, "data.csv:701: position_um is inf; allowed is any finite number"),
         (with_text, "data.csv:701: drive_v is 'high'; allowed is a number such as -1.25e-3"),
         (constant, "data.csv:2: position_um is 1.5 in all 2500 samples; allowed is a signal"),
         (too_short, "data.csv:50: the file ends after 49 samples; allowed are 100 or more"),
         (too_short_for_the_model, "data.csv: 150 samples are left for 38 weights; allowed are 190"),
         (unsorted, "data.csv:302: t_s 2.99 comes after 3.0; allowed is time that rises"),
-        (other_columns, "data.csv:1: no column 't_s', 'drive_v', 'position_um'; found 'time', "),
+        (other_columns, "data.csv: which column is the time? No column has a name and a unit"),
         (inverted, "data.csv: position_um does not grow with the drive: its correlation with"),
     ],
     ids=lambda value: value.__name__ if callable(value) else "",
@@ -307,7 +307,7 @@ def test_bad_test_data(piezod: Command, data: Path, folder: Path) -> None:
     code, out, err = piezod("identify", "--verbose", data, "--test", "other.csv")
 
     assert (code, out) == (1, "")
-    assert err.startswith("other.csv:1: no column 'drive_v', 'position_um'; found 't_s'")
+    assert err.startswith("other.csv:1: there are no rows of numbers")
 
 
 def test_measured_stage(piezod: Command, shared_data: Path) -> None:
