@@ -195,9 +195,10 @@ def foreign_constants(law: ForeignLaw, highest: float) -> dict[str, Any]:
 
     slowly(0.0, highest)
     at_rest, inner_at_rest = slowly(highest, 0.0), inner.copy()
-    # The travel is that of a step, in which springs slip at their sliding limit.
-    stepped = raw_part(1.0, 0.0, _STEP_PER_S, number, inner, facts)
-    at_nominal = stepped if number == MAXWELL_SLIP else slowly(0.0, 1.0)
+    if number == MAXWELL_SLIP:  # the travel is that of a step, with springs at their sliding limit
+        at_nominal = raw_part(1.0, 0.0, _STEP_PER_S, number, inner, facts)
+    else:
+        at_nominal = slowly(0.0, 1.0)
     return {
         "law": number,
         "facts": facts,

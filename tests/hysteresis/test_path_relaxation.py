@@ -58,7 +58,9 @@ def test_displacement_is_the_sum_of_surface_and_path(
 
     positions = form.positions_at(coefficients, np.array(drives))
 
-    assert positions[-1] == pytest.approx(expected, abs=1e-7)
+    # Integrated where the exponent is not 1.
+    rounding = 1e-7 if path.exponent == 1.0 else 1e-4 * path.reach
+    assert positions[-1] == pytest.approx(expected, abs=rounding + 1e-7)
 
 
 @given(SURFACES, DRIVES, PATHS)
