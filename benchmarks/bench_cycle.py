@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 ROOT: Final = Path(__file__).parents[1]
 COMPILED: Final = ROOT / "build" / "compiled"
 RATE_HZ: Final = 1000
-CYCLES: Final = 1000
+CYCLES: Final = 200
 
 
 class Case(NamedTuple):
@@ -178,7 +178,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--against", type=Path, help="another checkout, measured as `before`")
-    parser.add_argument("--rounds", type=int, default=30)
+    parser.add_argument("--rounds", type=int, default=100)
     parser.add_argument("--case", action="append", help="only this case; can be repeated")
     parser.add_argument("--serve", help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -1,7 +1,7 @@
 """Turns the record of a cycle into the values that the ring stores. Real-time safe."""
 
 from enum import Enum
-from typing import Final, get_type_hints
+from typing import Any, Final, get_type_hints
 
 from piezod.telemetry.record import AxisRecord, CycleHeader
 
@@ -22,17 +22,17 @@ _OF_CYCLE: Final = _enumerated(CycleHeader)
 _OF_AXIS: Final = _enumerated(AxisRecord)
 
 
-def encode_cycle(header: CycleHeader) -> list[float]:
+def encode_cycle(header: CycleHeader) -> list[Any]:
     """Return the values of `layout.CYCLE_FIELDS`, gaps left out."""
-    values: list[float] = [*header]  # type: ignore[list-item] # members are replaced below
+    values: list[Any] = [*header]
     for index, places in _OF_CYCLE:
         values[index] = places[id(values[index])]
     return values
 
 
-def encode_axis(axis: AxisRecord) -> list[float]:
+def encode_axis(axis: AxisRecord) -> list[Any]:
     """Return the values of `layout.AXIS_FIELDS`, gaps left out."""
-    values: list[float] = [*axis]  # type: ignore[list-item] # members are replaced below
+    values: list[Any] = [*axis]
     for index, places in _OF_AXIS:
         values[index] = places[id(values[index])]
     return values
