@@ -40,15 +40,13 @@ def verdict_of(fitted: FileFit, *, written: bool) -> Verdict:
 
 
 def _usable(fitted: FileFit) -> Usable:
-    if fitted.misfits or _is_bad(fitted):
+    if fitted.misfits:
         return Usable.NO
     if fitted.questions:
         return Usable.ASK
+    if fitted.chosen.validation.position_rms_pct > LARGE_PCT:
+        return Usable.NO
     return Usable.WITH_DOUBTS if fitted.warnings else Usable.YES
-
-
-def _is_bad(fitted: FileFit) -> bool:
-    return fitted.chosen.validation.position_rms_pct > LARGE_PCT
 
 
 def _first(fitted: FileFit, usable: Usable) -> str:
