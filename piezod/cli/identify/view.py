@@ -30,6 +30,7 @@ def print_fit(
     """Print the verdict, the doubts, the details if they are wanted, and the written files."""
     for line in verdict_of(fitted, written=model is not None).lines:
         console.print(line, soft_wrap=True)
+    # The first misfit or question is in the verdict.
     print_warnings(console, (*fitted.misfits[1:], *fitted.questions[1:], *fitted.warnings))
     if verbose:
         console.print()

@@ -59,7 +59,7 @@ def examined(record: Record, delay_s: float = 0.0) -> Examined:
             value = float(getattr(record, name)[0])
             raise DataError(f"{name} is {value:g} throughout; allowed is a signal that varies")
     _check_time(record)
-    _check_direction(record)
+    _check_direction(record, delay_s)
     mended, notes = _mended(record, bad_samples(record))
     asked = (*_question_of_sense(mended, delay_s), *_questions(mended))
     return Examined(mended, notes, asked)
@@ -91,9 +91,10 @@ def _check_time(record: Record) -> None:
         )
 
 
-def _check_direction(record: Record) -> None:
-    counted = record.counted()
-    correlation = float(np.corrcoef(record.drive_v[counted], record.position_um[counted])[0, 1])
+def _check_direction(record: Record, delay_s: float) -> None:
+    counted = record.counted(delay_s)
+    drive_v = record.drive_delayed_by(delay_s)[counted]
+    correlation = float(np.corrcoef(drive_v, record.position_um[counted])[0, 1])
     if correlation > 0.0:
         return
     found = (

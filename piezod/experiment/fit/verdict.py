@@ -1,13 +1,12 @@
 """What to know first about a model: whether it can be used, its error, and what to do next."""
 
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.warnings import LARGE_PCT
-
-NEW_DRIVE: Final = 1.4
-"""Ratio of the errors on another drive and on held-out blocks, measured on simulated stages."""
 
 
 class Usable(StrEnum):
@@ -45,14 +44,17 @@ def _usable(fitted: FileFit) -> Usable:
         return Usable.NO
     if fitted.questions:
         return Usable.ASK
-    large = fitted.chosen.validation.position_rms_pct > LARGE_PCT
-    return Usable.WITH_DOUBTS if fitted.warnings or large else Usable.YES
+    if fitted.chosen.validation.position_rms_pct > LARGE_PCT:
+        return Usable.NO
+    return Usable.WITH_DOUBTS if fitted.warnings else Usable.YES
 
 
 def _first(fitted: FileFit, usable: Usable) -> str:
     match usable:
-        case Usable.NO:
+        case Usable.NO if fitted.misfits:
             return f"Usable: no, the model is not that of the axis: it {fitted.misfits[0]}."
+        case Usable.NO:
+            return f"Usable: no, its errors are above {LARGE_PCT:g} % rms."
         case Usable.ASK:
             return f"Usable: only if this is answered: {fitted.questions[0]}"
         case _:
@@ -61,14 +63,19 @@ def _first(fitted: FileFit, usable: Usable) -> str:
 
 def _error(fitted: FileFit) -> tuple[float, str]:
     """Return the error of the position on another drive in %, and a sentence about it."""
-    chosen, travel_um = fitted.chosen, fitted.chosen.fit.model.position_um.width
-    removed = chosen.test_offset_removed
-    held_out = chosen.validation.errors
-    errors = removed.errors if removed else held_out
-    factor = 1.0 if removed else NEW_DRIVE
-    rms_pct = factor * errors["position_error_rms_pct"]
-    worst_pct = factor * errors["position_error_max_pct"]
-    known = "as measured on the test" if removed else f"{NEW_DRIVE:g} times that of held-out blocks"
+    chosen = fitted.chosen
+    travel_um, removed = chosen.fit.model.position_um.width, chosen.test_offset_removed
+    if removed:
+        rms_pct, worst_pct = (
+            removed.errors[f"position_error_{which}_pct"] for which in ("rms", "max")
+        )
+        known = "as on the test, without a constant"
+    else:
+        # Motion unlike the rest of the record has errors as the block that is unlike the others.
+        validation = chosen.validation
+        rms_pct = float(np.sqrt(np.max(validation.squares.position_pct)))
+        worst_pct = validation.errors["position_error_max_pct"]
+        known = "as in the worst block that was held out of the fit"
     return rms_pct, (
         f"Error on another drive: about {rms_pct:.2g} % rms and {worst_pct:.2g} % at worst of "
         f"{travel_um:.4g} µm, {0.01 * rms_pct * travel_um:.2g} and "
@@ -83,15 +90,16 @@ def _lacks(fitted: FileFit) -> str:
 
 
 def _doubts(fitted: FileFit) -> str:
-    doubts = (*fitted.misfits, *fitted.questions, *fitted.warnings)
-    if not doubts:
-        return "Doubts: none."
-    return f"Doubts: {len(doubts)}, below."
+    told = bool(fitted.misfits) + bool(fitted.questions)  # in the first line
+    count = len(fitted.misfits) + len(fitted.questions) + len(fitted.warnings) - told
+    return f"Doubts: {count}, below." if count else f"Doubts: {'no others' if told else 'none'}."
 
 
 def _next(fitted: FileFit, usable: Usable, *, written: bool) -> str:
-    if usable is Usable.NO:
+    if fitted.misfits:
         return "Next: mend that, and identify again."
+    if usable is Usable.NO:
+        return "Next: check sensor, noise and units, and record again, more slowly."
     if usable is Usable.ASK:
         return (
             "Next: if the answer is yes, identify again with the option that the question names; "
