@@ -13,6 +13,7 @@ import os
 import pickle
 import sys
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
@@ -108,11 +109,43 @@ def tell_compilations(listener: Callable[[int], None]) -> None:
     _notices.listeners.append(listener)
 
 
+class _Sources:
+    """The source of a kernel, and of all that its machine code contains."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        # Now: an upgrade may replace the file while the process runs.
+        self.files = {_digest(inspect.getfile(function)), _digest(__file__)}
+
+    def stamp(self) -> frozenset[Any]:
+        """Return what makes a cached kernel stale: its file, this one, and what the kernel uses.
+
+        numba checks only the file of the function itself. The machine code also contains its
+        callees, so that after a change of another file the old callee would still run.
+        """
+        stamps: set[Any] = set()
+        waiting, seen = [self], set[int]()
+        while waiting:
+            source = waiting.pop()
+            if id(source) in seen:
+                continue
+            seen.add(id(source))
+            stamps |= source.files
+            function = source.function
+            for name in function.__code__.co_names:
+                used = function.__globals__.get(name)
+                if isinstance(used, Dispatcher):
+                    waiting.append(cast("Any", used)._cache.sources)  # noqa: SLF001 - one of ours
+                elif isinstance(used, int | float):
+                    stamps.add((name, used))
+        return frozenset(stamps)
+
+
 class _NoCache(NullCache):
     """The cache of a kernel where no folder can be written to."""
 
-    def __init__(self, stamp: frozenset[Any]) -> None:
-        self.stamp = stamp
+    def __init__(self, sources: _Sources) -> None:
+        self.sources = sources
 
     def load_overload(self, sig: Any, target_context: Any) -> None:  # noqa: ARG002 - numba's
         """Find nothing."""
@@ -187,10 +220,15 @@ class _Cache(FunctionCache):
 
     _impl_class = _Places
 
-    def __init__(self, function: Callable[..., Any], stamp: frozenset[Any]) -> None:
+    def __init__(self, function: Callable[..., Any], sources: _Sources) -> None:
         super().__init__(function)
-        self.stamp = stamp
-        self._cache_file = _Files(self._cache_path, self._impl.filename_base, self.stamp)
+        self.sources = sources
+        del self._cache_file  # numba's
+
+    @cached_property
+    def _cache_file(self) -> _Files:  # type: ignore[override] # numba makes it at once
+        # Now: what the kernel uses may be defined below it.
+        return _Files(self._cache_path, self._impl.filename_base, self.sources.stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return a kernel from the cache; None if it has to be compiled."""
@@ -219,33 +257,16 @@ class _Cache(FunctionCache):
 
 
 def _cache_of(function: Callable[..., Any]) -> _Cache | _NoCache:
-    stamp: frozenset[Any] = frozenset()
+    sources = _Sources(function)
     try:
-        stamp = _stamp(function)
-        return _Cache(function, stamp)
+        return _Cache(function, sources)
     except Exception as error:  # noqa: BLE001 - no home, no entry of this user, nowhere to write
         _notices.bad_cache(
             "no folder for the cache of compiled kernels can be written to; each start compiles "
             f"them, which takes up to a minute: {_REMEDY} ({error})"
         )
-        return _NoCache(stamp)
+        return _NoCache(sources)
 
 
 def _digest(file: str) -> bytes:
     return hashlib.sha256(Path(file).read_bytes()).digest()
-
-
-def _stamp(function: Callable[..., Any]) -> frozenset[Any]:
-    """Return what makes a cached kernel stale: its file, this one, and what the kernel uses.
-
-    numba checks only the file of the function itself. The machine code also contains its callees,
-    so that after a change of another file the old callee would still run.
-    """
-    stamps: set[Any] = {_digest(inspect.getfile(function)), _digest(__file__)}
-    for name in function.__code__.co_names:
-        used = function.__globals__.get(name)
-        if isinstance(used, Dispatcher):
-            stamps |= cast("Any", used)._cache.stamp  # noqa: SLF001 - one of ours
-        elif isinstance(used, int | float):
-            stamps.add((name, used))
-    return frozenset(stamps)

@@ -23,6 +23,9 @@ from kernel_callee import OFFSET, inner
 from piezod.jit import compiled
 @compiled
 def outer(x):
+    return below(x)
+@compiled
+def below(x):
     return inner(x) + OFFSET
 """
 
@@ -62,7 +65,7 @@ def load(folder: Path, *, factor: float, offset: float) -> ModuleType:
 def test_kernel_is_compiled_anew_when_what_it_is_built_on_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A cached kernel follows a change of a callee, or of a constant, in another file."""
+    """A cached kernel follows a change of a callee, or of a constant, however far from it."""
     monkeypatch.syspath_prepend(tmp_path)
 
     assert load(tmp_path, factor=2.0, offset=1.0).outer(3.0) == 7.0
