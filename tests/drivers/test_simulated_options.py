@@ -126,8 +126,9 @@ def test_switched_off_effect_is_absent_from_the_plant() -> None:
 def test_variant_decides_about_the_calibration(variant: str) -> None:
     """By default only the uncalibrated stack has a straight line as its curve."""
     residual_pct = {"bent-sensor": 0.3, "several-small": 0.1}.get(variant, 0.05)
-    uncalibrated = variant == "stack-uncalibrated"
-    expected = SensorLine() if uncalibrated else Commissioned(residual_pct=residual_pct)
+    expected: Commissioned | SensorLine = Commissioned(residual_pct=residual_pct)
+    if variant == "stack-uncalibrated":
+        expected = SensorLine()
     chosen = SimulatedOptions.model_validate({"variant": variant, "calibration": {"kind": "line"}})
 
     assert SimulatedOptions.model_validate({"variant": variant}).known_curve() == expected
