@@ -97,8 +97,8 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
     asked_v, in_force_v, outputs, planned_t_ns = [], [], [], t_ns
-    for i, axis in enumerate(axes):
-        output = axis.update(t_ns, samples[i])
+    for axis, sample in zip(axes, samples, strict=True):
+        output = axis.update(t_ns, sample)
         outputs.append(output)
         asked_v.append(output.drive_v)
         in_force_v.append(output.in_force_v)

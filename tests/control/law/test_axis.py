@@ -98,7 +98,8 @@ def test_corners_are_rounded_in_the_drive_only() -> None:
         outputs.append(axis.update(START_NS + k * MS, Sample(START_NS + k * MS, 0.0, valid=True)))
         axis.applied(outputs[-1].drive_v)
 
-    drives_v, commands_um, *_ = zip(*outputs, strict=True)
+    drives_v = [output.drive_v for output in outputs]
+    commands_um = [output.command_um for output in outputs]
     assert drives_v == pytest.approx([0.0, 0.0, 0.0, 15 * 0.25, 15 * 1.0, 15 * 2.0])
     assert commands_um == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
     assert trim.errors == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.05])

@@ -139,7 +139,9 @@ class CommandedStage(FaultyStage):
         update = law.update
 
         def broken(t_ns: int, sample: Sample) -> AxisOutput:
-            return update(t_ns, sample)._replace(drive_v=drive_v, t_ns=t_ns - early_ns)
+            output: AxisOutput = update(t_ns, sample)
+            output.drive_v, output.t_ns = drive_v, t_ns - early_ns
+            return output
 
         law.update = broken  # type: ignore[method-assign] # the mistake under test
         self.moves_freshly = not early_ns

@@ -13,7 +13,9 @@ from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.faults.table import ids
 from piezod.control.guard import Admitted, Guard
+from piezod.control.law.output import AxisOutput
 from piezod.control.watch.loop import CycleTiming
+from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag
 from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
@@ -159,7 +161,13 @@ def test_voltage_that_is_not_a_number_is_not_written(
     stage = SwingingStage()
     law, before_v = stage.stage.axes[0].law, stage.x.drive_v
     update = law.update
-    monkeypatch.setattr(law, "update", lambda *values: update(*values)._replace(drive_v=nan))
+
+    def broken(t_ns: int, sample: Sample) -> AxisOutput:
+        output = update(t_ns, sample)
+        output.drive_v = nan
+        return output
+
+    monkeypatch.setattr(law, "update", broken)
     stage.channels.writes.clear()
     after = stage.run(0.1)
 
