@@ -81,24 +81,13 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     samples = devices.read(t_ns)
     read_back_v = devices.read_back(t_ns)
     if stage is not None and parts.loop_watch is not None:
-        try:
-            # Screen, watch: the samples that may be used, and the detected faults.
-            detections = [*parts.loop_watch.check(timing), *stage.take_reports()]
-            usable = _watch_axes(stage, t_ns, samples, read_back_v, timing, detections)
-            _watch_stage(stage, t_ns, read_back_v, detections)
-            # Faults: which are new, and the worst reaction to them.
-            reaction = stage.register.update(detections, t_ns)
-            # React: change the state, then take the edges that time and devices cause.
-            react(stage, reaction, t_ns)
-            advance(stage, t_ns, usable, read_back_v)
-            samples, slew_halved = usable, overloaded_axes(stage)
-        except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
-            samples = _hold_after_crash(stage, t_ns, samples, error)
+        loop_watch = parts.loop_watch
+        samples, slew_halved = _watch(stage, loop_watch, t_ns, samples, read_back_v, timing)
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
     asked_v, in_force_v, outputs, planned_t_ns = [], [], [], t_ns
-    for i, axis in enumerate(axes):
-        output = axis.update(t_ns, samples[i])
+    for axis, sample in zip(axes, samples, strict=True):
+        output = axis.update(t_ns, sample)
         outputs.append(output)
         asked_v.append(output.drive_v)
         in_force_v.append(output.in_force_v)
@@ -136,6 +125,30 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     faults = stage.register.present, stage.register.latched
     return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
+
+
+def _watch(
+    stage: Stage,
+    loop_watch: LoopWatch,
+    t_ns: int,
+    samples: Sequence[Sample],
+    read_back_v: Sequence[float],
+    timing: CycleTiming,
+) -> tuple[Sequence[Sample], Sequence[int]]:
+    """Find faults and react; return the samples that may be used, and axes with half the slew."""
+    try:
+        # Screen, watch: the samples that may be used, and the detected faults.
+        detections = [*loop_watch.check(timing), *stage.take_reports()]
+        usable = _watch_axes(stage, t_ns, samples, read_back_v, timing, detections)
+        _watch_stage(stage, t_ns, read_back_v, detections)
+        # Faults: which are new, and the worst reaction to them.
+        reaction = stage.register.update(detections, t_ns)
+        # React: change the state, then take the edges that time and devices cause.
+        react(stage, reaction, t_ns)
+        advance(stage, t_ns, usable, read_back_v)
+        return usable, overloaded_axes(stage)
+    except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
+        return _hold_after_crash(stage, t_ns, samples, error), ()
 
 
 def _write(parts: CycleParts, admitted: Admitted, t_ns: int) -> bool:

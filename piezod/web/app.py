@@ -1,5 +1,6 @@
 """The application: the files of the page, its WebSocket, the API of the stages, the metrics."""
 
+from collections.abc import Awaitable, Callable
 from itertools import count
 from pathlib import Path
 from typing import Final
@@ -35,6 +36,24 @@ SHOWN_SCRIPT: Final = "".join(
 """A script of the page: how fields of status and telemetry are shown."""
 
 
+def _upload_to(stages: Stages) -> Callable[[Request], Awaitable[Response]]:
+    """Return the answer to a file that a page sends for a stage."""
+
+    async def upload(request: Request) -> Response:
+        try:
+            require(role_of(request.scope), Role.ENGINEER)
+            stage = stages.named(request.path_params["stage"]).name
+            name = request.headers.get("x-file-name", "")
+            await stages.uploads.take(stage, name, request.stream())
+        except (PageError, ClientDisconnect) as error:
+            document = error.document if isinstance(error, PageError) else {}
+            # What was not read yet is not waited for.
+            return JSONResponse({"error": document}, 400, {"connection": "close"})
+        return JSONResponse({})
+
+    return upload
+
+
 def create_app(stages: Stages, secrets: Secrets) -> Starlette:
     """Return the application."""
     numbers, exports = count(1), Exports(stages)
@@ -60,18 +79,6 @@ def create_app(stages: Stages, secrets: Secrets) -> Starlette:
     async def metrics(_request: Request) -> Response:
         return PlainTextResponse(joined(await stages.metrics()), media_type=PLAIN_TEXT)
 
-    async def upload(request: Request) -> Response:
-        try:
-            require(role_of(request.scope), Role.ENGINEER)
-            stage = stages.named(request.path_params["stage"]).name
-            name = request.headers.get("x-file-name", "")
-            await stages.uploads.take(stage, name, request.stream())
-        except (PageError, ClientDisconnect) as error:
-            document = error.document if isinstance(error, PageError) else {}
-            # What was not read yet is not waited for.
-            return JSONResponse({"error": document}, 400, {"connection": "close"})
-        return JSONResponse({})
-
     async def figure(request: Request) -> Response:
         image = stages.jobs.figure(request.path_params["stage"])
         return Response(
@@ -91,7 +98,7 @@ def create_app(stages: Stages, secrets: Secrets) -> Starlette:
             Route("/recordings/{stage}/{name}", recording),
             Route("/recordings/{stage}/{name}/{ending}", table),
             Route("/jobs/{stage}.png", figure),
-            Route(UPLOADS + "{stage}", upload, methods=["POST"]),
+            Route(UPLOADS + "{stage}", _upload_to(stages), methods=["POST"]),
             WebSocketRoute("/ws", socket),
             Route("/static/shown.js", shown),
             Mount("/static", StaticFiles(directory=_FILES)),

@@ -286,7 +286,7 @@ def test_identify_says_how_to_keep_the_model(
     code, out, err = piezod("identify", "--live", "--adopt", "--order", 5, *socket)
 
     assert (err, code) == ("", 0)
-    assert out.startswith("rig-record.csv: ")
+    assert out.startswith("Usable: yes.")
     assert "`piezod params save` keeps it for the next start." in " ".join(out.split())
     assert "`piezod condition`" in " ".join(out.split())
     assert (folder / "rig-record.csv").is_file()

@@ -30,6 +30,8 @@ def print_fit(
     """Print the verdict, the doubts, the details if they are wanted, and the written files."""
     for line in verdict_of(fitted, written=model is not None).lines:
         console.print(line, soft_wrap=True)
+    for each in fitted.understood:
+        console.print(each, markup=False, soft_wrap=True)
     # The first misfit or question is in the verdict.
     print_warnings(console, (*fitted.misfits[1:], *fitted.questions[1:], *fitted.warnings))
     if verbose:
@@ -43,8 +45,6 @@ def _print_details(console: Console, fitted: FileFit) -> None:
     """Print the record, the choice, the errors and their parts, and the recommended drive."""
     fit = fitted.chosen.fit
     console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
-    for each in fitted.understood:
-        console.print(each, markup=False, soft_wrap=True)
     if fitted.test_data:
         console.print(f"Test: {fitted.test_data}", soft_wrap=True)
     console.print(_smoothing(fit.settings, fitted.record))

@@ -118,22 +118,19 @@ def identify_file(  # noqa: PLR0913 - each is an option of `piezod identify`
     given = _read(data, test, skip_s, axis, delay_s, choices)
     record, test_record, delay_s = given.record, given.test_record, given.source.delay_s
     with prefix_errors(str(data)):
+        choice = None
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s, progress)
-            fit, validation = choice.chosen.fit, choice.chosen.validation
+            fit = choice.chosen.fit
         else:
-            choice, validation = None, None
             fit = fit_model(record, replace(settings, delay_s=delay_s))
     other, raw = _counterparts(fit, record)
-    chosen = judge(fit, record, test_record, validation)
-    with prefix_errors(str(data)):
-        doubts = tuple(quality_warnings(chosen, record, test_record))
+    chosen = judge(fit, record, test_record, choice.chosen.validation if choice else None)
     parts = breakdown_of(fit, given.source.record)
-    found = (
-        *_warnings(fit, record, test_record, by_blocks=choice is not None),
-        *doubts,
-        *residual_warnings(chosen, parts),
-    )
+    found = [*_warnings(fit, record, test_record, by_blocks=choice is not None)]
+    with prefix_errors(str(data)):
+        found += quality_warnings(chosen, record, test_record)
+    found += residual_warnings(chosen, parts)
     return FileFit(
         data=data,
         test_data=test,

@@ -139,7 +139,7 @@ class CommandedStage(FaultyStage):
         update = law.update
 
         def broken(t_ns: int, sample: Sample) -> AxisOutput:
-            output = update(t_ns, sample)
+            output: AxisOutput = update(t_ns, sample)
             output.drive_v, output.t_ns = drive_v, t_ns - early_ns
             return output
 
