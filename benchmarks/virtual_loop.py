@@ -76,7 +76,7 @@ class VirtualLoop:
         pacer = Pacer(self.clock, round(NS_PER_S / config.rate_hz), 0)
         loop = Loop(self.controller, timed, self.shared, self.clock, pacer)
         # Page faults of this process are faults of a stage, too, and come when they want.
-        loop.counters.publish = tuple  # type: ignore[method-assign, assignment]
+        loop.counters.publish = tuple  # type: ignore[method-assign]
         self.cycle = loop.cycle
 
     def run(self, cycles: int) -> None:
