@@ -85,39 +85,28 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         samples, slew_halved = _watch(stage, loop_watch, t_ns, samples, read_back_v, timing)
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
-    asked_v, in_force_v, outputs, planned_t_ns = [], [], [], t_ns
-    for axis, sample in zip(axes, samples, strict=True):
-        output = axis.update(t_ns, sample)
-        outputs.append(output)
-        asked_v.append(output.drive_v)
-        in_force_v.append(output.in_force_v)
-        if output.t_ns != t_ns:
-            planned_t_ns = output.t_ns
+    outputs = [axis.update(t_ns, sample) for axis, sample in zip(axes, samples, strict=True)]
+    asked_v = [output.drive_v for output in outputs]
+    in_force_v = [output.in_force_v for output in outputs]
+    planned_t_ns = min([output.t_ns for output in outputs])
 
     # Guard. After a late cycle less than a period may have passed since the last write.
     elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
     live_v, age_s = (None, None) if stage is None else stage.judge.live(read_back_v, t_ns)
     left = () if stage is None else stage.output.left
+    sent_v = devices.sent_v
     admitted = parts.guard.admit(
-        planned_t_ns,
-        t_ns,
-        asked_v,
-        in_force_v,
-        elapsed_s,
-        devices.sent_v,
-        slew_halved,
-        live_v,
-        age_s,
-        left,
+        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, sent_v, slew_halved, live_v, age_s, left
     )
     drive_v, held = admitted.drive_v, admitted.held
     written = _write(parts, admitted, t_ns)
 
     if admitted.range_limited or admitted.slew_limited:
         _mark_limited(outputs, admitted)
-    records = []
-    for i, axis in enumerate(axes):
-        records.append(axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i]))
+    records = [
+        axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i])
+        for i, axis in enumerate(axes)
+    ]
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
     _watch_write(stage, admitted, outputs, written)

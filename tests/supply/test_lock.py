@@ -83,7 +83,11 @@ def test_every_pin_has_a_hash(lock: Path) -> None:
 
 @pytest.mark.parametrize(
     ("lock", "extras"),
-    [("lowest", ["can", "parquet", "dev"]), ("bluesky", ["bluesky"]), ("epics", ["epics"])],
+    [
+        ("lowest", ["can", "figures", "parquet", "dev"]),
+        ("bluesky", ["bluesky"]),
+        ("epics", ["epics"]),
+    ],
 )
 def test_lower_bounds_are_tested(lock: str, extras: list[str]) -> None:
     """Each lower bound of `pyproject.toml` is the version with which its tests run."""

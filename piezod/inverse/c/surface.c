@@ -118,17 +118,20 @@ static real inverse_rise_slope(real h) {
   return R(1) - h * inverse_power(part, INVERSE_EXPONENT - R(1));
 }
 
-/* By the method of Runge and Kutta. */
+/* One step of the method of Runge and Kutta. */
+static real inverse_stepped(real h, real step) {
+  const real a = inverse_rise_slope(h), b = inverse_rise_slope(h + R(0.5) * step * a);
+  const real c = inverse_rise_slope(h + R(0.5) * step * b), d = inverse_rise_slope(h + step * c);
+  return h + step * (a + R(2) * b + R(2) * c + d) / R(6);
+}
+
+/* Whole steps, then the rest: so h is a continuous function of the rise. */
 static real inverse_risen(real h, real rise) {
-  const int steps = (int)(rise * R(8) * inverse_most(INVERSE_FAST, INVERSE_SLOW)) + 1;
-  const real step = rise / (real)steps;
+  const real step = R(1) / (R(16) * inverse_most(INVERSE_FAST, INVERSE_SLOW));
+  const int whole = (int)(rise / step);
   int i;
-  for (i = 0; i < steps; i++) {
-    real a = inverse_rise_slope(h), b = inverse_rise_slope(h + R(0.5) * step * a);
-    real c = inverse_rise_slope(h + R(0.5) * step * b), d = inverse_rise_slope(h + step * c);
-    h += step * (a + R(2) * b + R(2) * c + d) / R(6);
-  }
-  return h;
+  for (i = 0; i < whole; i++) h = inverse_stepped(h, step);
+  return inverse_stepped(h, rise - (real)whole * step);
 }
 #else
 static real inverse_rise_slope(real h) {

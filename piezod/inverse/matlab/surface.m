@@ -129,17 +129,22 @@ end
 slope = 1 - relaxed;
 end
 
+function h = stepped(c, h, part)                  % by the method of Runge and Kutta
+k1 = rise_slope(c, h);
+k2 = rise_slope(c, h + 0.5 * part * k1);
+k3 = rise_slope(c, h + 0.5 * part * k2);
+k4 = rise_slope(c, h + part * k3);
+h = h + part * (k1 + 2 * k2 + 2 * k3 + k4) / 6;
+end
+
 function h = risen(c, h, rise)
-if c.exponent ~= 1                                % by the method of Runge and Kutta
-  steps = floor(rise * 8 * max(c.fast, c.slow)) + 1;
-  part = rise / steps;
-  for i = 1:steps
-    k1 = rise_slope(c, h);
-    k2 = rise_slope(c, h + 0.5 * part * k1);
-    k3 = rise_slope(c, h + 0.5 * part * k2);
-    k4 = rise_slope(c, h + part * k3);
-    h = h + part * (k1 + 2 * k2 + 2 * k3 + k4) / 6;
+if c.exponent ~= 1
+  part = 1 / (16 * max(c.fast, c.slow));          % whole steps, then the rest
+  whole = floor(rise / part);
+  for i = 1:whole
+    h = stepped(c, h, part);
   end
+  h = stepped(c, h, rise - whole * part);
   return
 end
 if h < 0
