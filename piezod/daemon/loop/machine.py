@@ -4,7 +4,8 @@ import gc
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -31,6 +32,8 @@ from piezod.units import NS_PER_S, s_to_ns
 
 PACED_S: Final = 3.5
 """Time for which the loop keeps the configured rate, in s; all takes some 5 s."""
+MOST_SKIPPED: Final = 0.001
+"""A larger part of skipped cycles says that a machine does not keep a rate."""
 _ROUNDS, _CYCLES = 5, 300
 _BEAT, _LOOP_BEAT = int(Word.SUPERVISOR_BEAT_NS), int(Word.LOOP_BEAT_NS)
 
@@ -108,14 +111,27 @@ def _measure(config: DaemonConfig, folder: Path) -> Machine:
         gc.unfreeze()
         gc.enable()
     limits = [*map(str, LIMITS), "more"]
+    skipped_part = skipped / max(sum(lateness.buckets) + skipped, 1)
+    rate_hz = usable_part() * NS_PER_S / (cycle_ns + _usual_lateness_ns(lateness.buckets))
+    if skipped_part > MOST_SKIPPED:  # the machine does not keep even the configured rate
+        rate_hz = min(rate_hz, 0.5 * NS_PER_S / period_ns)
     return Machine(
         cycle_ns / 1e3,
-        skipped / max(sum(lateness.buckets) + skipped, 1),
+        skipped_part,
         {limit: n for limit, n in zip(limits, lateness.buckets, strict=True) if n},
         throttle_part(),
-        _rounded_down(usable_part() * NS_PER_S / cycle_ns),
+        _rounded_down(rate_hz),
         missing,
     )
+
+
+def _usual_lateness_ns(buckets: Sequence[int]) -> float:
+    """Return how late all but one of a thousand cycles begin at the most, in ns."""
+    most = 0.999 * sum(buckets)
+    for limit_us, begun in zip(LIMITS, accumulate(buckets), strict=False):
+        if begun >= most:
+            return float(1000 * limit_us)
+    return float(1000 * LIMITS[-1])
 
 
 def _movement(config: DaemonConfig, controller: StageController) -> Iterator[Request]:
