@@ -2,8 +2,8 @@ from tests.trace_cycle import trace
 
 
 def test_a_cycle_passes_through_few_files() -> None:
-    """A reader opens at most 27 files, the driver and the simulated physics included."""
-    assert len({step.file for step in trace()}) <= 27
+    """A reader opens at most 25 files, the driver and the simulated physics included."""
+    assert len({step.file for step in trace()}) <= 25
 
 
 def test_a_cycle_is_not_deep() -> None:

@@ -15,7 +15,7 @@ from piezod.config.modes import SENSED
 from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.guard import Admitted, Guard
-from piezod.control.law.output import AxisOutput
+from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.progress import advance, overloaded_axes, react
 from piezod.control.stage.stage import DRIVEN, Stage

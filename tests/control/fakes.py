@@ -5,8 +5,8 @@ from math import nan
 
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
+from piezod.control.law.axis import AxisOutput
 from piezod.control.law.identifier import LearningGate
-from piezod.control.law.output import AxisOutput
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, Flags

@@ -11,9 +11,9 @@ import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.modes import Mode
+from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.model import StageModel
-from piezod.control.law.output import TimeFunction
 from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Sample, Wiring

@@ -8,7 +8,7 @@ import numpy as np
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import CORRECTED, Mode
 from piezod.control.guard import Limits
-from piezod.control.law.axis import CompensatedAxis
+from piezod.control.law.axis import CompensatedAxis, TimeFunction
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.creep import CreepState
 from piezod.control.law.dynamics import (
@@ -21,7 +21,6 @@ from piezod.control.law.identifier import Identifier, LearningGate
 from piezod.control.law.learned_models import LearnedBound, ModelErrors, ModelProof
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import StageModel
-from piezod.control.law.output import TimeFunction
 from piezod.control.law.pace import FOLLOWED_SHARE, learning_pace
 from piezod.control.law.trim import NotchedTrim, Trim
 from piezod.control.law.trim_gains import check_feedback, feedback_law

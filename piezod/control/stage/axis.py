@@ -11,8 +11,7 @@ from typing import NamedTuple
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms.waveform import Waveform
-from piezod.control.law.axis import CompensatedAxis
-from piezod.control.law.output import AxisOutput
+from piezod.control.law.axis import AxisOutput, CompensatedAxis
 from piezod.control.reference.motion import (
     Motion,
     StreamedReference,

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import CORRECTED, Mode
-from piezod.control.law.axis import CompensatedAxis
+from piezod.control.law.axis import CompensatedAxis, TimeFunction
 from piezod.control.law.compensated import Start, check_identifier, compensated_axis
 from piezod.control.law.model import StageModel, with_found_mode
-from piezod.control.law.output import TimeFunction
 from piezod.control.law.trim_gains import check_feedback
 from piezod.devices.interface import Sample
 from piezod.experiment.replay.recorded_axis import RecordedAxis

@@ -11,11 +11,11 @@ from piezod.config.daemon import ConditioningConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.modes import Mode
+from piezod.control.law.axis import TimeFunction
 from piezod.control.law.dynamics import known_dynamics
 from piezod.control.law.gains import LoopProperties, check_axis_gains, check_gains, prefix_errors
 from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import read_model
-from piezod.control.law.output import TimeFunction
 from piezod.control.reference.programs import conditioning
 from piezod.errors import DataError
 from piezod.experiment.fit.errors import judge

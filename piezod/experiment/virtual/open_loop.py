@@ -5,7 +5,7 @@ from math import nan
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
-from piezod.control.law.output import AxisOutput, TimeFunction
+from piezod.control.law.axis import AxisOutput, TimeFunction
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S

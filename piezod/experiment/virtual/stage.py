@@ -13,8 +13,8 @@ import numpy as np
 from piezod.config.experiment import ExperimentConfig
 from piezod.control.cycle import CycleAxis, CycleParts, run_cycle
 from piezod.control.guard import Guard
+from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import limits_of
-from piezod.control.law.output import TimeFunction
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.zeroing import ZERO_OVER_S
 from piezod.control.table_guard import TableGuard

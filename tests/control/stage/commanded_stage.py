@@ -11,7 +11,7 @@ from typing import Any, Final, cast
 from piezod.config.states import State
 from piezod.control.guard import Limits
 from piezod.control.in_force import OUTPUT_WAIT_S
-from piezod.control.law.output import AxisOutput
+from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.stage.states import HoldCause

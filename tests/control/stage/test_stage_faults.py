@@ -13,7 +13,7 @@ from piezod.config.states import State
 from piezod.control.faults.detection import Detection
 from piezod.control.faults.table import ids
 from piezod.control.guard import Admitted, Guard
-from piezod.control.law.output import AxisOutput
+from piezod.control.law.axis import AxisOutput
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.interface import Sample
 from piezod.devices.status import DeviceFlag
