@@ -185,19 +185,8 @@ class Guard:
         refused: tuple[int, ...] = ()
         range_limited: tuple[int, ...] = ()
         slew_limited: tuple[int, ...] = ()
-        for axis, (low_v, high_v, slew_v_per_s) in enumerate(self._limits):
+        for axis, limits in enumerate(self._limits):
             requested_v, previous_v = asked_v[axis], in_force_v[axis]
-            reach_v = slew_v_per_s * (elapsed_s / 2.0 if axis in slew_halved else elapsed_s)
-            # Most cycles: nothing limits, and nothing is in doubt. NaN compares false.
-            if (
-                sent_v is None
-                and low_v <= requested_v <= high_v
-                and low_v <= previous_v <= high_v
-                and previous_v - reach_v <= requested_v <= previous_v + reach_v
-            ):
-                drive_v.append(requested_v)
-                continue
-            limits = self._limits[axis]
             if not (isfinite(requested_v) and isfinite(previous_v)):
                 refused += (axis,)
                 if not isfinite(previous_v):
