@@ -42,8 +42,8 @@ ScaleOption: TypeAlias = Annotated[
     str,
     typer.Option(
         metavar="drive=X,…",
-        help="Factors, as in drive=20,position=2: V of the drive and µm of the position per unit "
-        "of the column (V, µm, or what it has).",
+        help="Factors, as in drive=20,position=2: V of the drive, µm of the position and s of "
+        "the time (t) per unit of the column.",
         show_default=False,
     ),
 ]

@@ -64,6 +64,8 @@ def chosen_columns(
             continue
         if len(numbers) != 1:
             asked.refuse(role, numbers, found)
+        if numbers[0] in found.values():
+            asked.refuse_twice(role, numbers[0])
         found[role.key] = numbers[0]
     chosen = [asked.converted(role, found[role.key], found) for role in roles if role.key in found]
     return chosen, None if TIME.key in found else clock
@@ -148,10 +150,10 @@ class _Asked(NamedTuple):
         if each.unit:
             if each.unit.quantity != role.quantity and given is None:
                 what = f"{each.name!r} is in {each.unit.text}, and {role.key} is in {base}"
-                needed = f"--scale {role.key}={'UM_PER_V' if base == 'µm' else 'FACTOR'}"
+                needed = f"--scale {role.key}={_PER_V if base == 'µm' else 'FACTOR'}"
                 remedy = f"say how many {base} one {each.unit.text} is, as in: "
-                text = remedy + self._command({**found, role.key: number}, needed)
-                fail(str(self.table.path), what, f"allowed is a unit of {role.quantity}", text)
+                remedy += self._command({**found, role.key: number}, needed)
+                fail(str(self.table.path), what, f"allowed is a unit of {role.quantity}", remedy)
             factor = each.unit.factor
         offset = self.choices.offset.get(role.key, 0.0)
         sign = -1.0 if role.key in self.choices.invert else 1.0
@@ -171,6 +173,13 @@ class _Asked(NamedTuple):
         if scale not in {1.0, -1.0}:
             return f"{text}, which has no known unit: {base} after the scale"
         return f"{text}, which has no known unit: taken as {base}"
+
+    def refuse_twice(self, role: Role, number: int) -> NoReturn:
+        """Raise the error about a column that another role has, too."""
+        what = f"{self.known[number].name!r} is named twice, also as {_WHAT[role.quantity]}"
+        allowed = "allowed is a column for each"
+        remedy = f"the file has {listed(self.table)}; a name counts before a number"
+        fail(str(self.table.path), what, allowed, remedy)
 
     def refuse(self, role: Role, numbers: list[int], found: Mapping[str, int]) -> NoReturn:
         """Raise the error about a role that cannot be told, with the command that would work."""

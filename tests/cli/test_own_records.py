@@ -50,6 +50,7 @@ def test_columns_that_cannot_be_told_are_asked_for(piezod: Command, scope: Path)
     assert "'CH1' and 'CH2' may be it" in err
     assert "--columns t=TIME,drive=CH1,position=CH2 --scale position=UM_PER_V" in err
     assert piezod("identify", "--live", "--rate-hz", 5).code == 2
+    assert f"piezod import {scope} --columns" in piezod("import", scope).err
     assert piezod("identify", scope, "--scale", "drive=x").code == 2
     assert piezod("identify", "none.h5:/group").code == 2
 
@@ -68,6 +69,17 @@ def test_import_shows_and_writes(piezod: Command, scope: Path, folder: Path) -> 
     assert document["read_as"] == []
     assert document["samples"] == 2500
     assert document["file"] is None
+
+
+def test_the_file_that_is_read_stays(piezod: Command, scope: Path) -> None:
+    """No output replaces it, under no name."""
+    before = scope.read_bytes()
+    Path("alias.csv").symlink_to(scope)
+
+    for out in ("scope.csv", "./scope.csv", "alias.csv"):
+        assert piezod("import", scope, *COLUMNS, "--out", out).code == 2
+        assert piezod("voltages", scope, scope, "--out", out).code == 2
+    assert scope.read_bytes() == before
 
 
 def test_position_that_falls_is_turned(piezod: Command, scope: Path) -> None:

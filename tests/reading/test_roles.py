@@ -137,6 +137,22 @@ def test_refused_columns_come_with_a_command_that_works(tmp_path: Path, header: 
         assert name in text
 
 
+def test_a_column_is_one_thing(tmp_path: Path) -> None:
+    """A column for two roles is refused."""
+    path = write(tmp_path / "a.csv", "t [s],u [V],x [um]\n" + rows(*COLUMNS.values()))
+
+    with pytest.raises(DataError, match="twice"):
+        read_record(path, parsed_choices("t=1,drive=2,position=u [V]", "position=2"))
+
+
+def test_time_has_a_scale_too(tmp_path: Path) -> None:
+    """Seconds that are milliseconds are read with the option that the question names."""
+    values = (1e3 * T_S, DRIVE_V, POSITION_UM)
+    path = write(tmp_path / "a.csv", "t_s,drive_v,position_um\n" + rows(*values))
+
+    assert read_record(path, parsed_choices(scale="t=0.001")).columns["t_s"] == pytest.approx(T_S)
+
+
 def test_likely_columns_are_proposed_by_their_names(tmp_path: Path) -> None:
     """Names without units are no proof, but good for the example."""
     values = rows(POSITION_UM, T_S, DRIVE_V)
@@ -194,7 +210,7 @@ def test_trajectory_needs_no_drive(tmp_path: Path, name: str) -> None:
         ({"columns": "t=a,t=b"}, "--columns: t is given twice"),
         ({"scale": "drive=x"}, "--scale: drive must be a number other than 0"),
         ({"scale": "drive=0"}, "--scale: drive must be a number other than 0"),
-        ({"scale": "t=2"}, "--scale: 't' is none of drive, position"),
+        ({"offset": "t=2"}, "--offset: 't' is none of drive, position"),
         ({"offset": "position=nan"}, "--offset: position must be a number"),
         ({"invert": "all"}, "--invert: 'all' is none of drive, position"),
     ],

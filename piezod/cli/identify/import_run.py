@@ -15,8 +15,8 @@ from piezod.records.figures.style import save_png
 
 def import_file(data: Path, choices: Choices, out: Path | None, *, json: bool) -> None:
     """Read a file, write it if there is a path, and print what was understood."""
-    path = None if out is None else checked_out(out, out, (".csv",))
-    found = read_source(data, 0.0, choices=choices)
+    path = None if out is None else checked_out(out, out, (".csv",), data)
+    found = read_source(data, 0.0, choices=choices, command="import")
     columns = {name: getattr(found.record, name) for name in ("t_s", "drive_v", "position_um")}
     figure = None if path is None else path.with_suffix(".png")
     if path and figure:

@@ -114,7 +114,7 @@ def voltages(  # noqa: PLR0913, PLR0917 - each argument is an option
     delay of the model. The file has the columns t_s, drive_v, position_um (of the trajectory),
     predicted_um, slew_v_per_s, and limited, which says what cut a voltage.
     """
-    path = checked_out(out, Path(f"{trajectory.stem}-voltages.csv"), (".csv",))
+    path = checked_out(out, Path(f"{trajectory.stem}-voltages.csv"), (".csv",), trajectory)
     if axis is not None and config is None:
         raise typer.BadParameter("--axis needs --config")
     # numba takes long to import.

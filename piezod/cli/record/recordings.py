@@ -107,21 +107,27 @@ def read_part(
     return telemetry
 
 
-def checked_out(out: Path | None, default: Path, endings: Iterable[str]) -> Path:
+def checked_out(
+    out: Path | None, default: Path, endings: Iterable[str], source: Path | None = None
+) -> Path:
     """Return the path of the output, after a check that it can be written.
 
     Args:
         out: The given path; None for the default.
         default: Path to write if none is given.
         endings: Allowed endings.
+        source: The file that is read, which stays.
 
     Raises:
-        typer.BadParameter: If the ending is not allowed.
+        typer.BadParameter: If the ending is not allowed, or the output would replace the source.
         OSError: If the folder is not writable.
     """
     path, allowed = out or default, tuple(endings)
     if path.suffix.lower() not in allowed:
         message = f"must end in {' or '.join(allowed)} (got {path})"
+        raise typer.BadParameter(message, param_hint="'--out'")
+    if source is not None and path.exists() and source.exists() and path.samefile(source):
+        message = f"must be another file than {source}, which is read and stays"
         raise typer.BadParameter(message, param_hint="'--out'")
     if path.parent.is_dir():
         check_writable(path.parent)

@@ -38,7 +38,11 @@ NO_CHOICES: Final = Choices()
 
 
 def read_source(
-    path: Path, skip_s: float, axis: str | None = None, choices: Choices = NO_CHOICES
+    path: Path,
+    skip_s: float,
+    axis: str | None = None,
+    choices: Choices = NO_CHOICES,
+    command: str = "identify",
 ) -> Source:
     """Return the record in a file, without its first seconds.
 
@@ -47,6 +51,7 @@ def read_source(
         skip_s: First seconds that do not count.
         axis: Axis of a recording; None for the only one.
         choices: What the person says about the columns of a table.
+        command: The command that needs it, for the remedy in an error.
 
     Raises:
         DataError: If the file cannot be used; the text starts with its name.
@@ -58,7 +63,7 @@ def read_source(
         columns, notes = columns_of_recording(path, axis)
         understood: tuple[str, ...] = ()
     else:
-        columns, notes, understood = columns_of_table(path, choices)
+        columns, notes, understood = columns_of_table(path, choices, command)
     with prefix_errors(str(path)):
         record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
         record = mark_unknown_past(record).after(skip_s)
