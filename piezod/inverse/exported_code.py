@@ -159,15 +159,21 @@ def _heading(model: LoadedModel, stage: StageModel, path: Path) -> Mapping[str, 
     return {
         "title": f"{path.name} of a model that piezod has identified",
         "version": version("piezod"),
-        "file": f"a model of {model.file.created_at}",
+        "file": f"a model of {_remark(model.file.created_at)}",
         "operators": model.file.operators,
-        "source": model.file.source.file,
+        "source": _remark(model.file.source.file),
         **{"low_v": f"{low_v:.6g}", "high_v": f"{high_v:.6g}", "rest_v": f"{model.rest_v:.6g}"},
         **{"low_um": f"{low_um:.6g}", "high_um": f"{high_um:.6g}"},
         "rate_hz": f"{model.rate_hz:.9g}",
         "lookahead_s": f"{model.lookahead_s(model.rate_hz):.9g}",
         "mode": mode,
     }
+
+
+def _remark(text: object) -> str:
+    """Return a text of a model file that cannot end the remark in which it stands."""
+    one_line = "".join(each if each.isprintable() else " " for each in str(text))
+    return one_line.replace("*/", "* /").replace("/*", "/ *")
 
 
 def _vectors(model: LoadedModel, stage: StageModel) -> tuple[FloatArray, FloatArray]:

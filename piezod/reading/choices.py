@@ -69,7 +69,7 @@ class Choices:
     columns: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Name or number of the column of each role, by its key."""
     scale: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    """Factor of a column by the key of its role, in s, V or µm per unit of the file."""
+    """Factor of a column by the key of its role, after its unit is in s, V or µm."""
     offset: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """What is added after that, in V or µm, by the key of the role."""
     invert: frozenset[str] = frozenset()  #: Keys of the roles whose sign is turned.
@@ -104,9 +104,12 @@ def parsed_choices(
         _check_key("--invert", key, KEYS[1:])
     if rate_hz is not None and not 0.0 < rate_hz < math.inf:
         raise DataError(f"--rate-hz: must be above 0 (got {rate_hz:g})")
+    factors = _numbers("--scale", scale, KEYS)
+    if rate_hz is not None and TIME.key in factors:
+        raise DataError("--scale: t has no meaning with --rate-hz; give one of them")
     return Choices(
         columns=MappingProxyType(_pairs("--columns", columns, KEYS)),
-        scale=MappingProxyType(_numbers("--scale", scale, KEYS)),
+        scale=MappingProxyType(factors),
         offset=MappingProxyType(_numbers("--offset", offset, KEYS[1:])),
         invert=frozenset(keys),
         rate_hz=rate_hz,

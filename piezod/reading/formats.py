@@ -39,6 +39,8 @@ _TEXTS: Final = {
     ".ipynb": "a notebook",
 }
 """Endings of text files that are no tables, and what they are."""
+_MOST_UNPACKED: Final = 4_000_000_000
+"""Largest size of what is in an archive, in bytes."""
 _ARCHIVES: Final = (
     ("xl/workbook.xml", "sheet:open_sheet"),
     ("content.xml", "an OpenDocument file; save it as .xlsx or CSV"),
@@ -94,7 +96,10 @@ def _by_magic(file: Path, begin: bytes) -> str | None:
 def _in_archive(file: Path) -> str:
     names: list[str] = []
     with suppress(zipfile.BadZipFile), zipfile.ZipFile(file) as archive:
-        names = archive.namelist()
+        names, unpacked = archive.namelist(), sum(each.file_size for each in archive.infolist())
+        if unpacked > _MOST_UNPACKED:
+            what = f"unpacked it has {unpacked} bytes, allowed: at most {_MOST_UNPACKED}"
+            raise DataError(f"{file}: {what}; give a shorter one, or write it as HDF5")
     for name, reader in _ARCHIVES:
         if name in names:
             if " " in reader:

@@ -100,7 +100,11 @@ def _known(table: Table, number: int) -> _Known:
 def _clock(table: Table, choices: Choices) -> Clock | None:
     if choices.rate_hz is not None:
         return Clock(0.0, 1.0 / choices.rate_hz, f"{choices.rate_hz:g} samples a second, as given")
-    return table.clock
+    if table.clock is None or TIME.key not in choices.scale:
+        return table.clock
+    factor = choices.scale[TIME.key]
+    said = f"{table.clock.said}, times {factor:g}"
+    return Clock(factor * table.clock.start_s, factor * table.clock.interval_s, said)
 
 
 class _Asked(NamedTuple):
@@ -151,7 +155,7 @@ class _Asked(NamedTuple):
             if each.unit.quantity != role.quantity and given is None:
                 what = f"{each.name!r} is in {each.unit.text}, and {role.key} is in {base}"
                 needed = f"--scale {role.key}={_PER_V if base == 'µm' else 'FACTOR'}"
-                remedy = f"say how many {base} one {each.unit.text} is, as in: "
+                remedy = f"say how many {base} one {BASE[each.unit.quantity]} is, as in: "
                 remedy += self._command({**found, role.key: number}, needed)
                 fail(str(self.table.path), what, f"allowed is a unit of {role.quantity}", remedy)
             factor = each.unit.factor
@@ -168,7 +172,9 @@ class _Asked(NamedTuple):
         plus = f" {offset:+.10g}" if offset else ""
         text = f"{role.name} = {times}{each.name!r}{plus}"
         if each.unit:
-            return f"{text}, which is in {each.unit.text}"
+            base = BASE[each.unit.quantity]
+            as_base = f" in {base}" if scale not in {1.0, -1.0} and each.unit.factor != 1.0 else ""
+            return f"{text}{as_base}, which is in {each.unit.text}"
         base = BASE[role.quantity]
         if scale not in {1.0, -1.0}:
             return f"{text}, which has no known unit: {base} after the scale"

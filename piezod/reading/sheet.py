@@ -1,7 +1,6 @@
 """Tables in .xlsx files of Excel and other spreadsheets."""
 
 import warnings
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
@@ -19,7 +18,8 @@ from piezod.reading.table import MOST_BYTES, FloatArray, Table
 from piezod.reading.text import Dialect
 
 _HEAD_ROWS: Final = 400
-_MOST_UNPACKED: Final = 4_000_000_000
+_MOST_ROWS: Final = 1_048_576
+"""Rows of a sheet of Excel; a file may name higher ones, before which there are empty ones."""
 _TEXTS: Final = Dialect("\t", ".")
 """How cells that hold a text are read."""
 
@@ -39,12 +39,13 @@ def open_sheet(file: Path, part: str) -> Table:
     with _opened(openpyxl, file) as book:
         for sheet in book.worksheets:
             if part.strip("/") in {"", sheet.title}:
-                rows = [list(map(_text, row)) for row in islice(_rows(sheet), _HEAD_ROWS)]
+                head = islice(_rows(file, sheet), _HEAD_ROWS)
+                rows = [list(map(_text, row)) for row in head]
                 width = max(map(len, rows), default=0)
                 rows = [row + [""] * (width - len(row)) for row in rows]
-                shape = shape_of(rows, _TEXTS.is_number)
+                shape = shape_of(rows, _is_number)
                 if len(shape.numeric) > 1 or (part and shape.numeric):
-                    layouts[sheet.title] = layout_of(rows, shape, _TEXTS.is_number)
+                    layouts[sheet.title] = layout_of(rows, shape, _is_number)
         names = ", ".join(repr(sheet.title) for sheet in book.worksheets)
     if not layouts:
         raise DataError(f"{file}: no sheet{f' {part}' if part else ''} has a table; has {names}")
@@ -72,19 +73,14 @@ def open_sheet(file: Path, part: str) -> Table:
 
 @contextmanager
 def _opened(openpyxl: Any, file: Path) -> Iterator[Any]:
-    with _damage_is_an_error(file):
-        with open_given(file, MOST_BYTES) as raw, zipfile.ZipFile(raw) as archive:
-            unpacked = sum(each.file_size for each in archive.infolist())
-        if unpacked > _MOST_UNPACKED:
-            fail(str(file), f"unpacked it has {unpacked} bytes", "allowed are 4 GB", "save as CSV")
-        # By its contents, because openpyxl judges the name of a file otherwise.
-        with open_given(file, MOST_BYTES) as raw, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about styles and extensions
-            book = openpyxl.load_workbook(raw, read_only=True, data_only=True)
-            try:
-                yield book
-            finally:
-                book.close()
+    # By its contents, because openpyxl judges the name of a file otherwise.
+    with _damage_is_an_error(file), open_given(file, MOST_BYTES) as raw, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about styles and extensions
+        book = openpyxl.load_workbook(raw, read_only=True, data_only=True)
+        try:
+            yield book
+        finally:
+            book.close()
 
 
 @contextmanager
@@ -99,20 +95,27 @@ def _damage_is_an_error(file: Path) -> Iterator[None]:
         raise DataError(f"{file}: the .xlsx file is damaged: {error}") from error
 
 
-def _rows(sheet: Any) -> Iterator[Sequence[Any]]:
+def _rows(file: Path, sheet: Any) -> Iterator[Sequence[Any]]:
     sheet.reset_dimensions()  # some programs write wrong ones
-    rows: Iterator[Sequence[Any]] = sheet.iter_rows(values_only=True)
-    return rows
+    for number, row in enumerate(sheet.iter_rows(values_only=True)):
+        if number == _MOST_ROWS:
+            what = f"sheet {sheet.title!r} has more than {_MOST_ROWS} rows"
+            fail(str(file), what, f"allowed are {_MOST_ROWS}", "save it as CSV")
+        yield row
 
 
 def _text(cell: object) -> str:
     return "" if cell is None else str(cell).strip()
 
 
+def _is_number(cell: str) -> bool:
+    return _TEXTS.is_number(cell.replace(",", ".")) or _TEXTS.is_number(cell)
+
+
 def _values(file: Path, sheet: Any, layout: Layout, wanted: list[int]) -> list[FloatArray]:
     values: list[list[float]] = [[] for _ in wanted]
     empty = 0
-    for number, row in enumerate(_rows(sheet), start=1):
+    for number, row in enumerate(_rows(file, sheet), start=1):
         if number <= layout.first:
             continue
         cells = [row[column] if column < len(row) else None for column in wanted]
@@ -130,8 +133,13 @@ def _values(file: Path, sheet: Any, layout: Layout, wanted: list[int]) -> list[F
 def _value(file: Path, number: int, cell: object, name: str) -> float:
     if isinstance(cell, int | float):
         return float(cell)
+    text, allowed, remedy = _text(cell), "allowed is a number", "correct or delete the row"
     try:
-        return _TEXTS.number(_text(cell))
+        value = _TEXTS.number(text)
     except ValueError:
-        what, allowed = f"{name} is {shortened(_text(cell))!r}", "allowed is a number"
-        fail(f"{file}: row {number}", what, allowed, "correct or delete the row")
+        value = None
+    if "," in text and _is_number(text):  # nobody knows whether 10,018 is ten or ten thousand
+        value, remedy = None, "it is a text: turn the column into numbers, or save it as CSV"
+    if value is None:
+        fail(f"{file}: row {number}", f"{name} is {shortened(text)!r}", allowed, remedy)
+    return value

@@ -173,7 +173,7 @@ def _dialect(lines: Sequence[str]) -> tuple[Dialect, list[list[str]], Shape]:
     Raises:
         DataError: If quotation marks are not in pairs.
     """
-    best: tuple[tuple[int, int, int], Dialect, list[list[str]], Shape] | None = None
+    best: tuple[tuple[int, ...], Dialect, list[list[str]], Shape] | None = None
     for separator in _SEPARATORS:
         if separator is not None and not any(separator in line for line in lines):
             continue
@@ -183,8 +183,10 @@ def _dialect(lines: Sequence[str]) -> tuple[Dialect, list[list[str]], Shape]:
             shape = shape_of(rows, dialect.is_number)
             # As many numbers as possible, few other cells, and no more grouped ones than needed.
             other = "," if decimal == "." else "."
-            grouped = sum(other in cell for cell in rows[-1])
-            score = (len(shape.numeric), -shape.words, -grouped)
+            cells = [row[k] for row in rows if len(row) == shape.width for k in shape.numeric]
+            others = sum(not dialect.is_number(cell) for cell in cells)
+            grouped = sum(other in cell for cell in cells)
+            score = (len(shape.numeric), -shape.words, -others, -grouped)
             if best is None or score > best[0]:
                 best = score, dialect, rows, shape
     assert best is not None  # noqa: S101 - spaces are always tried
@@ -295,7 +297,7 @@ class _Text:
         except ValueError:
             self._refuse_cell(number, rows, wanted)
         group = "," if self._dialect.decimal == "." else "."
-        if not self.found_later and any(group in cell for row in rows for cell in row):
+        if _GROUPED not in self.found_later and any(group in each for row in rows for each in row):
             self.found_later.append(_GROUPED)
         return table
 

@@ -214,3 +214,14 @@ def test_part_that_code_does_not_have_is_refused_by_name() -> None:
     model.file = changed("path", surface_path=_LaterPath(**path.model_dump(), memory=2.0))
     with pytest.raises(ModelError, match=r"surface_path\.memory"):
         exported_code(model, "matlab", Path("name.m"))
+
+
+def test_texts_of_a_model_file_are_no_code() -> None:
+    """A name of a record with the end of a remark, or with a line end, stays in the remark."""
+    model = loaded(MODELS["stops"]())
+    source = model.file.source.model_copy(update={"file": "a*/int evil;/*.csv\nevil = 1;\u2028b"})
+    model.file = model.file.model_copy(update={"source": source})
+
+    assert "*/int evil" not in exported_code(model, "c", Path("name.c"))
+    lines = exported_code(model, "matlab", Path("name.m")).splitlines()
+    assert [line for line in lines if "evil" in line and not line.startswith("%")] == []

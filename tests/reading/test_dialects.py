@@ -188,3 +188,25 @@ def test_numbers_in_portions_are_those_of_the_whole(
     for size in (1, 7, 100, 1001):
         monkeypatch.setattr("piezod.reading.text._PORTION", size)
         assert is_the_record(read_record(path).columns)
+
+
+@pytest.mark.parametrize("last", ["10,018;1,302", "10;1"])
+def test_decimal_comma_is_told_by_all_rows(tmp_path: Path, last: str) -> None:
+    """Cells such as 10,018 are no thousands, even if the last row has whole numbers."""
+    lines = [f"{k};{10 + k % 50},018;{1 + k % 50 // 10},302" for k in range(200)]
+    path = write(tmp_path / "a.csv", "\n".join(["t_ms;drive_v;position_um", *lines, f"200;{last}"]))
+
+    record = read_record(path)
+
+    assert record.columns["drive_v"][:2].tolist() == [10.018, 11.018]
+
+
+def test_grouped_thousands_are_told_by_other_cells(tmp_path: Path) -> None:
+    """A time of 0.001 has a decimal point, so that 60,000 beside it is no decimal comma."""
+    lines = [f"{k / 1000:.3f};{60_000 + k:,};{4_000 + k:,}" for k in range(2200)]
+    path = write(tmp_path / "a.csv", "\n".join(["t_s;drive_mV;position_nm", *lines]))
+
+    record = read_record(path)
+
+    assert record.columns["drive_v"][:2].tolist() == [60.0, 60.001]
+    assert "thousands" in record.understood[0]

@@ -174,3 +174,43 @@ def test_text_has_no_parts(tmp_path: Path) -> None:
 
     with pytest.raises(DataError, match="a text file has no parts"):
         read_record(Path(f"{tmp_path}/a.csv:/b"), Choices())
+
+
+@pytest.mark.parametrize("text", ["10,018", "10,5", "1,234.5"])
+def test_text_with_a_comma_in_a_sheet_is_refused(tmp_path: Path, text: str) -> None:
+    """Nobody knows whether it is a decimal comma, so that the row is named."""
+    book = openpyxl.Workbook()
+    book.active.append(["t_s", "drive_v", "position_um"])
+    for k in range(200):
+        book.active.append([k / 1000.0, text, float(k)])
+    book.save(tmp_path / "a.xlsx")
+
+    with pytest.raises(DataError, match=r"row 2.*drive_v.*text"):
+        read_record(tmp_path / "a.xlsx")
+
+
+def test_row_beyond_every_sheet_is_refused(tmp_path: Path) -> None:
+    """A file that names row two thousand million does not have that many empty rows."""
+    xlsx(tmp_path / "good.xlsx")
+    path = tmp_path / "a.xlsx"
+    with zipfile.ZipFile(tmp_path / "good.xlsx") as good, zipfile.ZipFile(path, "w") as changed:
+        for name in good.namelist():
+            row = b'<row r="2000000000"><c r="A2000000000"><v>9</v></c></row></sheetData>'
+            changed.writestr(name, good.read(name).replace(b"</sheetData>", row))
+
+    with pytest.raises(DataError, match="rows"):
+        read_record(path)
+
+
+def test_archive_that_unpacks_to_too_much_is_refused(tmp_path: Path) -> None:
+    """Its directory says so, before anything is unpacked."""
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, **COLUMNS)
+    content, size = path.read_bytes(), (COLUMNS["t_s"].nbytes + 128).to_bytes(4, "little")
+    begin = content.index(b"PK\x01\x02")
+    assert size in content[begin:]
+    directory = content[begin:].replace(size, (2_000_000_000).to_bytes(4, "little"))
+    path.write_bytes(content[:begin] + directory)
+
+    with pytest.raises(DataError, match="unpacked"):
+        read_record(path)

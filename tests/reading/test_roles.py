@@ -234,3 +234,26 @@ def test_column_that_is_not_there_is_refused(tmp_path: Path, wanted: str) -> Non
 
     with pytest.raises(DataError, match=f"no column '{wanted}'; the file has 't_s'"):
         read_record(path, parsed_choices(f"t={wanted}"))
+
+
+def test_time_has_a_scale(tmp_path: Path) -> None:
+    """Milliseconds under the name of seconds are corrected as the error about them says."""
+    text = record_text().splitlines()
+    path = write(tmp_path / "a.csv", text[0] + "\n" + rows(1e3 * T_S, DRIVE_V, POSITION_UM))
+
+    assert is_the_record(read_record(path, parsed_choices(scale="t=0.001")).columns)
+    with pytest.raises(DataError, match="--rate-hz"):
+        parsed_choices(scale="t=0.001", rate_hz=1000.0)
+
+
+def test_scale_counts_after_the_unit(tmp_path: Path) -> None:
+    """What the error asks for, µm per V, is what the option means for a column in mV."""
+    path = write(
+        tmp_path / "a.csv", "t_s,drive_v,sensor_mV\n" + rows(T_S, DRIVE_V, 500.0 * POSITION_UM)
+    )
+    columns = "t=t_s,drive=drive_v,position=sensor_mV"
+
+    with pytest.raises(DataError, match="how many µm one V is"):
+        read_record(path, parsed_choices(columns))
+    found = read_record(path, parsed_choices(columns, "position=2")).columns["position_um"]
+    assert np.allclose(found, POSITION_UM)
