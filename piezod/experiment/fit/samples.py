@@ -33,6 +33,9 @@ NOISES, STEPS, LEAST_SHARE = 8.0, 3.0, 0.004
 BEND_FACTOR, SHARP_FACTOR = 0.5, 2.0
 """A stage follows smooth and sharp bends of its drive by at most these multiples of its mean gain
 more than a line does."""
+CLIPPED_SIGMAS, CLIPPED_BAND = 8.0, 0.01
+"""A clipped sensor with noise stays within 8 standard deviations of its end; at most 1 % of the
+range counts, which a stage leaves while its drive moves by a few percent."""
 STUCK_SHARE, FEWEST_STUCK = 0.03, 5
 """A sensor is stuck if it shows one value for this many samples, while the drive moves over this
 share of its range."""
@@ -63,6 +66,8 @@ def bad_samples(record: Record) -> list[Bad]:
     """Return the samples of a displacement that are not true, in the order of time."""
     runs = _Runs.of(record.position_um)
     standing = list(_standing(record, runs))
+    if not any(bad.kind is Kind.CLIPPED for bad in standing):
+        standing += _clipped_in_noise(record)
     moves = np.ones(record.t_s.size, np.bool_)
     for bad in standing:
         moves[bad.first : bad.last + 1] = False
@@ -106,6 +111,20 @@ def _standing(record: Record, runs: _Runs) -> Iterator[Bad]:
             yield Bad(Kind.CLIPPED, first, last, moved_v)
         elif not at_end and moved_v > share * range_v and early_v > 0.3 * share * range_v:
             yield Bad(Kind.STUCK, first, last, moved_v)
+
+
+def _clipped_in_noise(record: Record) -> Iterator[Bad]:
+    """Yield the parts in which a noisy sensor stays at its end while the drive moves."""
+    x, v = record.position_um, record.drive_v
+    # Second differences of white noise have six times its variance; motion adds little.
+    noise_um = float(np.median(np.abs(np.diff(x, 2)))) / (0.6745 * 6.0**0.5)
+    band_um = min(CLIPPED_SIGMAS * noise_um, CLIPPED_BAND * float(np.ptp(x)))
+    for near in (x >= x.max() - band_um, x <= x.min() + band_um):
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], near, [False]))))
+        for first, after in edges.reshape(-1, 2).tolist():
+            moved_v = float(np.ptp(v[first:after]))
+            if moved_v > CLIPPED_SHARE * float(np.ptp(v)):
+                yield Bad(Kind.CLIPPED, first, after - 1, moved_v)
 
 
 def resolution(values: FloatArray) -> float:

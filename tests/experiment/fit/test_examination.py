@@ -130,14 +130,15 @@ def test_many_jumps_are_refused() -> None:
 
 
 @settings(max_examples=25, deadline=None)
-@given(gradual, st.sampled_from((0.0, 0.2)))
-def test_clipped_sensor_is_refused(record: Record, low: float) -> None:
-    """At either end of its range."""
+@given(gradual, st.sampled_from((0.0, 0.2)), st.sampled_from((0.0, 2e-4, 5e-4)))
+def test_clipped_sensor_is_refused(record: Record, low: float, noise: float) -> None:
+    """At either end of its range, with and without noise."""
     x = record.position_um
     ends = x.min() + np.array([low, low + 0.8]) * np.ptp(x)
+    added = np.random.default_rng(1).normal(0.0, noise * np.ptp(x), x.size)
 
     with pytest.raises(DataError, match="clipped at the end of its range"):
-        examined(replace(record, position_um=np.clip(x, *ends)))
+        examined(replace(record, position_um=np.clip(x, *ends) + added))
 
 
 @pytest.mark.parametrize("digits", [0, 1, 3])
