@@ -119,11 +119,18 @@ def _clipped_in_noise(record: Record) -> Iterator[Bad]:
     # Second differences of white noise have six times its variance; motion adds little.
     noise_um = float(np.median(np.abs(np.diff(x, 2)))) / (0.6745 * 6.0**0.5)
     band_um = min(CLIPPED_SIGMAS * noise_um, CLIPPED_BAND * float(np.ptp(x)))
-    for near in (x >= x.max() - band_um, x <= x.min() + band_um):
+    share_v = CLIPPED_SHARE * float(np.ptp(v))
+    for near, at_end in (
+        (x >= x.max() - band_um, v >= v.max() - share_v),
+        (x <= x.min() + band_um, v <= v.min() + share_v),
+    ):
+        # A delay moves the time at an end, and does not lengthen it.
+        if np.sum(near) <= 1.1 * np.sum(at_end) + FEWEST_STUCK:
+            continue
         edges = np.flatnonzero(np.diff(np.concatenate(([False], near, [False]))))
         for first, after in edges.reshape(-1, 2).tolist():
             moved_v = float(np.ptp(v[first:after]))
-            if moved_v > CLIPPED_SHARE * float(np.ptp(v)):
+            if moved_v > share_v:
                 yield Bad(Kind.CLIPPED, first, after - 1, moved_v)
 
 
