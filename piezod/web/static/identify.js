@@ -25,7 +25,7 @@ class IdentifyDialog extends JobDialog {
     );
     this.drive.addEventListener("change", () => (this.chosen.disabled = this.drive.value === "full"));
     this.#fill();
-    this.source = el("select", {}, el("option", { value: "stage" }, "this stage, driven"), el("option", { value: "file" }, "a file"));
+    this.source = el("select", {}, el("option", { value: "stage" }, "made on this stage"), el("option", { value: "file" }, "a file"));
     this.source.addEventListener("change", () => this.#choose());
     this.fromStage = el("div", {}, this.#stageFields());
     this.fromFile = el("div", { hidden: true }, this.#fileFields());
