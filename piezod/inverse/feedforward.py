@@ -7,6 +7,7 @@ import numpy as np
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits, Window
+from piezod.control.law.axis import what_limits
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
 from piezod.control.law.model import StageModel
@@ -80,14 +81,8 @@ class Feedforward:
     @property
     def limited(self) -> DriveLimit:
         """What kept the last voltage from following its position."""
-        low_v, high_v, _ = self._limits
-        rounding_v = _ROUNDING * (high_v - low_v)
-        if self._compensator.limited and (
-            low_v + rounding_v < self.in_force_v < high_v - rounding_v
-        ):
-            return DriveLimit.SLEW
-        beyond = self._compensator.limited or self._compensator.out_of_reach
-        return DriveLimit.RANGE if beyond or self._beyond else DriveLimit.NONE
+        found = what_limits(self._compensator, self._limits, self.in_force_v)
+        return DriveLimit.RANGE if self._beyond and found is DriveLimit.NONE else found
 
     @property
     def merged_pairs(self) -> int:

@@ -118,9 +118,6 @@ class CompensatedAxis:
         self._history = history
         self.limits, self.in_force_v = limits, in_force_v
         """Limits of the drive, and the voltage in force, in V."""
-        low_v, high_v, _ = limits
-        rounding_v = _ROUNDING * (high_v - low_v)
-        self._above_low_v, self._below_high_v = low_v + rounding_v, high_v - rounding_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
         self._write_pending = False
         self._shaper, self._modal = shaper, modal
@@ -267,7 +264,7 @@ class CompensatedAxis:
         drive_v = window.admit(low_v + drive * width_v, in_force_v)
         # Paper, section 3: x_r = V_r in normalised units.
         uncompensated_v = low_v + (command_um - low_um) / width_um * width_v
-        by = DriveLimit.NONE if forced else self._limited(drive_v)
+        by = DriveLimit.NONE if forced else what_limits(compensator, self.limits, drive_v)
         return AxisOutput(drive_v, command_um, uncompensated_v, in_force_v, t_ns, by)
 
     def applied(self, drive_v: float) -> None:
@@ -339,17 +336,25 @@ class CompensatedAxis:
         if self.bound is not None:
             self.bound.returned()
 
-    def _limited(self, drive_v: float) -> DriveLimit:
-        """Return what limits a drive that follows the reference, in V."""
-        compensator = self.compensator
-        if not compensator.limited:
-            return DriveLimit.RANGE if compensator.out_of_reach else DriveLimit.NONE
-        inside = self._above_low_v < drive_v < self._below_high_v
-        return DriveLimit.SLEW if inside else DriveLimit.RANGE
-
     def _error_of(self, sample: Sample) -> float:
         """Return the error at the instant that a sample shows, in units of the range."""
         # The sample shows the stage at its time stamp minus the delay of the sensor.
         shown_s = (sample.t_ns - self._sensor_delay_ns - self._start_ns) / NS_PER_S
         error_um = self._reference_um(shown_s) - sample.position_um
         return error_um / self._width_um
+
+
+def what_limits(compensator: Compensator, limits: Limits, drive_v: float) -> DriveLimit:
+    """Return what keeps a drive from following its command. Real-time safe.
+
+    Args:
+        compensator: It has made the drive.
+        limits: Limits of the drive.
+        drive_v: The drive, in V.
+    """
+    if not compensator.limited:
+        return DriveLimit.RANGE if compensator.out_of_reach else DriveLimit.NONE
+    low_v, high_v, _ = limits
+    rounding_v = _ROUNDING * (high_v - low_v)
+    inside = low_v + rounding_v < drive_v < high_v - rounding_v
+    return DriveLimit.SLEW if inside else DriveLimit.RANGE
