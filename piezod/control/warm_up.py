@@ -10,6 +10,7 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import WaveformConfig
 from piezod.config.waveforms.shapes import Sine
 from piezod.control.assembly import assemble
+from piezod.control.controller import StageController
 from piezod.control.law.creep import AT_REST
 from piezod.control.law.kernels import new_kernel
 from piezod.control.watch.loop import CycleTiming
@@ -120,6 +121,21 @@ def _warm_forms() -> None:
         form.loop(levels).of(identifier)
 
 
+def waves_over_the_range(
+    config: DaemonConfig, controller: StageController
+) -> dict[str, WaveformConfig]:
+    """Return a sine of 1 Hz over the range of each axis."""
+    return {
+        name: Sine(
+            kind="sine",
+            low=axis.motion_limits.low_um,
+            high=axis.motion_limits.high_um,
+            frequency_hz=1.0,
+        )
+        for name, axis in zip(config.axes, controller.axes, strict=True)
+    }
+
+
 def warm_up(config: DaemonConfig) -> None:
     """Run a stage of this configuration through all states and modes, without its devices.
 
@@ -132,15 +148,7 @@ def warm_up(config: DaemonConfig) -> None:
     devices = IdealDevices(config)
     controller = assemble(config, devices, devices.capabilities())
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
-    waves: dict[str, WaveformConfig] = {
-        name: Sine(
-            kind="sine",
-            low=axis.motion_limits.low_um,
-            high=axis.motion_limits.high_um,
-            frequency_hz=1.0,
-        )
-        for name, axis in zip(config.axes, controller.axes, strict=True)
-    }
+    waves = waves_over_the_range(config, controller)
     for request in (
         None,
         requests.Zero(),

@@ -11,11 +11,9 @@ from typing import Final, NamedTuple
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
-from piezod.config.waveforms.combined import WaveformConfig
-from piezod.config.waveforms.shapes import Sine
 from piezod.control.assembly import assemble
 from piezod.control.controller import StageController
-from piezod.control.warm_up import IdealDevices, warm_up
+from piezod.control.warm_up import IdealDevices, warm_up, waves_over_the_range
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop.loop import Loop
@@ -136,18 +134,9 @@ def _usual_lateness_ns(buckets: Sequence[int]) -> float:
 
 def _movement(config: DaemonConfig, controller: StageController) -> Iterator[Request]:
     """Yield the requests that make all axes move, with all that a cycle can do."""
-    waves: dict[str, WaveformConfig] = {
-        name: Sine(
-            kind="sine",
-            low=axis.motion_limits.low_um,
-            high=axis.motion_limits.high_um,
-            frequency_hz=1.0,
-        )
-        for name, axis in zip(config.axes, controller.axes, strict=True)
-    }
     yield Arm()
     yield SelectMode(mode=Mode.ADAPTIVE)
-    yield Wave(command_um=waves, duration_s=3600.0)
+    yield Wave(command_um=waves_over_the_range(config, controller), duration_s=3600.0)
 
 
 def _run_until(loop: Loop, shared: SharedMap, t_ns: int) -> None:
