@@ -18,9 +18,9 @@ from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.residuals import CLEAR_GAIN
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import longest_window
-from piezod.experiment.fit.surface.first_mode import CLEAR_GAIN
 from piezod.experiment.fit.verdict import verdict_of
 
 

@@ -36,7 +36,12 @@ from piezod.experiment.fit.excitation import has_all_loops, shows_creep
 from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
-from piezod.experiment.fit.residuals import BLOCKS, clearly_better, standard_error
+from piezod.experiment.fit.residuals import (
+    BLOCKS,
+    CLEAR_GAIN,
+    clearly_better,
+    standard_error,
+)
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
 from piezod.experiment.progress import Progress
@@ -49,8 +54,6 @@ not describe the loops; if they predict the position of one record best, that is
 so on two records, and were worse on the tests."""
 LARGEST_LOSS = 1.02
 """Largest rms error of the chosen model, as a multiple of that of the best one."""
-CLEAR_GAIN = 0.9
-"""Largest ratio of the rms errors with and without a part that needs evidence."""
 CREEP_STANDARD_ERRORS, SURFACE_STANDARD_ERRORS = 1.0, 2.0
 """Least mean gain of the blocks: creep shows only in some blocks, those with slow motion."""
 _OFFSET, _RATE, _PATH, _EXPONENT, _MODE = 1, 2, 3, 1, 3

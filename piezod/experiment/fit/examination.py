@@ -12,7 +12,7 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.fit.excitation import turning_points
-from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.record import Record, check_varies
 from piezod.experiment.fit.recorded import MAX_FILLED, MAX_FILLED_S, MAX_MISSING_SHARE
 from piezod.experiment.fit.run_in import mark_unknown_past
 from piezod.experiment.fit.samples import Bad, Kind, bad_samples
@@ -54,10 +54,7 @@ def examined(record: Record, delay_s: float = 0.0) -> Examined:
         DataError: If no model can be fitted to it; the text says what is not true, and asks for
             the probable cause.
     """
-    for name in ("drive_v", "position_um"):
-        if not np.ptp(getattr(record, name)):
-            value = float(getattr(record, name)[0])
-            raise DataError(f"{name} is {value:g} throughout; allowed is a signal that varies")
+    check_varies(record.drive_v, record.position_um)
     _check_time(record)
     _check_direction(record, delay_s)
     mended, notes = _mended(record, bad_samples(record))

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
@@ -13,7 +11,7 @@ from piezod.experiment.fit.least_squares import search_creep
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.prediction import predicted_um, predicted_v
 from piezod.experiment.fit.problem import LinearProblem, Problem
-from piezod.experiment.fit.record import Record, Rows
+from piezod.experiment.fit.record import Record, Rows, check_varies
 from piezod.experiment.fit.residuals import Residuals
 from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.stop_problem import StopProblem
@@ -175,6 +173,4 @@ def _check(record: Record, settings: FitSettings) -> None:
             f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
             f"more; record for longer, {remedy}"
         )
-    for name, values in (("drive_v", drive_v), ("position_um", position_um)):
-        if not np.ptp(values):
-            raise DataError(f"{name} is {values[0]:g} throughout; allowed is a signal that varies")
+    check_varies(drive_v, position_um)

@@ -63,3 +63,18 @@ class Record:
             message = f"skipping {run_in_s:g} s leaves nothing of a record of {length_s:g} s"
             raise DataError(message)
         return run_in
+
+
+def check_varies(drive_v: FloatArray, position_um: FloatArray) -> None:
+    """Raise an error for a constant signal, to which nothing can be fitted.
+
+    Args:
+        drive_v: (n,) voltages, in V.
+        position_um: (n,) positions, in µm.
+
+    Raises:
+        DataError: If one of them is constant.
+    """
+    for name, values in (("drive_v", drive_v), ("position_um", position_um)):
+        if not np.ptp(values):
+            raise DataError(f"{name} is {values[0]:g} throughout; allowed is a signal that varies")

@@ -17,6 +17,8 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
 
+SIGMA_OF_MEDIAN = 1.4826
+"""Standard deviation of Gaussian noise over the median of its sizes."""
 RESPONSE_S = 0.05
 """Time within which a stage has followed its drive, and has stopped to ring; in s."""
 NEIGHBOURS = 7
@@ -117,7 +119,7 @@ def _clipped_in_noise(record: Record) -> Iterator[Bad]:
     """Yield the parts in which a noisy sensor stays at its end while the drive moves."""
     x, v = record.position_um, record.drive_v
     # Second differences of white noise have six times its variance; motion adds little.
-    noise_um = float(np.median(np.abs(np.diff(x, 2)))) / (0.6745 * 6.0**0.5)
+    noise_um = float(np.median(np.abs(np.diff(x, 2)))) * SIGMA_OF_MEDIAN / 6.0**0.5
     band_um = min(CLIPPED_SIGMAS * noise_um, CLIPPED_BAND * float(np.ptp(x)))
     share_v = CLIPPED_SHARE * float(np.ptp(v))
     for near, at_end in (
@@ -175,7 +177,7 @@ def _excess(x: FloatArray, v: FloatArray, period_s: float) -> tuple[FloatArray, 
     range_um = float(np.ptp(np.percentile(x, (0.5, 99.5))))
     gain = range_um / float(np.ptp(v))
     excess, driven = _unusual(np.diff(x)), np.diff(v)
-    noise_um = 1.4826 * float(np.median(np.abs(excess)))
+    noise_um = SIGMA_OF_MEDIAN * float(np.median(np.abs(excess)))
     floor = max(NOISES * noise_um, STEPS * resolution(x), LEAST_SHARE * range_um)
     bends = maximum_filter1d(driven, NEIGHBOURS) - minimum_filter1d(driven, NEIGHBOURS)
     # A sharp bend of the drive counts until the stage has followed. Before the record it may have

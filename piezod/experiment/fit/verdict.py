@@ -3,8 +3,6 @@
 from enum import StrEnum
 from typing import NamedTuple
 
-import numpy as np
-
 from piezod.experiment.fit.file import FileFit
 from piezod.experiment.fit.warnings import LARGE_PCT
 
@@ -73,7 +71,7 @@ def _error(fitted: FileFit) -> tuple[float, str]:
     else:
         # Motion unlike the rest of the record has errors as the block that is unlike the others.
         validation = chosen.validation
-        rms_pct = float(np.sqrt(np.max(validation.squares.position_pct)))
+        rms_pct = validation.worst_block_rms_pct
         worst_pct = validation.errors["position_error_max_pct"]
         known = "as in the worst block that was held out of the fit"
     return rms_pct, (

@@ -12,7 +12,7 @@ import numpy as np
 from piezod.control.law.first_mode import FirstMode
 from piezod.experiment.fit.problem import LinearProblem
 from piezod.experiment.fit.record import Rows
-from piezod.experiment.fit.residuals import clearly_better, held_out_squares
+from piezod.experiment.fit.residuals import CLEAR_GAIN, clearly_better, held_out_squares
 from piezod.experiment.fit.surface.parameters import FREQUENCIES, HIGHEST_DAMPING
 from piezod.hysteresis.memory import FloatArray
 
@@ -22,8 +22,6 @@ DAMPINGS: Final = (0.01, 0.05, 0.2)
 EARLIER: Final = (0.0, 0.125, 0.25)
 """Parts of a period of the mode by which the delay is shorter: a fit without a mode takes a part of
 its rise for a delay."""
-CLEAR_GAIN: Final = 0.9
-"""A mode is clear if it makes the rms error smaller by at least this factor."""
 STANDARD_ERRORS: Final = 1.0
 """Least mean gain of the blocks. A mode rings only after jumps, which some blocks may not have."""
 SAMPLES: Final = 8_000
