@@ -253,9 +253,9 @@ def _mark_limited(outputs: Sequence[AxisOutput], admitted: Admitted) -> None:
     """Note in the outputs what the guard limits, unless the law does."""
     for index, output in enumerate(outputs):
         if index in admitted.range_limited:
-            output.limited = DriveLimit.RANGE
+            output.limited = _RANGE
         elif index in admitted.slew_limited and output.limited is DriveLimit.NONE:
-            output.limited = DriveLimit.SLEW
+            output.limited = _SLEW
 
 
 def _watch_write(

@@ -48,7 +48,7 @@ class Latch(IntEnum):
 
 
 class FaultSource(IntEnum):
-    """FaultSource of a fault. A fault of a smaller source can cause a fault of a larger one."""
+    """Source of a fault. A fault of a smaller source can cause a fault of a larger one."""
 
     LOOP = 0
     BUS = 1
@@ -78,7 +78,7 @@ class FaultRule(NamedTuple):
 
     id: Fault  #: Short name.
     name: str  #: What the fault is, for people.
-    source: FaultSource  #: FaultSource of the fault.
+    source: FaultSource  #: Source of the fault.
     reaction: Reaction  #: Reaction when the fault appears.
     latch: Latch  #: What ends the fault.
     severity: Severity  #: Severity of its events.
