@@ -114,8 +114,8 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     _watch_write(stage, admitted, outputs, written)
     written &= not held
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
-    faults = stage.register.present, stage.register.latched
-    return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
+    present, latched = stage.register.present, stage.register.latched
+    return CycleRecord(t_ns, stage.state, devices.shadow, written, present, latched, records)
 
 
 def _watch(

@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -45,9 +46,11 @@ class OnlineIdentifier(ABC):
         self._deadband = checked_deadband(deadband)
         memory, learner = self._memory, self._learner
         # Bound once: a partial function adds no Python frame.
-        self._predict = partial(
+        self.predict: Callable[[FloatArray, float, float], float] = partial(
             predicted_drive, memory.now, memory.last, learner.bank, learner.scalars
         )
+        """Returns the drive that a model of these weights, offset and scale predicts for the last
+        displacement. Real-time safe."""
         self.offset = self.scale = 0.0
         """Offset of the displacement against the operator input, in units of the range; relative
         gain of the operator input over the displacement: y = (1 + scale) x - offset."""
@@ -89,16 +92,6 @@ class OnlineIdentifier(ABC):
         self._take_scalars()
         return errors
 
-    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
-        """Return the drive that another model predicts for the last displacement. Real-time safe.
-
-        Args:
-            weights: (2 M,) weights [a^l, a^r].
-            offset: Offset of the displacement.
-            scale: Scale of the displacement.
-        """
-        return self._predict(weights, offset, scale)
-
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, and restart their uncertainty.
 
@@ -124,7 +117,8 @@ class OnlineIdentifier(ABC):
 
     def _take_scalars(self) -> None:
         """Take offset and scale from the kernel, as numbers of Python: they cost less to read."""
-        self.offset, self.scale, _, _ = self._learner.scalars.tolist()
+        scalars: list[float] = self._learner.scalars.tolist()
+        self.offset, self.scale = scalars[OFFSET], scalars[SCALE]
 
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to another model; the uncertainty stays. Real-time safe.
@@ -194,6 +188,12 @@ class Shadowed:
             )
             raise ModelError(message)
         self._identifier = identifier
+        # Those of the identifier itself: a call less in each cycle.
+        self.predict: Callable[[FloatArray, float, float], float] = identifier.predict
+        """Returns the drive that a model of these weights, offset and scale predicts for the last
+        displacement."""
+        self.expect_noise: Callable[[float], None] = identifier.expect_noise
+        """Lets it trust the next pairs less if they have more noise than usual."""
         self.weights = identifier.weights
         """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place."""
         self.offset, self.scale = identifier.offset, identifier.scale
@@ -211,7 +211,7 @@ class Shadowed:
         # Only learned pairs count: in others the two models cannot differ by what was learned.
         if learn and math.isfinite(error):
             shadow = self._shadow
-            predicted = self._identifier.predict(shadow.weights, shadow.offset, shadow.scale)
+            predicted = self.predict(shadow.weights, shadow.offset, shadow.scale)
             shadow_error = drive - predicted
             self._squares += error * error
             self._shadow_squares += shadow_error * shadow_error
@@ -230,10 +230,6 @@ class Shadowed:
         # Step by step, because a restoration in between changes the following errors.
         pairs = zip(*checked_pairs(positions, drives), strict=True)
         return np.array([self.step(float(x), float(v)) for x, v in pairs])
-
-    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
-        """Return the drive that another model predicts for the last displacement."""
-        return self._identifier.predict(weights, offset, scale)
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, of the last good model too.
@@ -255,10 +251,6 @@ class Shadowed:
         """Go a share of the way to another model; the uncertainty stays."""
         self._identifier.approach(model, share)
         self._take_scalars()
-
-    def expect_noise(self, variance: float) -> None:
-        """Trust the next pairs less if they have more noise than usual."""
-        self._identifier.expect_noise(variance)
 
     def take_over(self, memory: Memory) -> None:
         """Take over the hysteresis memory of a stage of the same form, see `past`."""

@@ -109,7 +109,10 @@ class Oscillation:
         self._command_turns.add(command, limit)
         if self._cycles == 0:
             self._low = self._high = error
-        self._low, self._high = min(self._low, error), max(self._high, error)
+        if error < self._low:
+            self._low = error
+        elif error > self._high:
+            self._high = error
         self._cycles += 1
         if self._cycles == self._segment_cycles:
             needed = ALTERNATIONS + TURNS_PER_TURN * self._command_turns.count
