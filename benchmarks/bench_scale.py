@@ -3,8 +3,8 @@
 `python benchmarks/bench_scale.py` runs daemons on the simulated rig that follow a sine adaptively.
 It prints the share of skipped periods and the time of a cycle for one stage with 1 and 8 axes at
 growing rates, for 1 to 8 stages at 1 kHz that share the processors, and for one stage with 1 to 20
-clients, of which each gets 50 messages a second. A row that is not in RUN all the time, skips more
-than 1 %, or gets less than 90 % of its messages, is broken: larger ones are not tried.
+clients of one user, of which each gets 50 messages a second. A row that is not in RUN all the time,
+skips more than 1 %, or gets less than 90 % of its messages, is broken: larger ones are not tried.
 `--compiled` takes the build of `make compiled`; `--seconds` is the duration of each run.
 """
 
@@ -29,7 +29,7 @@ from piezod.errors import ClientError
 RATES_HZ: Final = (1000, 2000, 5000, 10_000, 20_000)
 AXES: Final = (1, 8)
 STAGES: Final = (1, 2, 4, 8)
-CLIENTS: Final = (1, 5, 10, 20)
+CLIENTS: Final = (1, 5, 15, 20)
 MOST_SKIPPED: Final = 0.01
 LEAST_SERVED: Final = 0.9
 PRIORITY: Final = 60
