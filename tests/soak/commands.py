@@ -199,7 +199,7 @@ class Commands:
                 await self._stage.stop()
 
     async def _arm(self) -> None:
-        """Arm; where nothing tells the voltage, look at the amplifier once its faults have ended."""
+        """Arm; where nothing tells the voltage, look at the amplifier once its faults are over."""
         try:
             await self._stage.arm()
         except RefusedError as error:
