@@ -7,7 +7,9 @@ exceptions into values. `control.cycle` contains the cycle.
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import nan
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from piezod.config.faults import Fault
 from piezod.config.states import State
@@ -23,6 +25,9 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.messages.requests import Request
 from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.units import NS_PER_S
+
+
+_NO_WEIGHTS: Final = np.zeros(0)
 
 
 class Learned(NamedTuple):
@@ -90,7 +95,11 @@ class StageController:
             position_um: The setpoint, in µm; a setpoint out of range is dropped.
             t_ns: Instant at which it arrived, in ns.
         """
-        target = self._stage.axes[axis]
+        axes, users = self._stage.axes, self._stage.users
+        if users is not None and axis >= len(axes):
+            users.take_setpoint(axis - len(axes), position_um, t_ns)
+            return
+        target = axes[axis]
         if target.stream is None or target.follows_input:
             return
         if target.motion_limits.allow(position_um):
@@ -139,7 +148,11 @@ class StageController:
 
     def learned(self, axis: int) -> Learned:
         """Return the learned parameters of an axis."""
-        moved = self._stage.axes[axis]
+        axes, users = self._stage.axes, self._stage.users
+        if users is not None and axis >= len(axes):
+            low, high = users.limits(axis - len(axes))[2:4]
+            return Learned(_NO_WEIGHTS, 0.0, 0.0, 0.0, False, nan, low, high)
+        moved = axes[axis]
         law, limits = moved.law, moved.motion_limits
         return Learned(
             law.identifier.weights,
