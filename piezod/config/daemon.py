@@ -182,6 +182,16 @@ class DaemonConfig(ConfigModel):
         """The user axes by name; empty if there are none."""
         return {} if self.transform is None else self.transform.axes
 
+    def moved_by(self, axis: str) -> str:
+        """Return the user axes that move an axis, for people; empty if it is moved by itself."""
+        moved = self.transform is not None and axis in self.transform.actuators
+        return ", ".join(self.user_axes) if moved else ""
+
+    def unit(self, axis: str) -> str:
+        """Return the unit of the positions of an axis."""
+        user = self.user_axes.get(axis)
+        return "µm" if user is None else user.unit
+
     @property
     def shown_axes(self) -> tuple[str, ...]:
         """Names of all axes in the order of records: the axes, then the user axes."""

@@ -1,10 +1,11 @@
 """User axes: several actuators as one stage in coordinates of the user."""
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
+from piezod.config.axes import AxisConfig
 from piezod.config.coupling_file import CouplingFile, LoadedCoupling, Row
 from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity
@@ -12,9 +13,6 @@ from piezod.config.messages import show, suggest
 from piezod.config.quantities import Name
 from piezod.coordinates.frame import Frame, frame_of
 from piezod.coordinates.matrices import Matrix, condition, from_rows, identity
-
-if TYPE_CHECKING:
-    from piezod.config.daemon import StageAxisConfig
 
 WORST_CONDITION: Final = 100.0
 """A matrix beyond this would make errors of the sensors more than a hundred times larger."""
@@ -42,7 +40,7 @@ class UserAxisConfig(ConfigModel):
     )
     abbe_mm: dict[Name, Annotated[float, Quantity(-1000, 1000, "mm")]] = Field(
         default={},
-        description="User axis in µrad: lever arm of the user's point, mm; 1 mm adds 0.001 µm/µrad.",
+        description="User axis in µrad: lever of the user's point, mm; 1 mm adds 0.001 µm/µrad.",
     )
 
 
@@ -76,7 +74,16 @@ class TransformConfig(ConfigModel):
             raise ValueError("a matrix is singular")
         return found
 
-    def broken(self, axes: "Mapping[str, StageAxisConfig]") -> Iterator[BrokenRule]:
+    @property
+    def contour_axes(self) -> tuple[str, ...]:
+        """User axes that make a plane or a space: those in µm, or in µrad; none if too few are."""
+        for unit in ("µm", "µrad"):
+            found = tuple(name for name, axis in self.axes.items() if axis.unit == unit)
+            if len(found) > 1:
+                return found
+        return ()
+
+    def broken(self, axes: Mapping[str, AxisConfig]) -> Iterator[BrokenRule]:
         """Yield what does not fit the axes of the stage."""
         rules = [*self._broken_names(axes)]
         yield from rules or self._broken_matrices()
@@ -115,7 +122,7 @@ class TransformConfig(ConfigModel):
         }
         return from_rows(arms, tuple(self.axes), tuple(self.axes))
 
-    def _broken_names(self, axes: "Mapping[str, StageAxisConfig]") -> Iterator[BrokenRule]:
+    def _broken_names(self, axes: Mapping[str, AxisConfig]) -> Iterator[BrokenRule]:
         path: KeyPath = ("transform",)
         for name, axis in self.axes.items():
             here = (*path, "axes", name)
@@ -182,5 +189,7 @@ def _broken_rows(
 def _broken_coupling(coupling: CouplingFile, actuators: list[str]) -> Iterator[BrokenRule]:
     named = {*coupling.shares, *(each for row in coupling.shares.values() for each in row)}
     if unknown := sorted(named - set(actuators)):
-        what = f"is of other axes (got {', '.join(unknown)}), `actuators` has {', '.join(actuators)}"
+        what = (
+            f"is of other axes (got {', '.join(unknown)}), `actuators` has {', '.join(actuators)}"
+        )
         yield ("transform", "coupling"), what

@@ -7,9 +7,7 @@ exceptions into values. `control.cycle` contains the cycle.
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import nan
-from typing import Final, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from piezod.config.faults import Fault
 from piezod.config.states import State
@@ -25,9 +23,6 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.messages.requests import Request
 from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.units import NS_PER_S
-
-
-_NO_WEIGHTS: Final = np.zeros(0)
 
 
 class Learned(NamedTuple):
@@ -148,11 +143,7 @@ class StageController:
 
     def learned(self, axis: int) -> Learned:
         """Return the learned parameters of an axis."""
-        axes, users = self._stage.axes, self._stage.users
-        if users is not None and axis >= len(axes):
-            low, high = users.limits(axis - len(axes))[2:4]
-            return Learned(_NO_WEIGHTS, 0.0, 0.0, 0.0, False, nan, low, high)
-        moved = axes[axis]
+        moved = self._stage.axes[axis]
         law, limits = moved.law, moved.motion_limits
         return Learned(
             law.identifier.weights,

@@ -279,6 +279,11 @@ def _watch_stage(
         text = f"a driver failed: {boundary.crash!r}"
         detections.append(_crashed(stage, t_ns, Fault.P3, -1, text))
         boundary.crash = None
+    users = stage.users
+    if users is not None and users.crash is not None:
+        text = f"the user axes failed: {users.crash!r}"
+        detections.append(_crashed(stage, t_ns, Fault.P4, -1, text))
+        users.crash = None
     if stage.estop_pressed():
         detections.append(_ESTOP)
     if driven and not boundary.shadow:

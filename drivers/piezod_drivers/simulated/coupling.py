@@ -6,7 +6,7 @@ import numpy as np
 
 from piezod.devices.interface import Sample
 from piezod.errors import DeviceError
-from piezod_drivers.simulated.axis import SENSOR_V, FloatArray
+from piezod_drivers.simulated.axis import SENSOR_V
 
 
 class RigCoupling:
@@ -59,4 +59,3 @@ class RigCoupling:
                 valid = valid and of_axes[j].valid
             found.append(Sample(sample.t_ns, um, valid))
         return found
-

@@ -128,6 +128,14 @@ AdoptOption: TypeAlias = Annotated[
     bool, typer.Option("--adopt", help="With --live: the stage uses the model from now on.")
 ]
 
+CouplingOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--coupling",
+        help="Fit how far the axes move each other, for `transform:`; DATA is a recording that "
+        "moves one axis after the other. Only with --out and --json.",
+    ),
+]
 VerboseOption: TypeAlias = Annotated[
     bool,
     typer.Option("--verbose", help="Print the choice, all errors, and a drive to record, too."),
@@ -153,6 +161,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     live: LiveOption = False,
     drive: DriveOption = None,
     adopt: AdoptOption = False,
+    coupling: CouplingOption = False,
     axis: AxisOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
@@ -176,6 +185,13 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     choices = choices_of(columns, scale, offset, invert, rate_hz)
     _check_usage(data, live=live, only_live=(drive, adopt, stage, socket), choices=choices)
     check_yaml_out(out)
+    if coupling:
+        if data is None or test or axis or choices:
+            raise typer.BadParameter("--coupling goes with DATA, --out and --json only")
+        from piezod.cli.identify.coupling_run import fit_couplings
+
+        fit_couplings(data, out, json=json)
+        return
     # numba, scipy and matplotlib take long to import.
     from piezod.cli.identify.run import FitJob, fit_file, fit_live
     from piezod.cli.identify.settings import fit_settings, given_delay_s

@@ -104,21 +104,26 @@ class MotionLimits(NamedTuple):
     shortest_s: float  #: Shortest duration of a movement, in s; a shorter one would ring the stage.
     low_um: float  #: Lowest position, in µm.
     high_um: float  #: Highest position, in µm.
-    unit: str = "µm"  #: Unit of the axis; that of a user axis may be µrad.
 
     def allow(self, position_um: float) -> bool:
         """Return whether a position may be commanded: it is finite and in the range."""
         return isfinite(position_um) and self.low_um <= position_um <= self.high_um
 
-    def refusal(self, low_um: float, high_um: float) -> str:
-        """Return why positions in a range may not be commanded; empty if they may."""
+    def refusal(self, low_um: float, high_um: float, unit: str = "µm") -> str:
+        """Return why positions in a range may not be commanded; empty if they may.
+
+        Args:
+            low_um: Lowest position, in µm.
+            high_um: Highest position, in µm.
+            unit: Unit of all of them, of a user axis: µm or µrad.
+        """
         slack_um = 1e-9 * (self.high_um - self.low_um)  # bounds are sums, with rounding errors
         if low_um >= self.low_um - slack_um and high_um <= self.high_um + slack_um:
             return ""
         # With all digits: a value that is hardly too large would look like the bound.
         got = f"{low_um:.12g}" if low_um == high_um else f"{low_um:.12g} to {high_um:.12g}"
-        allowed = f"allowed range {self.low_um:g} to {self.high_um:g} {self.unit}"
-        return f"position out of range (got {got} {self.unit}), {allowed}"
+        allowed = f"allowed range {self.low_um:g} to {self.high_um:g} {unit}"
+        return f"position out of range (got {got} {unit}), {allowed}"
 
 
 def motion_limits(

@@ -168,4 +168,3 @@ class _StreamedAxis(UnknownFuture):
 
     def __call__(self, _t_s: float) -> float:
         return self._of.value[self._axis]
-

@@ -5,7 +5,7 @@ the displacement of each actuator, a movement of user axes becomes one of all ac
 records of the actuators become those of the user axes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf, nan
 from typing import Final
 
@@ -47,9 +47,7 @@ class UserAxes:
         period_ns: Period of the loop, in ns.
     """
 
-    def __init__(
-        self, config: TransformConfig, axes: Sequence[StageAxis], period_ns: int
-    ) -> None:
+    def __init__(self, config: TransformConfig, axes: Sequence[StageAxis], period_ns: int) -> None:
         self.names = tuple(config.axes)
         self.units = [axis.unit for axis in config.axes.values()]
         self._axes, self._frame = axes, config.frame()
@@ -71,6 +69,8 @@ class UserAxes:
         self.stream: UserStream | None = None
         """Setpoints that user axes follow; None if they follow none."""
         self._told_limit = False
+        self.crash: Exception | None = None
+        """Exception of a cycle, until it is reported."""
         self.commanded_ns = 0
         """Instant of the newest setpoint, in ns."""
 
@@ -84,7 +84,7 @@ class UserAxes:
         config, shortest_s = self._configs[axis], 0.0
         for each in self.actuators:
             shortest_s = max(shortest_s, each.motion_limits.shortest_s)
-        return MotionLimits(config.speed_per_s, shortest_s, *config.range, config.unit)
+        return MotionLimits(config.speed_per_s, shortest_s, *config.range)
 
     # ------------------------------------------------------------------ movements
 
@@ -139,35 +139,41 @@ class UserAxes:
     def refusal(self, motions: Mapping[int, Motion], t_ns: int) -> str:
         """Return why a movement may not begin: where an actuator would go; empty if it may."""
         path = self._planned(motions, t_ns)
-        lasts_s = path.duration_s
-        for look in range(1, _LOOKS + 1):
-            t_s = lasts_s * look / _LOOKS
-            point_um = self._frame.actuators(path.user(t_s))
-            beyond = outside(point_um, path.low_um, path.high_um)
-            if beyond is not None:
-                low_um, high_um = path.low_um[beyond], path.high_um[beyond]
+        looks = [path.duration_s * look / _LOOKS for look in range(1, _LOOKS + 1)]
+        points_um = [self._frame.actuators(path.user(t_s)) for t_s in looks]
+        for i, each_um in enumerate(zip(*points_um, strict=True)):
+            low_um, high_um = path.low_um[i], path.high_um[i]
+            worst_um = max(each_um, key=lambda um: max(low_um - um, um - high_um))
+            if outside([worst_um], [low_um], [high_um]) is not None:
                 return (
-                    f"axis {self.actuators[beyond].name} would go to {point_um[beyond]:.5g} µm "
-                    f"{t_s:.3g} s after the start, allowed range {low_um:.5g} to {high_um:.5g} µm: "
-                    "choose a smaller movement"
+                    f"axis {self.actuators[i].name} would go to {worst_um:.4g} µm, allowed range "
+                    f"{low_um:.4g} to {high_um:.4g} µm: move other user axes with it, or less far"
                 )
         return ""
 
     def move(self, motions: Mapping[int, Motion], t_ns: int) -> None:
         """Start movements of some user axes; the others go on with theirs."""
+        rest = [i for i in self.stream.axes if i not in motions] if self.stream else []
+        streams = self.streams and bool(rest)
         self._move(self._planned(motions, t_ns), motions, t_ns)
-        self.stream = None
+        if self.stream is not None and streams:
+            self.stream.axes = rest
+        else:
+            self.stream = None
 
     def follow_stream(self, axes: Sequence[int], t_ns: int) -> None:
         """Let user axes follow the setpoints of a stream."""
+        before = self.stream if self.streams else None
         here, _ = self._here(t_ns)
         steps = [config.speed_per_s * self._period_s for config in self._configs]
-        steps_um = [
-            axis.motion_limits.speed_um_per_s * self._period_s for axis in self.actuators
-        ]
-        stream = UserStream(axes, here, steps, steps_um)
-        motions = {i: stream.motion(i) for i in axes}
-        self._move(self._planned(motions, t_ns), motions, t_ns)
+        steps_um = [axis.motion_limits.speed_um_per_s * self._period_s for axis in self.actuators]
+        all_axes = [*axes, *(i for i in before.axes if i not in axes)] if before else axes
+        stream = UserStream(all_axes, here, steps, steps_um)
+        if before is not None:
+            newest = enumerate(before.newest)
+            stream.newest = [here[i] if i in axes else value for i, value in newest]
+        motions = {i: stream.motion(i) for i in all_axes}
+        self._move(self._planned(motions, t_ns), axes, t_ns)
         self.stream, self.commanded_ns = stream, t_ns
 
     @property
@@ -193,6 +199,13 @@ class UserAxes:
 
         Call once per cycle, first. It is not valid if a sensor that it needs is not.
         """
+        try:
+            return self._displacements(readings, t_ns)
+        except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
+            self.crash = error
+            return [Sample(each.t_ns, nan, False) for each in readings]
+
+    def _displacements(self, readings: Sequence[Sample], t_ns: int) -> list[Sample]:
         if self.stream is not None and self._path is not None:
             self.stream.advance(self._path, self._frame, (t_ns - self._began_ns) / NS_PER_S)
         samples = list(readings)
@@ -206,6 +219,13 @@ class UserAxes:
 
     def records(self, records: Sequence[AxisRecord], t_ns: int) -> list[AxisRecord]:
         """Return the records of the user axes, from those of the axes. Call once per cycle."""
+        try:
+            return self._records(records, t_ns)
+        except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
+            self.crash = error
+            return [records[i]._replace(position_um=nan, command_um=nan) for i in self.at]
+
+    def _records(self, records: Sequence[AxisRecord], t_ns: int) -> list[AxisRecord]:
         of = [records[i] for i in self.at]
         positions = self._frame.user([each.position_um for each in of])
         commands = self._frame.user([each.command_um for each in of])
@@ -220,12 +240,25 @@ class UserAxes:
             # A target that is not a number is that of a stream: it has always arrived.
             far = abs(targets[i] - commands[i]) > self._configs[i].tolerance
             arrived = on_target.update(nan if left_s or far else error)
-            of_user = (of[0].mode, of[0].gate, arrived, self._numbers[i], limited)
-            remaining_s = left_s if targets[i] == targets[i] else nan
-            volts = (nan, nan, nan, nan, nan)
-            ums = (positions[i], commands[i], targets[i])
             found.append(
-                AxisRecord(of[0].sample_ns, *ums, *volts, trims[i], *of_user, remaining_s)
+                AxisRecord(
+                    sample_ns=of[0].sample_ns,
+                    position_um=positions[i],
+                    command_um=commands[i],
+                    target_um=targets[i],
+                    uncompensated_v=nan,
+                    asked_v=nan,
+                    drive_v=nan,
+                    in_force_v=nan,
+                    read_back_v=nan,
+                    trim_um=trims[i],
+                    mode=of[0].mode,
+                    gate=of[0].gate,
+                    on_target=arrived,
+                    motion=self._numbers[i],
+                    limited=limited,
+                    remaining_s=left_s if targets[i] == targets[i] else nan,
+                )
             )
         return found
 
@@ -311,19 +344,17 @@ class UserAxes:
             return motion, elapsed_s
         return rejoin(motion, elapsed_s, here, self.limits(axis)), 0.0
 
-    def _move(self, path: UserPath, motions: Mapping[int, Motion], t_ns: int) -> None:
+    def _move(self, path: UserPath, begun: Iterable[int], t_ns: int) -> None:
         self._path, self._began_ns = path, t_ns
         # Instants instead of times: each movement goes on when another one begins.
-        self._motions = [
-            (motion, t_ns - s_to_ns(began_s)) for motion, began_s in path.motions
-        ]
+        self._motions = [(motion, t_ns - s_to_ns(began_s)) for motion, began_s in path.motions]
         lasts_s, targets_um = path.duration_s, path.targets_um()
         for axis, reference, target_um in zip(
             self.actuators, path.references(), targets_um, strict=True
         ):
             axis.move(Motion(reference, lasts_s, target_um), t_ns)
         self._of_actuators = [axis.motion for axis in self.actuators]
-        for i in motions:
+        for i in begun:
             self._numbers[i] += 1
             self._on_target[i].restart()
 

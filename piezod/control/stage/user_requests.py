@@ -44,12 +44,13 @@ def path(
     numbered = [{users.names.index(name): at for name, at in each.items()} for each in points]
     for i in sorted({i for point in numbered for i in point}):
         limits = users.limits(i)
-        refusals = (limits.refusal(point[i], point[i]) for point in numbered if i in point)
+        unit, named = users.units[i], [point[i] for point in numbered if i in point]
+        refusals = (limits.refusal(at, at, unit) for at in named)
         why = next(filter(None, refusals), "")
         if not why and speed_per_s is not None and speed_per_s > limits.speed_um_per_s:
             why = (
-                f"speed out of range (got {speed_per_s:g} {limits.unit}/s), allowed: at most "
-                f"{limits.speed_um_per_s:g} {limits.unit}/s, speed_per_s of the axis"
+                f"speed out of range (got {speed_per_s:g} {unit}/s), allowed: at most "
+                f"{limits.speed_um_per_s:g} {unit}/s, speed_per_s of the axis"
             )
         if why:
             return Answer(False, f"axis {users.names[i]}: {why}")
@@ -63,7 +64,7 @@ def wave(stage: Stage, users: UserAxes, request: requests.Wave, t_ns: int) -> An
         i = users.names.index(name)
         waveform = waveforms[i] = config.built(request.duration_s)
         why = too_fast(waveform.highest_hz, NS_PER_S / stage.period_ns)
-        why = why or users.limits(i).refusal(waveform.low, waveform.high)
+        why = why or users.limits(i).refusal(waveform.low, waveform.high, users.units[i])
         if why:
             return Answer(False, f"axis {name}: {why}")
     if why := start_refusal(request.start_s, t_ns, users.lead_in_s(waveforms, t_ns)):
