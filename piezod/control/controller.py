@@ -18,6 +18,7 @@ from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.requests import execute
 from piezod.control.stage.stage import Stage
+from piezod.control.stage.user_axes import UserAxes
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.hysteresis.memory import FloatArray
 from piezod.messages.requests import Request
@@ -61,6 +62,11 @@ class StageController:
     def finished(self) -> bool:
         """Whether a shutdown has ended and the process may end."""
         return self._stage.state is State.STOPPING
+
+    @property
+    def users(self) -> UserAxes | None:
+        """The user axes; None if there are none."""
+        return self._stage.users
 
     @property
     def axes(self) -> list[StageAxis]:
