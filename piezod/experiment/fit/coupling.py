@@ -66,12 +66,16 @@ def fit_coupling(path: Path) -> CouplingFit:
         OSError: If the file cannot be read.
     """
     telemetry = read_telemetry(path)
-    configuration = telemetry.header.configuration() or {}
-    if "transform" in configuration:
+    if "transform" in (telemetry.header.configuration() or {}):
         raise DataError(
             f"{path}: the configuration of this stage has a `transform:` already, so the positions "
             "are free of its coupling: record without it"
         )
+    return couplings_in(telemetry, path)
+
+
+def couplings_in(telemetry: RecordedTelemetry, path: Path) -> CouplingFit:
+    """Return the couplings of a recording that was read; the path is for messages."""
     axes = [
         name
         for name, columns in telemetry.axes.items()
