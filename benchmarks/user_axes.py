@@ -13,6 +13,7 @@ import numpy as np
 
 from piezod.config.coupling_file import CouplingFile
 from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.modes import Mode
 from piezod.config.waveforms.shapes import Component, Multisine
 from piezod.control.assembly import assemble
 from piezod.control.watch.loop import CycleTiming
@@ -30,6 +31,16 @@ CONFIG = Path(__file__).parents[1] / "config"
 RATE_HZ = 1000.0
 SLOW_HZ = 0.25
 MIDDLE = {"x": 12.5, "y": 12.5}
+POINTS = (
+    {"z": 12.5},
+    {"z": 8.0},
+    {"z": 16.0},
+    {"z": 12.5, "rx": 40.0},
+    {"rx": -40.0},
+    {"rx": 0.0, "ry": 60.0},
+    {"ry": -60.0},
+    {"z": 15.0, "rx": 30.0, "ry": 30.0},
+)
 _ON_TIME = CycleTiming(0, 0, 10_000, 0, 0)
 
 
@@ -165,18 +176,16 @@ def two_axes() -> None:
 
 
 def table() -> None:
-    """Print the errors of the table."""
-    config = at_rate(CONFIG / "tip-tilt.yaml")
-    start = {"z": 12.5, "rx": 0.0, "ry": 0.0}
-    spans = {"z": (7.0, 18.0), "rx": (-60.0, 60.0), "ry": (-60.0, 60.0)}
-    for name, span in spans.items():
-        found = swung(config, start, **{name: sine(*span)})
-        worst = {
-            each: np.abs(found.error(each)).max() / np.ptp(config.user_axes[each].range)
-            for each in spans
-        }
-        text = ", ".join(f"{each} {100 * error:.3f} %" for each, error in worst.items())
-        print(f"table, {name} swings: worst errors {text} of the range")
+    """Print the errors of the table where it has arrived, in mode `trimmed`."""
+    config = at_rate(CONFIG / "tip-tilt.yaml").model_copy(update={"mode": Mode.TRIMMED})
+    rig, worst = VirtualRig(config), dict.fromkeys(config.user_axes, 0.0)
+    for point in POINTS:
+        rig.run(rig.ask(rq.Path(points=(point,))) + 1.0)
+        found = rig.run(0.5)
+        for name, axis in config.user_axes.items():
+            worst[name] = max(worst[name], abs(found.error(name).mean()) / np.ptp(axis.range))
+    text = ", ".join(f"{name} {100 * error:.3f} %" for name, error in worst.items())
+    print(f"table at {len(POINTS)} points: worst errors {text} of the range")
 
 
 if __name__ == "__main__":

@@ -87,7 +87,7 @@ def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
 def path(
     points: Annotated[
         list[str],
-        typer.Argument(metavar="POINT...", help="Points, as in x=5,y=3; in the units of the axes."),
+        typer.Argument(metavar="POINT", help="Points, as in x=5,y=3; in the units of the axes."),
     ],
     speed: Annotated[
         float | None,
