@@ -43,7 +43,7 @@ def contour_error(telemetry: RecordedTelemetry, names: Sequence[str]) -> NDArray
     command = np.stack([telemetry.axes[name]["command_um"] for name in names], axis=1)
     position = np.stack([telemetry.axes[name]["position_um"] for name in names], axis=1)
     lines = min(max(round(_PATH_S * telemetry.header.rate_hz), 1), _MOST_LINES, len(command))
-    nearest = np.linalg.norm(command - position, axis=1)
+    nearest: NDArray[np.float64] = np.linalg.norm(command - position, axis=1)
     for back in range(1, lines):
         begin, way = command[:-back], np.zeros_like(command[:-back])
         way[:] = command[1 : len(command) - back + 1] - begin
