@@ -155,8 +155,8 @@ def test_waves_of_user_axes_begin_together() -> None:
     stage = CoupledStage()
     stage.ask(rq.Path(points=({"x": 2.0, "y": 5.0},)))
     stage.run(1.0)
-    waves = {"x": _round(90.0), "y": _round(0.0)}
-    answer = stage.ask(rq.Wave(command_um=waves, duration_s=1.0))
+    waves = rq.Wave(command_um={"x": _round(90.0), "y": _round(0.0)}, duration_s=1.0)
+    answer = stage.ask(waves)
     records = stage.run(answer.duration_s)
     for record in records[-180:]:
         x, y = point(record, "x", "y")
