@@ -155,7 +155,8 @@ def _draw_path(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
         draw_trace(axes, across["position_um"], up["position_um"], label="measured", **POSITION)
         draw_trace(axes, across["command_um"], up["command_um"], label="command", **COMMAND)
         unit = user_units(telemetry.header)[axis]
-        axes.set(xlabel=f"{names[0]} ({unit})", ylabel=f"{names[1]} ({unit})", aspect="equal")
+        axes.set(xlabel=f"{names[0]} ({unit})", ylabel=f"{names[1]} ({unit})")
+        axes.set_aspect("equal", adjustable="datalim")
         legend_above(axes)
     axes.set_title("(e) Path")
 
