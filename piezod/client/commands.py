@@ -1,6 +1,6 @@
 """The requests to the loop, as methods of both clients."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from piezod.client.calls import Call, Waveforms, command
@@ -68,6 +68,18 @@ class StageCommands:
             speed_um_per_s: Speed, in µm/s; None for the configured speed.
         """
         return command("goto", position_um=position_um, axis=axis, speed_um_per_s=speed_um_per_s)
+
+    @ClientMethod
+    def path(
+        self, points: Sequence[Mapping[str, float]], *, speed_per_s: float | None = None
+    ) -> Call[Answer]:
+        """Move user axes on straight lines through points, with a stop at each.
+
+        Args:
+            points: Points: position of each user axis that moves, in its unit.
+            speed_per_s: Highest speed of an axis, in its unit per s; None for the configured ones.
+        """
+        return command("path", points=tuple(points), speed_per_s=speed_per_s)
 
     @ClientMethod
     def wave(
