@@ -1,0 +1,204 @@
+"""A converter card of the kernel: its driver comedi_test connects output n with input n.
+
+Samples that a command of its clock takes are a sawtooth on input 0, whatever the outputs do.
+"""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from piezod.devices import registry
+from piezod.devices.interface import Wiring
+from piezod.devices.player import PlayState, Progress, Table
+from piezod.errors import DeviceError, PortHeldError
+from tests.vm.guest.buses import driven, faulted, recovered
+from tests.vm.guest.shell import attempt, need, run, wait_until
+from tests.vm.guest.stage import Stage
+
+PORT: Final = "/dev/comedi0"
+CYCLE_S: Final = 0.05
+STEP_V: Final = 20 / 65535
+STAGE: Final = Stage(
+    "card",
+    "open-loop.yaml",
+    (
+        ("rate_hz: 200", "rate_hz: 20"),
+        (
+            "driver: simulated, options: .*}}",
+            "driver: comedi, options: {outputs: {x: {number: 3, measured_by: {number: 3}}}}}",
+        ),
+        (
+            "amplifier: amplifier",
+            "amplifier: {device: amplifier, channel: x, calibration: {kind: line, gain: 15}}",
+        ),
+    ),
+)
+
+
+@contextmanager
+def card(inputs: dict[str, int], outputs: dict[str, int]) -> Iterator[Any]:
+    """Open a card with these channels, and activate it."""
+    plugin = registry.load("comedi")
+    options = plugin.options_model.model_validate(
+        {
+            "port": PORT,
+            "inputs": {name: {"number": number} for name, number in inputs.items()},
+            "outputs": {
+                name: {"number": number, "measured_by": {"number": number}}
+                for name, number in outputs.items()
+            },
+        }
+    )
+    device = plugin.create(options, Wiring(tuple(inputs), tuple(outputs)), 1)
+    device.open()
+    try:
+        device.activate(time.monotonic_ns())
+        yield device
+    finally:
+        device.close()
+
+
+def is_there() -> str:
+    """Load the kernel's driver, and identify the card."""
+    run("modprobe comedi_test")
+    wait_until(lambda: attempt(f"test -c {PORT}").returncode == 0, PORT)
+    with card({"in": 2}, {"out": 2}) as device:
+        return f"{device.capabilities()}"
+
+
+def setpoints_are_read_back() -> str:
+    """At 20 Hz, each set-point is what the input reads and what is read back."""
+    taken_ns = []
+    with card({"in": 2}, {"out": 2}) as device:
+        for value_v in np.sin(np.arange(200) / 30) * 9.9:
+            begin_ns = time.monotonic_ns()
+            need(device.write([float(value_v)], begin_ns), f"{value_v} V is refused")
+            (sample,) = device.read(begin_ns)
+            (read_back_v,) = device.read_back(begin_ns)
+            taken_ns.append(time.monotonic_ns() - begin_ns)
+            for found_v in (sample.position_um, read_back_v):
+                need(abs(found_v - value_v) <= 0.51 * STEP_V, f"{value_v} V is {found_v} V")
+            time.sleep(max(0.0, CYCLE_S - taken_ns[-1] / 1e9))
+        need(not device.write([10.1], begin_ns), "a voltage out of range is accepted")
+        device.write([0.0], begin_ns)
+    return f"200 cycles equal; a cycle takes {np.median(taken_ns) / 1e3:.0f} µs here"
+
+
+def play_comes_out() -> str:
+    """Each value of a table is seen at the output, in order, and the last one stays."""
+    table = Table(
+        20_000_000, np.linspace(0, 1, 10)[:, None], 1 + np.arange(40)[:, None] % 7 / 10, 2
+    )
+    seen: list[float] = []
+    with card({}, {"out": 3}) as device:
+        loaded = device.load(table)
+        device.arm()
+        device.start(time.monotonic_ns())
+        need(not device.write([0.0], time.monotonic_ns()), "a set-point is accepted in a play")
+        while (progress := device.progress(time.monotonic_ns())).state is PlayState.PLAYING:
+            (value_v,) = device.read_back(time.monotonic_ns())
+            if not seen or value_v != seen[-1]:
+                seen.append(value_v)
+            time.sleep(0.001)
+        need(progress == Progress(PlayState.ENDED, 2), f"{progress}")
+        wanted = np.concatenate((loaded.lead_in, *([loaded.period] * 2)))[:, 0].tolist()
+        wanted = [wanted[0], *(b for a, b in pairwise(wanted) if a != b)]
+        seen = seen[seen.index(wanted[0]) :]  # before the first point it is the value before
+        need(seen == wanted, f"seen {seen}, table {wanted}")
+        need(device.write([0.0], time.monotonic_ns()), "a set-point is refused after a play")
+    return f"{len(wanted)} values equal"
+
+
+def record_is_complete() -> str:
+    """Each sample of a record is the one of the card's sawtooth: none is lost or repeated."""
+    interval_ns, n = 100_000, 20_000
+    table = Table(interval_ns, np.zeros((0, 1)), np.zeros((n, 1)), 1)
+    with card({"saw": 0}, {"out": 3}) as device:
+        able = device.player_capabilities()
+        device.load(table)
+        device.arm()
+        device.start(time.monotonic_ns())
+        while (progress := device.progress(time.monotonic_ns())).state is PlayState.PLAYING:
+            time.sleep(0.01)
+        need(progress == Progress(PlayState.ENDED, 1), f"{progress}")
+        found_v = device.recording().positions[:, 0]
+    need(len(found_v) == n, f"{len(found_v)} of {n} samples")
+    # A period of the sawtooth is 0.1 s: it rises from -1 to 1 V, 2 mV at each of 1000 samples.
+    begin = round((found_v[0] + 1) / 2 * 1000)
+    wanted_v = -1 + ((begin + np.arange(n)) % 1000) / 1000 * 2
+    worst = int(np.abs(found_v - wanted_v).argmax())
+    most_v = float(np.abs(found_v - wanted_v)[worst])
+    need(most_v <= 7 * STEP_V, f"sample {worst} is {found_v[worst]} V, not {wanted_v[worst]} V")
+    return f"{n} samples at 10 kHz, the worst {most_v * 1e3:.2f} mV off; {able}"
+
+
+def other_program_is_named() -> str:
+    """While another program plays on the outputs, the card cannot be taken; afterwards it can."""
+    with card({}, {"out": 3}) as other:
+        try:
+            with card({}, {"out": 3}):
+                need(False, "two programs drive the card")
+        except PortHeldError as error:
+            said = str(error)
+        need(other.write([0.0], time.monotonic_ns()), "the owner has lost the outputs")
+    with card({}, {"out": 3}):
+        return said
+
+
+def stranger_is_refused() -> str:
+    """A user outside of the group gets told what is missing."""
+    code = (
+        "from tests.vm.guest.comedi import card\n"
+        "try:\n  card({}, {'out': 3}).__enter__()\nexcept Exception as e: print(e)"
+    )
+    said = run(f'runuser -u nobody -- env PYTHONPATH=/mnt/host /opt/piezod/bin/python -c "{code}"')
+    need("no access" in said, said)
+    return said
+
+
+def wrong_channels_are_refused() -> str:
+    """A channel or a range that the card lacks is refused with what it has."""
+    said = []
+    for options in ({"number": 99}, {"number": 0, "range": [-50, 50]}):
+        plugin = registry.load("comedi")
+        made = plugin.options_model.model_validate({"outputs": {"out": options}})
+        try:
+            plugin.create(made, Wiring((), ("out",)), 1).open()
+        except DeviceError as error:
+            said.append(str(error))
+    need(len(said) == 2, f"only {said}")
+    return "; ".join(said)
+
+
+def output_v(number: int = 3) -> float:
+    """Return the voltage at an output, as an input measures it."""
+    with card({"in": number}, {}) as device:
+        (sample,) = device.read(time.monotonic_ns())
+    return float(sample.position_um)
+
+
+def stage_drives() -> str:
+    """Drive a stage at 20 Hz as a service."""
+    STAGE.configure()
+    STAGE.start()
+    return driven(STAGE)
+
+
+def card_is_removed() -> str:
+    """Detach the card in the middle of it, and bring it back: B1, and a person resets the stage."""
+    run(f"comedi_config -r {PORT}")
+    seen = faulted(STAGE, "B1")
+    run("rmmod comedi_test && modprobe comedi_test")
+    return f"{seen}; {recovered(STAGE)}"
+
+
+def stop_leaves_rest() -> str:
+    """`systemctl stop` ramps to 0 V, which stays."""
+    STAGE.stop()
+    found_v = output_v()
+    need(abs(found_v) < STEP_V, f"the output is {found_v} V")
+    return f"{found_v:.4f} V"
