@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from tests.vm.guest import buses, comedi, install, memory, others, service
+from tests.vm.guest import buses, comedi, iio, install, memory, others, service
 from tests.vm.guest.host import Host
 
 
@@ -38,6 +38,14 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("comedi: a stage drives at 20 Hz", comedi.stage_drives),
         ("comedi: the card is removed and comes back", comedi.card_is_removed),
         ("comedi: a stop ends at 0 V", comedi.stop_leaves_rest),
+        ("iio: the chips of the kernel are found", iio.chips_are_there),
+        ("iio: set-points reach the register", iio.setpoints_reach_the_register),
+        ("iio: a user without rights is told so", iio.user_without_rights_is_told),
+        ("iio: a wrong device or channel is named", iio.wrong_device_is_named),
+        ("iio: a stage drives at 20 Hz", iio.stage_drives),
+        ("iio: the chip is removed and comes back", iio.chip_is_removed),
+        ("iio: a stop ends at 0 V", iio.stop_leaves_rest),
+        ("iio: the stage behind the chips is commissioned", iio.model_is_identified),
         ("the unit of the page serves it", others.page_is_served),
         ("the unit of the IOC serves the stages", others.ioc_serves),
         ("uninstall is refused while something runs", others.uninstall_is_refused),

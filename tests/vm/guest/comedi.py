@@ -15,6 +15,7 @@ from piezod.devices import registry
 from piezod.devices.interface import Wiring
 from piezod.devices.player import PlayState, Progress, Table
 from piezod.errors import DeviceError, PortHeldError
+from tests.vm.guest import shell
 from tests.vm.guest.buses import driven, faulted, recovered
 from tests.vm.guest.shell import attempt, need, run, wait_until
 from tests.vm.guest.stage import Stage
@@ -70,6 +71,13 @@ def is_there() -> str:
         return f"{device.capabilities()}"
 
 
+@shell.confirms(
+    "comedi",
+    "comedi",
+    part="set-points and read-back by an input",
+    by="comedi_test of Linux 6.1",
+    kind="kernel driver",
+)
 def setpoints_are_read_back() -> str:
     """At 20 Hz, each set-point is what the input reads and what is read back."""
     taken_ns = []
@@ -88,6 +96,9 @@ def setpoints_are_read_back() -> str:
     return f"200 cycles equal; a cycle takes {np.median(taken_ns) / 1e3:.0f} µs here"
 
 
+@shell.confirms(
+    "comedi", "comedi", part="tables", by="comedi_test of Linux 6.1", kind="kernel driver"
+)
 def play_comes_out() -> str:
     """Each value of a table is seen at the output, in order, and the last one stays."""
     table = Table(
@@ -113,6 +124,9 @@ def play_comes_out() -> str:
     return f"{len(wanted)} values equal"
 
 
+@shell.confirms(
+    "comedi", "comedi", part="records", by="comedi_test of Linux 6.1", kind="kernel driver"
+)
 def record_is_complete() -> str:
     """Each sample of a record is the one of the card's sawtooth: none is lost or repeated."""
     interval_ns, n = 100_000, 20_000
@@ -136,6 +150,9 @@ def record_is_complete() -> str:
     return f"{n} samples at 10 kHz, the worst {most_v * 1e3:.2f} mV off; {able}"
 
 
+@shell.confirms(
+    "comedi", "comedi", part="EBUSY", by="comedi core of Linux 6.1", kind="kernel driver"
+)
 def other_program_is_named() -> str:
     """While another program plays on the outputs, the card cannot be taken; afterwards it can."""
     with card({}, {"out": 3}) as other:
@@ -163,7 +180,7 @@ def stranger_is_refused() -> str:
 def wrong_channels_are_refused() -> str:
     """A channel or a range that the card lacks is refused with what it has."""
     said = []
-    for options in ({"number": 99}, {"number": 0, "range": [-50, 50]}):
+    for options in ({"number": 99}, {"number": 0, "range": (-50.0, 50.0)}):
         plugin = registry.load("comedi")
         made = plugin.options_model.model_validate({"outputs": {"out": options}})
         try:
@@ -188,6 +205,13 @@ def stage_drives() -> str:
     return driven(STAGE)
 
 
+@shell.confirms(
+    "comedi",
+    "comedi",
+    part="a card that is removed",
+    by="comedi core of Linux 6.1",
+    kind="kernel driver",
+)
 def card_is_removed() -> str:
     """Detach the card in the middle of it, and bring it back: B1, and a person resets the stage."""
     run(f"comedi_config -r {PORT}")

@@ -1,14 +1,18 @@
 """Tables as codes of a card, and its samples as values: with numpy, outside of the loop."""
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from piezod.devices.player import FloatArray, Table
+from piezod.devices.player import Table
 from piezod_drivers.kernel.comedi.codec import Converter, Polynomial
 
+FloatArray: TypeAlias = npt.NDArray[np.float64]
 
-def codes_of(values_v: FloatArray, converters: Sequence[Converter]) -> np.ndarray:
+
+def codes_of(values_v: FloatArray, converters: Sequence[Converter]) -> FloatArray:
     """Return the code of each value, shape (n, outputs)."""
     columns = [
         np.clip(np.rint(_evaluated(one.from_v, values_v[:, i])), 0, one.most)
