@@ -116,8 +116,8 @@ def test_error_of_the_kernel_is_a_value(
         raise OSError(number, os.strerror(number))
 
     made = opened(folder)
-    monkeypatch.setattr(sysfs.os, "pread", refused)
-    monkeypatch.setattr(sysfs.os, "pwrite", refused)
+    monkeypatch.setattr(os, "pread", refused)
+    monkeypatch.setattr(os, "pwrite", refused)
     (sample,) = made.read(0)
     assert (sample.valid, made.write([1.0], 0)) == (False, False)
     assert all(flag in each for each in made.status(0))

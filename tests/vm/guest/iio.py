@@ -9,7 +9,7 @@ import os
 import time
 from ctypes import POINTER, Structure, c_uint8, c_uint16, c_uint32, pointer
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from piezod.devices import registry
 from piezod.devices.interface import Wiring
@@ -108,7 +108,7 @@ def adapter() -> Path:
 def plant() -> None:
     """Be the stage between both chips, for ever: a simulated one of the project."""
     driver, bus = registry.load("simulated"), Bus()
-    rig = driver.create(driver.options_model(), Wiring(("x",), ("x",)), 1)
+    rig: Any = driver.create(driver.options_model(), Wiring(("x",), ("x",)), 1)
     rig.open()
     rig.activate(time.monotonic_ns())
     while True:
@@ -144,7 +144,7 @@ def setpoints_reach_the_register() -> str:
         "device": "ds4424",
         "outputs": {"out": {"file": "out_current0", "raw": (0, STEPS), "scale": STEP_V}},
     }
-    dac = plugin.create(plugin.options_model.model_validate(options), Wiring((), ("out",)), 1)
+    dac: Any = plugin.create(plugin.options_model.model_validate(options), Wiring((), ("out",)), 1)
     dac.open()
     dac.activate(0)
     begin_ns = time.monotonic_ns()
