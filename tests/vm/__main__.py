@@ -2,8 +2,8 @@
 
 Builds the machine, boots it, installs the wheel in it, and makes the checks of `tests/vm/guest`.
 Exits with 1 if one failed, with 2 if something is missing here. What the guest has printed and
-logged is in build/vm/run. With the beginning of names of checks, as in `python -m tests.vm comedi`,
-only these are made.
+logged is in build/vm/run. With first words of checks, as in `python -m tests.vm comedi iio`, only
+these are made.
 """
 
 import shutil
