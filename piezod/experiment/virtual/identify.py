@@ -82,25 +82,30 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
     for name, one in identified.items():
         properties = LoopProperties(one.model.form, one.model.delay_s, period_s)
         check_axis_gains(name, one.config, properties, config.modes)
+    _condition(stage, config.axes, identified)
     return identified
 
 
 def _condition(
     stage: VirtualStage, axes: Mapping[str, AxisConfig], identified: Mapping[str, IdentifiedAxis]
 ) -> None:
-    """Condition axes that rest inside their range: where they have been before is not known."""
-    inside = {
+    """Condition axes that were identified, and those that rest inside their range.
+
+    The end of the drive of an identification may leave a stage elsewhere than its model expects.
+    Where an axis that rests inside its range has been before is not known.
+    """
+    programs = {
         name: conditioning(ConditioningConfig(), axis.limits)
         for name, axis in axes.items()
-        if identified[name].model.rests_inside(axis.limits.rest_v)
+        if axis.model is None or identified[name].model.rests_inside(axis.limits.rest_v)
     }
-    if not inside:
+    if not programs:
         return
     waveforms = [
-        inside[name].drive_v if name in inside else _constant(axis.limits.rest_v)
+        programs[name].drive_v if name in programs else _constant(axis.limits.rest_v)
         for name, axis in axes.items()
     ]
-    duration_s = max(program.duration_s for program in inside.values())
+    duration_s = max(program.duration_s for program in programs.values())
     for one, trace in zip(identified.values(), stage.open_loop(waveforms, duration_s), strict=True):
         one.creeping.watch(trace[:, POSITION_UM])
         one.creeping.follow(trace[:, IN_FORCE_V])

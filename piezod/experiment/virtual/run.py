@@ -3,6 +3,7 @@
 from functools import partial
 from itertools import chain
 
+from piezod.config.daemon import ConditioningConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.experiment.progress import Meter, Progress
 from piezod.experiment.session.runs import all_runs, versions
@@ -56,4 +57,7 @@ def _duration_s(config: ExperimentConfig) -> float:
     runs = len(config.modes) * sum(config.settle_s + case.duration_s for case in config.cases)
     if config.identification is None:
         return runs
-    return runs + config.identification.settle_s + config.identification.duration_s
+    swings = ConditioningConfig()
+    conditioning_s = swings.cycles / swings.frequency_hz
+    settings = config.identification
+    return runs + settings.settle_s + settings.duration_s + conditioning_s
