@@ -17,7 +17,7 @@ from piezod.devices.player import PlayState, Progress, Table
 from piezod.errors import DeviceError, PortHeldError
 from tests.vm.guest import shell
 from tests.vm.guest.buses import driven, faulted, recovered
-from tests.vm.guest.shell import attempt, need, run, wait_until
+from tests.vm.guest.shell import CheckError, attempt, need, run, wait_until
 from tests.vm.guest.stage import Stage
 
 PORT: Final = "/dev/comedi0"
@@ -102,28 +102,37 @@ def setpoints_are_read_back() -> str:
     "comedi", "comedi", part="tables", by="comedi_test of Linux 6.1", kind="kernel driver"
 )
 def play_comes_out() -> str:
-    """Each value of a table is seen at the output, in order, and the last one stays."""
-    table = Table(
-        20_000_000, np.linspace(0, 1, 10)[:, None], 1 + np.arange(40)[:, None] % 7 / 10, 2
-    )
+    """Each value of a table is seen at the output, in order, and the last one stays.
+
+    comedi_test leaves values out where the emulated processor was late: then it plays slower.
+    """
+    for interval_ms in (20, 60, 180, 540):
+        seen, wanted = _played(interval_ms)
+        rest = iter(wanted)
+        need(all(value in rest for value in seen), f"{seen} is no part of {wanted}")
+        if seen == wanted:
+            return f"{len(wanted)} values equal, at {interval_ms} ms"
+    raise CheckError(f"{len(seen)} of {len(wanted)} values")
+
+
+def _played(interval_ms: int) -> tuple[list[float], list[float]]:
+    """Play a table; return the values that were seen, and those of the table."""
+    rising, wave = np.linspace(0, 1, 5)[:, None], 1 + np.arange(20)[:, None] % 7 / 10
     seen: list[float] = []
     with card({}, {"out": 3}) as device:
-        loaded = device.load(table)
+        loaded = device.load(Table(interval_ms * 1_000_000, rising, wave, 2))
         device.arm()
         device.start(time.monotonic_ns())
         need(not device.write([0.0], time.monotonic_ns()), "a set-point is accepted in a play")
         while (progress := device.progress(time.monotonic_ns())).state is PlayState.PLAYING:
-            (value_v,) = device.read_back(time.monotonic_ns())
-            seen.append(value_v)
+            seen += device.read_back(time.monotonic_ns())
             time.sleep(0.001)
         need(progress == Progress(PlayState.ENDED, 2), f"{progress}")
         seen += device.read_back(time.monotonic_ns())
-        wanted = np.concatenate((loaded.lead_in, *([loaded.period] * 2)))[:, 0].tolist()
-        seen, wanted = _changes(seen), _changes(wanted)
-        seen = seen[seen.index(wanted[0]) :]  # before the first point it is the value before
-        need(seen == wanted, f"{len(seen)} values {seen[-9:]}, {len(wanted)} are {wanted[-9:]}")
         need(device.write([0.0], time.monotonic_ns()), "a set-point is refused after a play")
-    return f"{len(wanted)} values equal"
+    wanted = _changes(np.concatenate((loaded.lead_in, *([loaded.period] * 2)))[:, 0].tolist())
+    # Before the first point the output has its value of before.
+    return _changes([value for value in seen if value in wanted]), wanted
 
 
 def _changes(values: list[float]) -> list[float]:
