@@ -158,18 +158,18 @@ def record_is_complete() -> str:
         found_v = device.recording().positions[:, 0]
     need(len(found_v) == n, f"{len(found_v)} of {n} samples")
     codes = np.rint((found_v + 10) / STEP_V)
-    begins = (begin_us for begin_us in range(PERIOD_US) if sawtooth(begin_us, 1)[0] == codes[0])
+    begins = np.flatnonzero(sawtooth(np.arange(PERIOD_US), 1)[:, 0] == codes[0])
     need(
-        any(np.array_equal(sawtooth(begin_us, n), codes) for begin_us in begins),
+        bool((sawtooth(begins, n) == codes).all(axis=1).any()),
         f"the samples are no sawtooth: {codes[:1000:50]}",
     )
     return f"{n} samples at 10 kHz equal; {able}"
 
 
-def sawtooth(begin_us: int, n: int) -> Any:
-    """Return what comedi_test outputs: from -1 to 1 V in each period, in its whole numbers."""
+def sawtooth(begins_us: Any, n: int) -> Any:
+    """Return what comedi_test samples from each begin on, in its whole numbers: -1 to 1 V."""
     amplitude = 65535 * 1_000_000 // 20_000_000
-    at_us = (begin_us + 100 * np.arange(n)) % PERIOD_US
+    at_us = (begins_us[:, None] + 100 * np.arange(n)) % PERIOD_US
     return at_us * 2 * amplitude // PERIOD_US + 65535 // 2 - amplitude
 
 
