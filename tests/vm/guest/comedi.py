@@ -228,13 +228,6 @@ def stage_drives() -> str:
     return driven(STAGE)
 
 
-@shell.confirms(
-    "comedi",
-    "comedi",
-    part="a card that is removed",
-    by="comedi core of Linux 6.1",
-    kind="kernel driver",
-)
 def card_is_removed() -> str:
     """Detach the card in the middle of it, and bring it back: B1, and a person resets the stage."""
     run(f"comedi_config -r {PORT}")

@@ -188,13 +188,6 @@ def wrong_device_is_named() -> str:
     return "; ".join(said)
 
 
-@shell.confirms(
-    "iio",
-    "iio",
-    part="positions in a closed loop",
-    by="ti-ads1015 of Linux 6.1",
-    kind="kernel driver",
-)
 def stage_drives() -> str:
     """Close the loop at 20 Hz as a service; the position comes from the register of the ADC."""
     STAGE.configure()
@@ -210,9 +203,6 @@ def give_away() -> None:
     run(f"systemctl daemon-reload && chown piezod {DEVICES}/*/out_*_raw")
 
 
-@shell.confirms(
-    "iio", "iio", part="a chip that is removed", by="IIO core of Linux 6.1", kind="kernel driver"
-)
 def chip_is_removed() -> str:
     """Remove the DAC in the middle of it, and bring it back: B1, and a person resets the stage."""
     run(f"echo {DAC:#x} > {adapter()}/delete_device")
