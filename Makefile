@@ -64,8 +64,8 @@ soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20
 	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) \
 		$(if $(MODEL),--model $(MODEL)) --out build/soak
 
-vm: $(STAMP) ## install the wheel in a virtual Debian with systemd, and check the service there
-	$(BIN)/python -m tests.vm
+vm: $(STAMP) ## install the wheel in a virtual Debian with systemd, and check the service there (CHECKS=comedi: only those)
+	$(BIN)/python -m tests.vm $(CHECKS)
 
 mutants: $(STAMP) build/mutants/.installed ## change what stops a stage, place by place; each change must fail a test
 	build/mutants/bin/python -m tests.mutants $(MODULES)

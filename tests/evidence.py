@@ -22,7 +22,10 @@ ROOT: Final = Path(__file__).parents[1]
 WORDS: Final = ROOT / "drivers" / "piezod_drivers" / FILE
 MARK: Final = "confirms"
 KINDS: Final = {
+    "hardware": "a device on a bench, by a signed record of `piezod acceptance`",
     "capture": "bytes that a real device has sent or received",
+    "real firmware": "the compiled firmware of a device, on an emulated processor",
+    "kernel driver": "a driver of the Linux kernel, in a virtual machine (`make vm`)",
     "node": "a device in software, by somebody else, with our driver",
     "client": "a program for the device, by somebody else, with our emulated device",
     "manual": "a table or an example of a manual or of public code, as data of a test",
@@ -30,14 +33,23 @@ KINDS: Final = {
 }
 """The kinds of evidence, the strongest first."""
 NONE: Final = "none"
-DESCRIBED: Final = {"ascii", "can_dbc"}
+DESCRIBED: Final = {"ascii", "can_dbc", "comedi", "iio"}
 """Drivers for any device, with a description of it in the configuration."""
 WITHOUT_DEVICE: Final = {"simulated", "emulated"}
 """Drivers of our own simulation: there is no device to be compared with."""
-PAGES: Final = {"modbus": "modbus.md", "canopen": "can.md", "can_dbc": "can.md"}
+PAGES: Final = {
+    "modbus": "modbus.md",
+    "canopen": "can.md",
+    "can_dbc": "can.md",
+    "comedi": "daq-card.md",
+    "iio": "raspberry-pi.md",
+}
 """The page of each driver; the others are for serial devices."""
 PEERS: Final = "tests/peers/"
-"""Tests in this folder are run by `make peers`, the others by `make test`."""
+GUEST: Final = "tests/vm/guest/"
+"""Tests in these folders are run by `make peers` and `make vm`, the others by `make test`."""
+RECORDS: Final = ROOT / "docs" / "hardware"
+"""Folder for the records of `piezod acceptance`, each with its signature."""
 
 
 class Evidence(NamedTuple):
@@ -86,9 +98,10 @@ def _choices(driver: str) -> Iterator[str]:
 
 
 def marks() -> list[Evidence]:
-    """Return the marks of all tests, read from their source: nothing is imported."""
-    found: list[Evidence] = []
-    for file in sorted((ROOT / "tests").rglob("test_*.py")):
+    """Return records and marks of all tests, read from their source: nothing is imported."""
+    found: list[Evidence] = list(records(RECORDS))
+    files = [*(ROOT / "tests").rglob("test_*.py"), *(ROOT / GUEST).glob("*.py")]
+    for file in sorted(files):
         text = file.read_text(encoding="utf-8")
         if f".{MARK}(" not in text:
             continue  # most files; parsing all of them takes seconds
@@ -98,6 +111,17 @@ def marks() -> list[Evidence]:
                 for each in node.decorator_list:
                     found += _evidence_of(each, test)
     return sorted(found)
+
+
+def records(folder: Path) -> Iterator[Evidence]:
+    """Yield the evidence of the records of hardware in a folder."""
+    for file in sorted(folder.glob("*.json")):
+        record = json.loads(file.read_text(encoding="utf-8"))
+        device = " ".join(part for part in record["device"]["identity"].values() if part)
+        rows = record["commissioned"]["found"] if record["commissioned"] else []
+        part = f"{device}: {len(rows)} results, {len(record['faults'])} faults"
+        place = f"{file.relative_to(folder.parents[1]).as_posix()}::record"
+        yield Evidence(record["driver"], record["profile"], part, record["by"], "hardware", place)
 
 
 def _evidence_of(decorator: ast.expr, test: str) -> Iterator[Evidence]:
@@ -150,7 +174,8 @@ def _rows(found: list[Evidence], driver: str, profile: str) -> list[tuple[str, .
 
 def _link(test: str) -> str:
     path, _, name = test.partition("::")
-    target = " (`make peers`)" if path.startswith(PEERS) else ""
+    runs = {PEERS: " (`make peers`)", GUEST: " (`make vm`)"}
+    target = next((text for folder, text in runs.items() if path.startswith(folder)), "")
     return f"[{name.removeprefix('test_').replace('_', ' ')}](../{path}){target}"
 
 

@@ -84,6 +84,11 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
             "devices.commission",
             "Measure an axis: identity, noise, polarity, travel, delay, first mode.",
         ),
+        (
+            "acceptance",
+            "devices.acceptance",
+            "Write a signed record of what was tried with a device; moves nothing.",
+        ),
     ),
     "Daemon of a stage": (
         (

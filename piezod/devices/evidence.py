@@ -4,6 +4,8 @@ import json
 from importlib.resources import files
 from typing import Final
 
+from pydantic import BaseModel
+
 from piezod.devices.plugins import points_of
 from piezod.devices.registry import GROUP
 
@@ -12,12 +14,14 @@ FILE: Final = "evidence.json"
 
 
 def evidence_of(driver: str) -> dict[str, str]:
-    """Return what each profile of an installed driver was checked against, in one word.
+    """Return what each profile of an installed driver was checked against.
 
-    The words are, the strongest first: "capture" (bytes of a real device), "node" (somebody else's
-    device in software), "client" (somebody else's program for the device), "manual" (a table or an
-    example of a manual), "protocol" (a program that does not know the device), "none". Empty if the
-    driver does not state it.
+    The words are, the strongest first: "hardware" (a device, by a signed record of `piezod
+    acceptance`), "capture" (bytes of a real device), "real firmware" (on an emulated processor),
+    "kernel driver" (a driver of the Linux kernel), "node" (somebody else's device in software),
+    "client" (somebody else's program for the device), "manual" (a table or an example of a manual),
+    "protocol" (a program that does not know the device), "none". Empty if the driver does not state
+    it.
     """
     words: dict[str, str] = {}
     for point in points_of(GROUP).select(name=driver):
@@ -28,3 +32,11 @@ def evidence_of(driver: str) -> dict[str, str]:
             continue  # a driver that is one module, a package without this file, or a broken file
         words |= table.get(driver, {})
     return words
+
+
+def profile_of(driver: str, options: BaseModel) -> str:
+    """Return the profile of a device with these options, as `evidence_of` names it."""
+    for key in ("profile", "model"):
+        if isinstance(named := getattr(options, key, None), str):
+            return named
+    return next(iter(evidence_of(driver)), driver)

@@ -6,10 +6,14 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
+from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.interface import Amplifier, Wiring
 from piezod.devices.player import Player, PlayState, Progress, Table
+from piezod_drivers.kernel.comedi.driver import make_device
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
+from tests.drivers.kernel.fake_card import OPTIONS as CARD
+from tests.drivers.kernel.fake_card import FakeCard
 from tests.drivers.modbus import play_bench as modbus_bench
 from tests.drivers.play_bench import PlayBench
 from tests.drivers.serial_line import lc400_play_bench, nv200_play_bench, pi_play_bench
@@ -79,10 +83,23 @@ def emulated(bench: PlayBench, outside: float) -> Iterator[OpenPlayer]:
     bench.device.close()
 
 
+@contextmanager
+def comedi() -> Iterator[OpenPlayer]:
+    """Open a converter card in memory, in virtual time."""
+    card = FakeCard()
+    device = make_device(CARD, Wiring(("position",), ("drive",)), card)
+    assert isinstance(device, PlayingBusDevice)
+    device.open()
+    device.activate(card.now_ns)
+    yield OpenPlayer(device, lambda: card.now_ns, card.wait, outside=10.1, settled=0.001)
+    device.close()
+
+
 BENCHES: dict[str, Callable[[], AbstractContextManager[OpenPlayer]]] = {
     "simulated": simulated,
     "labjack-t7": lambda: emulated(modbus_bench.play_bench(), 5.1),
     "pi-gcs2": lambda: emulated(pi_play_bench.play_bench(wave_end="holds"), 151.0),
+    "comedi": comedi,
     "lc400": lambda: emulated(lc400_play_bench.play_bench(), 50.1),
     "psj-nv200": lambda: emulated(nv200_play_bench.play_bench(wave_end="holds"), 151.0),
 }

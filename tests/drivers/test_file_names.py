@@ -11,6 +11,8 @@ import pytest
 ROOT: Final = Path(__file__).parents[2] / "drivers"
 PACKAGE: Final = ROOT / "piezod_drivers"
 WITHOUT_BUS: Final = {"simulated", "emulated"}
+WITHOUT_EMULATOR: Final = WITHOUT_BUS | {"comedi", "iio"}
+"""The kernel has devices for tests of its own."""
 PARTS: Final = {"emulation", "profiles"}
 """Folders inside a driver's folder; the table names their files with the folder."""
 
@@ -26,19 +28,23 @@ class Row(NamedTuple):
         if not any(fnmatch(name, pattern) for pattern in self.patterns):
             return False
         drives = (folder / "driver.py").exists()
+        emulated = drives and folder.name not in WITHOUT_EMULATOR
         return (
             bool(self.where & {"every folder", "any folder", folder.name})
             or (bool(self.where & {"every driver", "any driver"}) and drives)
             or ("every bus driver" in self.where and drives and folder.name not in WITHOUT_BUS)
+            or ("every emulated driver" in self.where and emulated)
         )
 
     def is_required(self, folder: Path) -> bool:
         """Return whether a folder must have one of the files."""
         drives = (folder / "driver.py").exists()
+        emulated = drives and folder.name not in WITHOUT_EMULATOR
         return (
             "every folder" in self.where
             or ("every driver" in self.where and drives)
             or ("every bus driver" in self.where and drives and folder.name not in WITHOUT_BUS)
+            or ("every emulated driver" in self.where and emulated)
             or folder.name in self.where
         )
 
@@ -100,7 +106,8 @@ def test_required_files_exist(folder: Path) -> None:
 def test_every_row_names_a_file() -> None:
     """Every row, pattern and folder of the table has a file."""
     found = [(folder, name) for folder in FOLDERS for name in files_of(folder)]
-    words = {"every folder", "any folder", "every driver", "any driver", "every bus driver"}
+    words = {f"{which} {what}" for which in ("every", "any") for what in ("folder", "driver")}
+    words |= {"every bus driver", "every emulated driver"}
 
     assert [
         pattern

@@ -19,7 +19,7 @@ PORT: Final = "piezod.vm"
 """Name of the port to the host."""
 PACKAGES: Final = (
     "systemd,systemd-sysv,dbus,udev,libnss-systemd,kmod,iproute2,procps,python3,python3-venv,"
-    "linux-image-amd64,initramfs-tools"
+    "linux-image-amd64,initramfs-tools,libcomedi0"
 )
 """What the guest is made of; the ordinary kernel, because Debian's cloud kernel has no CAN."""
 NEEDED: Final = {

@@ -14,10 +14,11 @@ from piezod.errors import RegistryError
 def drivers(json: JsonOption = False) -> None:
     """List the installed drivers, and what each of their profiles was checked against.
 
-    A driver that cannot be loaded is listed with the reason. The words are: capture (bytes of a
-    real device), node and client (a device and a program by somebody else), manual, protocol (a
-    program that does not know the device), none. With --json, `sees` lists the faults of
-    docs/faults.md that it can detect.
+    A driver that cannot be loaded is listed with the reason. The words are: hardware (a signed
+    record of `piezod acceptance`), capture (bytes of a real device), real firmware (on an emulated
+    processor), kernel driver (of Linux), node and client (a device and a program by somebody else),
+    manual, protocol (a program that does not know the device), none. With --json, `sees` lists the
+    faults of docs/faults.md that it can detect.
     """
     found = [_look_up(name) for name in registry.names()]
     if json:

@@ -47,7 +47,7 @@ def run(config: Path, *, wiggle: bool, yes: bool, trace: bool, json: bool) -> No
                 notes = OutputNotes(stage, stage_paths(config))
                 wiggled = _wiggle(stage, notes, guard, asking=not yes, err=json)
     if json:
-        devices = {name: _document(each) for name, each in found.items()}
+        devices = {name: document(each) for name, each in found.items()}
         print_json({"devices": devices, "together_hz": all_hz, "wiggled": wiggled})
     _raise_absent(found)
 
@@ -81,12 +81,13 @@ def _wiggle(
     return moved
 
 
-def _document(found: Probed) -> dict[str, object]:
-    document = found._asdict()
+def document(found: Probed) -> dict[str, object]:
+    """Return a result as a document of JSON."""
+    parts = found._asdict()
     for key in ("identity", "capabilities", "units", "read", "read_back"):
-        if document[key] is not None:
-            document[key] = document[key]._asdict()
-    return document
+        if parts[key] is not None:
+            parts[key] = parts[key]._asdict()
+    return parts
 
 
 def _raise_absent(found: Mapping[str, Probed]) -> None:

@@ -48,7 +48,7 @@ def usb_stage_drives(host: Host) -> str:
     wait_until(PORT.exists, f"{PORT}")
     USB.configure()
     USB.start()
-    return f"{PORT} is {PORT.resolve().name}; {_driven(USB)}"
+    return f"{PORT} is {PORT.resolve().name}; {driven(USB)}"
 
 
 def usb_unplugged(host: Host) -> str:
@@ -58,19 +58,19 @@ def usb_unplugged(host: Host) -> str:
     """
     node = PORT.resolve().name
     host.unplug(ADAPTER)
-    seen = _faulted(USB, "B1")
+    seen = faulted(USB, "B1")
     host.plug(ADAPTER)
     wait_until(PORT.exists, f"{PORT}")
-    recovered = f"{PORT.resolve().name}: {_recovered(USB)}"
+    back = f"{PORT.resolve().name}: {recovered(USB)}"
     USB.stop()
-    return f"{node} gone: {seen}; {recovered}"
+    return f"{node} gone: {seen}; {back}"
 
 
 def can_stage_drives() -> str:
     """Drive a node at the other controller of the bus."""
     CAN.configure()
     CAN.start()
-    return _driven(CAN)
+    return driven(CAN)
 
 
 def _start_node() -> None:
@@ -87,30 +87,30 @@ def can_other_end_down() -> str:
     """No node acknowledges or answers: the nearest that QEMU has to a bus off."""
     run("ip link set can1 down")
     try:
-        seen = _faulted(CAN, "A1", "B1", "B5")
+        seen = faulted(CAN, "A1", "B1", "B5")
     finally:
         _up("can1")
-    return f"{seen}; {_recovered(CAN)}"
+    return f"{seen}; {recovered(CAN)}"
 
 
 def can_down() -> str:
     """Take the interface down and up."""
     run("ip link set can0 down")
     try:
-        seen = _faulted(CAN, "B1")
+        seen = faulted(CAN, "B1")
     finally:
         _up("can0")
-    return f"{seen}; {_recovered(CAN)}"
+    return f"{seen}; {recovered(CAN)}"
 
 
 def can_removed() -> str:
     """Remove the controller from the PCI bus, and bring it back."""
     (CONTROLLER.resolve() / "remove").write_text("1")
-    seen = _faulted(CAN, "B1")
+    seen = faulted(CAN, "B1")
     Path("/sys/bus/pci/rescan").write_text("1")
     wait_until(CONTROLLER.exists, "can0")
     _up("can0")
-    return f"{seen}; {_recovered(CAN)}"
+    return f"{seen}; {recovered(CAN)}"
 
 
 def devices_are_restricted() -> str:
@@ -140,7 +140,7 @@ def _up(name: str) -> None:
     run(f"ip link set {name} up txqueuelen 4 type can bitrate 500000 restart-ms 0")
 
 
-def _driven(stage: Stage) -> str:
+def driven(stage: Stage) -> str:
     """Arm a stage that is at rest, have it drive, and return where it is."""
     stage.arm()
     with stage.client() as client:
@@ -159,7 +159,7 @@ def _driven(stage: Stage) -> str:
     return f"{axis.drive_v:.1f} V"
 
 
-def _faulted(stage: Stage, *faults: str) -> str:
+def faulted(stage: Stage, *faults: str) -> str:
     """Wait until a stage reports one of these faults; return its state and all faults."""
     try:
         wait_until(lambda: stage.faults() & set(faults), f"{' or '.join(faults)} of {stage.name}")
@@ -173,7 +173,7 @@ def _condition(stage: Stage) -> str:
     return f"{status.state} with {', '.join(each.id for each in status.faults) or 'no fault'}"
 
 
-def _recovered(stage: Stage) -> str:
+def recovered(stage: Stage) -> str:
     """Reset a stage whose device is back, and have it drive again; return where it is."""
     stage.reset()
-    return f"reset, then {_driven(stage)}"
+    return f"reset, then {driven(stage)}"

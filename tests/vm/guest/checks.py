@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from tests.vm.guest import buses, install, memory, others, service
+from tests.vm.guest import buses, comedi, iio, install, memory, others, service
 from tests.vm.guest.host import Host
 
 
@@ -28,6 +28,24 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("the node's controller is taken down", buses.can_other_end_down),
         ("the stage's controller is taken down", buses.can_down),
         ("the stage's controller is removed", buses.can_removed),
+        ("comedi: the card of the kernel is found", comedi.is_there),
+        ("comedi: set-points are read back", comedi.setpoints_are_read_back),
+        ("comedi: a table comes out value by value", comedi.play_comes_out),
+        ("comedi: a record lacks no sample", comedi.record_is_complete),
+        ("comedi: another program that drives it is named", comedi.other_program_is_named),
+        ("comedi: a user without rights is told so", comedi.stranger_is_refused),
+        ("comedi: wrong channels and ranges are refused", comedi.wrong_channels_are_refused),
+        ("comedi: a stage drives at 20 Hz", comedi.stage_drives),
+        ("comedi: the card is removed and comes back", comedi.card_is_removed),
+        ("comedi: a stop ends at 0 V", comedi.stop_leaves_rest),
+        ("iio: the chips of the kernel are found", iio.chips_are_there),
+        ("iio: set-points reach the register", iio.setpoints_reach_the_register),
+        ("iio: a user without rights is told so", iio.user_without_rights_is_told),
+        ("iio: a wrong device or channel is named", iio.wrong_device_is_named),
+        ("iio: a stage drives at 20 Hz", iio.stage_drives),
+        ("iio: the chip is removed and comes back", iio.chip_is_removed),
+        ("iio: a stop ends at 0 V", iio.stop_leaves_rest),
+        ("iio: the stage behind the chips is commissioned", iio.model_is_identified),
         ("the unit of the page serves it", others.page_is_served),
         ("the unit of the IOC serves the stages", others.ioc_serves),
         ("uninstall is refused while something runs", others.uninstall_is_refused),
