@@ -32,7 +32,10 @@ void play_store(uint16_t at, uint8_t byte)
 {
     uint16_t *word = &memory[at / 2];
     prepared = false;
-    *word = at % 2 ? (uint16_t)((*word & 0x00FFu) | (uint16_t)(byte << 8)) : (uint16_t)((*word & 0xFF00u) | byte);
+    if (at % 2)
+        *word = (uint16_t)((*word & 0x00FFu) | (unsigned)byte << 8);
+    else
+        *word = (uint16_t)((*word & 0xFF00u) | byte);
 }
 
 uint16_t play_crc(uint16_t rows)
@@ -58,7 +61,7 @@ uint16_t play_outside(uint16_t rows)
 void play_prepare(const struct play_plan *wanted)
 {
     plan = *wanted;
-    plan.room = PORT_MEMORY_ROWS - plan.lead - plan.period;
+    plan.room = (uint16_t)(PORT_MEMORY_ROWS - plan.lead - plan.period);
     prepared = true;
 }
 
@@ -147,10 +150,12 @@ void player_tick(bool late)
         now.late = true;
 }
 
-void play_start(enum clock clock, const uint16_t *in_force)
+void play_start(enum clock clock, const uint16_t *out, const uint16_t *in)
 {
-    for (uint8_t i = 0; i < CH; i++)
-        now.driven[i] = in_force[i];
+    for (uint8_t i = 0; i < CH; i++) {
+        now.driven[i] = out[i];
+        now.in[i] = in[i];
+    }
     now.cycle = 0;
     now.kept = 0;
     now.late = now.last = false;

@@ -37,8 +37,8 @@ bool play_is_prepared(void);
 /* Lines: a pulse at every `point` rows and at every `line` rows of the period; 0 for none. */
 void play_set_lines(uint16_t point, uint16_t line);
 
-/* Starts the prepared play from the outputs in force. */
-void play_start(enum clock clock, const uint16_t *in_force);
+/* Starts the prepared play from the outputs in force, which were sampled last as given. */
+void play_start(enum clock clock, const uint16_t *out, const uint16_t *in);
 bool play_is_going(void);
 
 /* Stops where the play is; does nothing without a play. */
@@ -46,7 +46,7 @@ void play_stop(void);
 
 struct play_progress play_progress(void);
 
-/* The output and the sample of the last point; before the first one, the output of play_start. */
+/* The output and the sample of the last point; before the first one, those of play_start. */
 void play_last(uint16_t *out, uint16_t *in);
 
 /* Returns a recorded value; `at` counts values, row by row. */

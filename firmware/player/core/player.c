@@ -102,7 +102,7 @@ bool player_set(const uint16_t *wanted)
 void player_go(enum clock clock)
 {
     plays = true;
-    play_start(clock, out);
+    play_start(clock, out, in);
 }
 
 void player_set_watchdog(uint16_t ms)
