@@ -15,7 +15,7 @@
 static char line[MOST + 1];
 static uint8_t length;
 static bool too_long;
-static char tag[MOST_TAG + 2]; /* what the reply begins with */
+static char tag[MOST_TAG + 3]; /* what the reply begins with: the sign, the tag, a space and the end */
 static bool checked;           /* whether this request has a checksum */
 static bool checked_only;      /* a host that sends checksums never leaves one out: without one, bytes were lost */
 
