@@ -50,11 +50,9 @@ uint16_t play_crc(uint16_t rows)
 
 uint16_t play_outside(uint16_t rows)
 {
-#if PLAYER_LOWEST > 0 || PLAYER_HIGHEST < 65535
     for (uint16_t i = 0; i < rows * CH; i++)
-        if (memory[i] < PLAYER_LOWEST || memory[i] > PLAYER_HIGHEST)
+        if (!port_allows(memory[i]))
             return i / CH;
-#endif
     return rows;
 }
 

@@ -74,24 +74,10 @@ void player_hold(void)
     stop_play();
 }
 
-static bool is_allowed(uint16_t count)
-{
-#if PLAYER_LOWEST > 0
-    if (count < PLAYER_LOWEST)
-        return false;
-#endif
-#if PLAYER_HIGHEST < 65535
-    if (count > PLAYER_HIGHEST)
-        return false;
-#endif
-    (void)count;
-    return true;
-}
-
 bool player_set(const uint16_t *wanted)
 {
     for (uint8_t i = 0; i < CH; i++)
-        if (!is_allowed(wanted[i]))
+        if (!port_allows(wanted[i]))
             return false;
     for (uint8_t i = 0; i < CH; i++)
         out[i] = wanted[i];

@@ -24,6 +24,21 @@
 #define PLAYER_HIGHEST 65535
 #endif
 
+/* Whether the amplifier may be given a count. */
+static inline bool port_allows(uint16_t count)
+{
+#if PLAYER_LOWEST > 0 /* else a compiler warns that this is always so */
+    if (count < PLAYER_LOWEST)
+        return false;
+#endif
+#if PLAYER_HIGHEST < 65535
+    if (count > PLAYER_HIGHEST)
+        return false;
+#endif
+    (void)count;
+    return true;
+}
+
 /* Lines in step with a play, as bits. */
 enum line { LINE_POINT = 1, LINE_LINE = 2, LINE_FRAME = 4 };
 
