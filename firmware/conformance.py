@@ -95,9 +95,7 @@ class Board:
         well = parts[0] == "S" and len(parts) == 5 + 2 * n
         expect(well, f"{words!r} was answered {reply!r}, not with a state of {n} channels")
         numbers = [int(part) for part in parts[3:]]
-        return Status(
-            parts[1], parts[2], numbers[:n], numbers[n : 2 * n], numbers[-2], numbers[-1]
-        )
+        return Status(parts[1], parts[2], numbers[:n], numbers[n : 2 * n], numbers[-2], numbers[-1])
 
     def refuses(self, words: str, reason: str) -> None:
         """Send a request that must be refused."""
@@ -215,7 +213,8 @@ def nonsense(board: Board) -> None:
     count = " ".join([str(board.middle + 1)] * board.channels)
     for words, reason in (
         (f"V {count}x", "syntax"), (f"V {count} 1", "syntax"), ("V", "syntax"), ("V -1", "syntax"),
-        (" ".join(["V", *["65536"] * board.channels]), "range"), ("Q", "unknown"), ("G x", "syntax"),
+        (" ".join(["V", *["65536"] * board.channels]), "range"),
+        ("Q", "unknown"), ("G x", "syntax"),
         ("R 0 60000", "memory"), ("T 0 129", "memory"), (f"T {board.facts['memory']} 1", "memory"),
     ):  # fmt: skip
         board.refuses(words, reason)

@@ -1,4 +1,4 @@
-"""A player board, the compiled firmware in simavr, and its driver in one process, in virtual time."""
+"""A player board, its compiled firmware in simavr, and its driver in one process; virtual time."""
 
 from dataclasses import dataclass
 from pathlib import Path

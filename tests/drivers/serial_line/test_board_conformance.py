@@ -19,6 +19,9 @@ pytestmark = needs_board
 SCRIPT: Final = Path(__file__).parents[3] / "firmware" / "conformance.py"
 STEP_NS: Final = 10 * MS
 
+GUARD: Final = """if (player_state() != PLAYER_ON)
+        return player_state() == PLAYER_OFF ? OFF : BUSY;
+    if (!fits"""
 MISTAKES: Final = {
     "data are taken whatever their checksum": ("line.c", "if (data.crc) {", "if (0) {"),
     "a line is taken whatever its checksum": ("line.c", " || found != crc", ""),
@@ -30,14 +33,12 @@ MISTAKES: Final = {
     "the tag is not repeated": ("line.c", "    reply_text(tag);\n", ""),
     "setpoints are taken while it is off": (
         "commands.c",
-        "if (player_state() != PLAYER_ON)\n        return player_state() == PLAYER_OFF ? OFF : BUSY;\n"
-        "    if (!fits",
+        GUARD,
         "if (player_state() == PLAYER_PLAYING)\n        return BUSY;\n    if (!fits",
     ),
     "setpoints are taken during a play": (
         "commands.c",
-        "if (player_state() != PLAYER_ON)\n        return player_state() == PLAYER_OFF ? OFF : BUSY;\n"
-        "    if (!fits",
+        GUARD,
         "if (player_state() == PLAYER_OFF)\n        return OFF;\n    if (!fits",
     ),
     "a setpoint beyond 16 bits is cut off": ("commands.c", "!fits || ", ""),
@@ -110,7 +111,8 @@ def test_our_firmware_conforms(script: ModuleType) -> None:
 
 
 @pytest.mark.parametrize(
-    "mistake", [pytest.param(each, marks=[] if each in QUICK else pytest.mark.stress) for each in MISTAKES]
+    "mistake",
+    [pytest.param(each, marks=[] if each in QUICK else pytest.mark.stress) for each in MISTAKES],
 )
 def test_a_mistake_is_found(script: ModuleType, mistake: str, tmp_path: Path) -> None:
     """A firmware with one mistake fails a check."""

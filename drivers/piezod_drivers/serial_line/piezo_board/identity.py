@@ -9,6 +9,10 @@ from piezod.units import NS_PER_S
 
 PROTOCOL: Final = 1
 _KIND: Final = "piezod-player"
+_NUMBERS: Final = (
+    *("channels", "memory", "lowest", "highest", "safe"),
+    *("clock", "shortest", "longest"),
+)
 
 
 class BoardFacts(NamedTuple):
@@ -41,11 +45,7 @@ class BoardFacts(NamedTuple):
                 f"{known.get('protocol')}, allowed: {PROTOCOL}; flash the firmware of this piezod"
             )
         try:
-            numbers = [
-                int(known[name])
-                for name in ("channels", "memory", "lowest", "highest", "safe")
-                + ("clock", "shortest", "longest")
-            ]
+            numbers = [int(known[name]) for name in _NUMBERS]
             name, board, firmware = known["name"], known["board"], known["firmware"]
         except (KeyError, ValueError):
             raise DeviceError(f"{where}: its identity lacks something: {words!r}") from None
