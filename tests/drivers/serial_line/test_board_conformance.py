@@ -24,7 +24,11 @@ GUARD: Final = """if (player_state() != PLAYER_ON)
     if (!fits"""
 MISTAKES: Final = {
     "data are taken whatever their checksum": ("line.c", "if (data.crc) {", "if (0) {"),
-    "a line is taken whatever its checksum": ("line.c", " || found != crc", ""),
+    "a line is taken whatever its checksum": (
+        "line.c",
+        " || found != crc",
+        " || (found != crc && 0)",
+    ),
     "half of the data is waited for without end": (
         "line.c",
         "++data.silent_ms > SILENT_MS",
@@ -41,7 +45,7 @@ MISTAKES: Final = {
         GUARD,
         "if (player_state() == PLAYER_OFF)\n        return OFF;\n    if (!fits",
     ),
-    "a setpoint beyond 16 bits is cut off": ("commands.c", "!fits || ", ""),
+    "a setpoint beyond 16 bits is cut off": ("commands.c", "!fits || ", "(!fits && 0) || "),
     "a table is played without a comparison": (
         "commands.c",
         "if (play_crc(plan.lead + plan.period) != crc)",
@@ -59,7 +63,7 @@ MISTAKES: Final = {
         "player_state() != PLAYER_OFF && watchdog_ms",
         "player_state() == PLAYER_ON && watchdog_ms",
     ),
-    "nothing leads to the safe value": ("player.c", "        step_to_safe();\n", "        ;\n"),
+    "nothing leads to the safe value": ("player.c", "    if (moves)\n", "    if (moves && 0)\n"),
 }
 """File of the core, its text, and the text with the mistake."""
 QUICK: Final = {"a record begins a point late", "nothing leads to the safe value"}
@@ -84,6 +88,7 @@ class EmulatedPort:
         rig, _, self._time = bench()
         self._board = BoardEmulator(rig, "", build(folder))
         self._got = b""
+        self.wait(0.01)  # the firmware starts
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
