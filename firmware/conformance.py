@@ -349,7 +349,7 @@ def main() -> None:
     """Check the board at a port."""
     import serial  # noqa: PLC0415 - tests bring another port
 
-    class SerialPort(serial.Serial):  # type: ignore[misc]  # it has no types
+    class SerialPort(serial.Serial):
         def wait(self, seconds: float) -> None:
             time.sleep(seconds)
 

@@ -215,5 +215,9 @@ PROFILES = (
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"}), takes_long=True),
     Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),
     # Only where the compilers and simavr are: the emulated board is the compiled firmware.
-    *(() if missing() else (Profile("board", "piezo_board", Wiring.both(("1",)), Port()),)),
+    *(
+        ()
+        if missing()
+        else (Profile("board", "piezo_board", Wiring.both(("1",)), Port({"watchdog_ms": 20_000})),)
+    ),
 )

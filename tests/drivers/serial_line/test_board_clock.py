@@ -4,6 +4,7 @@ from typing import Final
 
 import pytest
 
+from piezod.devices.interface import Exchanges
 from piezod.devices.player import PlayState
 from piezod_drivers.serial_line.piezo_board.emulation.simavr import CLOCK_HZ
 from tests.conftest import Figure
@@ -40,6 +41,7 @@ def test_points_come_at_20_khz(points: int, figure: Figure) -> None:
 def test_setpoints_come_at_500_hz(figure: Figure) -> None:
     """Setting the output and reading the input takes at most 2 ms."""
     bench = play_bench()
+    assert isinstance(bench.device, Exchanges)
     processor, n = bench.board.processor, 50
     begun = processor.cycle
     for i in range(n):

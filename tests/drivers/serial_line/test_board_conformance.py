@@ -63,7 +63,7 @@ MISTAKES: Final = {
         "player_state() != PLAYER_OFF && watchdog_ms",
         "player_state() == PLAYER_ON && watchdog_ms",
     ),
-    "nothing leads to the safe value": ("player.c", "    if (moves)\n", "    if (moves && 0)\n"),
+    "nothing leads to the safe value": ("player.c", "if (from != to) {", "if (from != to && 0) {"),
 }
 """File of the core, its text, and the text with the mistake."""
 QUICK: Final = {"a record begins a point late", "nothing leads to the safe value"}
