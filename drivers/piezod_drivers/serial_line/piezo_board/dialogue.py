@@ -21,14 +21,14 @@ CODES: Final = 65_535
 """Code of the highest voltage of a converter."""
 _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 _EXCHANGE_BYTES: Final = 60
-_BOARD_S: Final = 0.4e-3
+_BOARD_S: Final = 0.6e-3
 """Time that a board of 8 bits takes for an exchange, in s."""
 _MOST_TO_SAFE: Final = 2000
 """Exchanges in which the outputs must reach the safe voltage."""
 _REFUSALS: Final = {
     "crc": DeviceFlag.BAD_CHECKSUM,
     "busy": DeviceFlag.BUSY,
-    "unknown": DeviceFlag.WRONG_REQUEST,
+    "off": DeviceFlag.DISCONNECTED,  # it was reset, or its watchdog has tripped
 }
 
 

@@ -59,7 +59,6 @@ class BoardPlayer:
             records_with_play=True,
             at_end=AtEnd.HOLDS,
             watchdog_while_playing=True,
-            pulse_lines=3,
         )
 
     def load(self, table: Table, check: Check) -> Table:
