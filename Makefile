@@ -69,8 +69,7 @@ firmware: ## compile the firmware of the player board, print its sizes, test and
 
 board: $(STAMP) ## run everything about the player board through its compiled firmware (half an hour)
 	$(BIN)/python -m pytest -rs -m "stress or not stress" --timeout 3600 tests/drivers/serial_line/test_board_*.py \
-		tests/drivers/test_player_contract.py tests/drivers/bus/test_generic.py tests/drivers/bus/test_plays.py \
-		tests/system/test_board.py -k "board"
+		tests/drivers/test_player_contract.py tests/drivers/bus tests/system -k "board"
 
 vm: $(STAMP) ## install the wheel in a virtual Debian with systemd, and check the service there
 	$(BIN)/python -m tests.vm
