@@ -32,14 +32,9 @@ KINDS: Final = {
 NONE: Final = "none"
 DESCRIBED: Final = {"ascii", "can_dbc"}
 """Drivers for any device, with a description of it in the configuration."""
-WITHOUT_DEVICE: Final = {"simulated", "emulated"}
-"""Drivers of our own simulation: there is no device to be compared with."""
-PAGES: Final = {
-    "modbus": "modbus.md",
-    "canopen": "can.md",
-    "can_dbc": "can.md",
-    "piezo_board": "board.md",
-}
+WITHOUT_DEVICE: Final = {"simulated", "emulated", "piezo_board"}
+"""Drivers of our own simulation and firmware: there is no device by others to be compared with."""
+PAGES: Final = {"modbus": "modbus.md", "canopen": "can.md", "can_dbc": "can.md"}
 """The page of each driver; the others are for serial devices."""
 PEERS: Final = "tests/peers/"
 """Tests in this folder are run by `make peers`, the others by `make test`."""

@@ -38,7 +38,7 @@ class BoardEmulator(Emulator):
         self._bench = bench
         self._codes: list[int | None] = [None] * bench.n_axes
         built = built or build(defines=f"-DPORT_CHANNELS={bench.n_axes}")
-        self._begin_ns = bench.start_ns()
+        self._begin_ns, self._played = bench.start_ns(), False
         self.processor = Processor(built, name or "emulated", self._drive, self._sense)
         bench.plays_from(None)
 
@@ -73,6 +73,10 @@ class BoardEmulator(Emulator):
     def _sense(self, channel: int, cycle: int) -> int:
         if channel >= self._bench.n_axes:
             return 0
+        if self.processor.plays and not self._played:
+            # The points of all plays have the same place between two steps of the physics.
+            self._begin_ns += self._bench.aligned_ns(self._ns_of(cycle)) - self._ns_of(cycle)
+        self._played = self.processor.plays
         position_um = self._bench.positions_um(self._ns_of(cycle))[channel]
         if not isfinite(position_um):
             return _CODES
