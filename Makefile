@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # As the daemon and the commands have it: more threads only wait, on processors that others need.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo docs docs-test compiled test test-compiled test-all test-lowest coverage stress faults export-code mutants chaos liars soak vm peers epics \
+.PHONY: help demo docs docs-test compiled test test-compiled test-all test-lowest coverage stress faults export-code mutants chaos liars soak firmware board vm peers epics \
 	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel release bench bench-peers figures lock clean
 
 help: ## show this list
@@ -63,6 +63,13 @@ liars: $(STAMP) ## let an amplifier lie in each way, in each state, and judge ea
 soak: $(STAMP) ## run a stage for HOURS=24 in virtual time, with faults (RATE=20, SEED=, MODEL=stops)
 	$(BIN)/python -m tests.soak --hours $(HOURS) $(if $(RATE),--rate $(RATE)) $(if $(SEED),--seed $(SEED)) \
 		$(if $(MODEL),--model $(MODEL)) --out build/soak
+
+firmware: ## compile the firmware of the player board, print its sizes, test and analyse its core
+	$(MAKE) --no-print-directory -s -C firmware/player all test analyse
+
+board: $(STAMP) ## run everything about the player board through its compiled firmware (half an hour)
+	$(BIN)/python -m pytest -rs -m "stress or not stress" --timeout 3600 tests/drivers/serial_line/test_board_*.py \
+		tests/drivers/test_player_contract.py tests/drivers/bus tests/system -k "board"
 
 vm: $(STAMP) ## install the wheel in a virtual Debian with systemd, and check the service there (CHECKS=comedi: only those)
 	$(BIN)/python -m tests.vm $(CHECKS)

@@ -35,8 +35,8 @@ KINDS: Final = {
 NONE: Final = "none"
 DESCRIBED: Final = {"ascii", "can_dbc", "comedi", "iio"}
 """Drivers for any device, with a description of it in the configuration."""
-WITHOUT_DEVICE: Final = {"simulated", "emulated"}
-"""Drivers of our own simulation: there is no device to be compared with."""
+WITHOUT_DEVICE: Final = {"simulated", "emulated", "piezo_board"}
+"""Drivers of our own simulation and firmware: there is no device by others to be compared with."""
 PAGES: Final = {
     "modbus": "modbus.md",
     "canopen": "can.md",

@@ -94,7 +94,7 @@ def _files_with(name: str, kind: str, limit: int) -> Measure:
 
 def lines_of_product() -> Measure:
     """Count the lines of Python that are installed, by room."""
-    return _lines("product", PRODUCT, limit=108_000)
+    return _lines("product", PRODUCT, limit=113_000)
 
 
 def lines_of_tests() -> Measure:
@@ -132,7 +132,7 @@ def public_attributes_of_stage() -> Measure:
         if isinstance(node, ast.FunctionDef) and node.decorator_list
     )
     names = (name for name in (*found, *properties) if not name.startswith("_"))
-    return Measure("public attributes of Stage", tuple(names), limit=9)
+    return Measure("public attributes of Stage", tuple(names), limit=10)
 
 
 def fault_ids_as_texts() -> Measure:
@@ -187,7 +187,7 @@ def words_of_docs() -> Measure:
         f"{page}: {words[page]}" for page in sorted(words, key=words.__getitem__, reverse=True)
     )
     title = "words of docs without the appendix"
-    return Measure(title, tuple(found), limit=66_000, in_places=sum(words.values()))
+    return Measure(title, tuple(found), limit=69_000, in_places=sum(words.values()))
 
 
 MEASURES: Final[tuple[Callable[[], Measure], ...]] = (

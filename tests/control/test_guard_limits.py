@@ -32,6 +32,13 @@ EDGES = [v for edge in (-10.0, 150.0, 10.0, 130.0) for v in around(edge)]
 ANY_DRIVE = st.one_of(st.floats(), st.sampled_from(EDGES))
 
 
+def test_an_output_goes_as_far_as_its_slew_rate_allows() -> None:
+    """With the tolerance of its read-back on top."""
+    limits = Limits(drive_min_v=0.0, drive_max_v=100.0, slew_v_per_s=2000.0)
+
+    assert limits.reach_v(0.01) == 20.0 + limits.read_back_tolerance_v
+
+
 @given(requested_v=ANY_DRIVE, previous_v=st.one_of(INSIDE, st.sampled_from([-10.0, 150.0])))
 def test_admitted_voltage_is_in_range_and_within_reach(
     requested_v: float, previous_v: float

@@ -7,7 +7,7 @@ from piezod.config.modes import Mode
 from piezod.control.law import step as stops
 from piezod.control.law import surface_step as surfaces
 from piezod.control.warm_up import warm_up
-from piezod.hysteresis import everett_memory, least_squares, rls_kernel, surface_rls_kernel
+from piezod.hysteresis import everett_memory, loop_drives, rls_kernel, surface_rls_kernel
 from piezod.messages import requests as rq
 from tests.control.rig_stage import RigStage, shipped_config
 from tests.control.surface_rig import surface_file
@@ -18,7 +18,7 @@ KERNELS: tuple[Callable[..., Any], ...] = (
     rls_kernel.step,
     surface_rls_kernel.step,
     surface_rls_kernel.predicted_drive,
-    least_squares.fill_regressors,
+    loop_drives._fill_stop_drives,  # noqa: SLF001 - the kernel that a cycle calls
     everett_memory.invert_record,
 )
 

@@ -10,13 +10,19 @@ from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.interface import Amplifier, Wiring
 from piezod.devices.player import Player, PlayState, Progress, Table
 from piezod_drivers.kernel.comedi.driver import make_device
+from piezod_drivers.serial_line.piezo_board.emulation.build import missing
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
 from tests.drivers.kernel.fake_card import OPTIONS as CARD
 from tests.drivers.kernel.fake_card import FakeCard
 from tests.drivers.modbus import play_bench as modbus_bench
 from tests.drivers.play_bench import PlayBench
-from tests.drivers.serial_line import lc400_play_bench, nv200_play_bench, pi_play_bench
+from tests.drivers.serial_line import (
+    board_play_bench,
+    lc400_play_bench,
+    nv200_play_bench,
+    pi_play_bench,
+)
 
 _STEP_NS: Final = 10_000_000
 _REPORTED_NS: Final = 500_000_000
@@ -103,3 +109,5 @@ BENCHES: dict[str, Callable[[], AbstractContextManager[OpenPlayer]]] = {
     "lc400": lambda: emulated(lc400_play_bench.play_bench(), 50.1),
     "psj-nv200": lambda: emulated(nv200_play_bench.play_bench(wave_end="holds"), 151.0),
 }
+if not missing():
+    BENCHES["board"] = lambda: emulated(board_play_bench.play_bench(), 5.1)

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from benchmarks.bus.example import Place, at_adapter, at_host, at_multicast, at_port, at_pty, placed
+from piezod_drivers.serial_line.piezo_board.emulation.build import missing
 from tests.conftest import Figure
 from tests.daemon.daemons import REPOSITORY, Daemon
 from tests.drivers.bus.bench import emulated
@@ -37,6 +38,7 @@ DEMOS = {
         ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 100
     ),
     "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 100),
+    **({} if missing() else {"player board": Demo(("board",), "board", at_port, 50)}),
 }
 
 

@@ -145,8 +145,11 @@ class SharedRig:
         It is an instant at which the physics acts: otherwise each play would have another delay
         between a point and its effect, up to one step.
         """
-        now_ns = self.now_ns()
-        return now_ns + -now_ns % self._step_ns
+        return self.aligned_ns(self.now_ns())
+
+    def aligned_ns(self, t_ns: int) -> int:
+        """Return the first instant from `t_ns` on at which the physics acts, in ns."""
+        return t_ns + -t_ns % self._step_ns
 
     def _instant_ns(self, at_ns: int | None = None) -> int:
         """Return an instant of the rig, which never goes back; None is now."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from piezod.devices import registry
 from piezod.devices.interface import Wiring
+from piezod_drivers.serial_line.piezo_board.emulation.build import missing
 
 Options = Callable[[str, float], Mapping[str, object]]
 """Options of a driver for a place, as `piezod emulate` prints it, and a time-out in ms."""
@@ -213,4 +214,10 @@ PROFILES = (
     ),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"}), takes_long=True),
     Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),
+    # Only where the compilers and simavr are: the emulated board is the compiled firmware.
+    *(
+        ()
+        if missing()
+        else (Profile("board", "piezo_board", Wiring.both(("1",)), Port({"watchdog_ms": 20_000})),)
+    ),
 )

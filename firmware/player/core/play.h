@@ -1,0 +1,55 @@
+/* The table and its play: one point per tick, a record beside it, lines in step.
+ * SPDX-License-Identifier: MIT */
+#ifndef PLAY_H
+#define PLAY_H
+
+#include "port.h"
+
+struct play_plan {
+    uint16_t lead;     /* rows that are played once, before the period */
+    uint16_t period;   /* rows that are repeated */
+    uint32_t cycles;   /* how often */
+    uint32_t interval; /* between two points, in ticks of PORT_CLOCK_HZ */
+    uint32_t first;    /* point of the play, lead-in included, at which the record begins */
+    uint16_t room;     /* rows of the record; play_prepare sets it */
+};
+
+/* Progress of the play that goes on, or of the last one. */
+struct play_progress {
+    uint32_t cycle; /* complete cycles */
+    uint16_t kept;  /* recorded rows */
+    bool late;      /* whether a point was late */
+};
+
+/* Writes a byte of the table; the table is not prepared any more. */
+void play_store(uint16_t at, uint8_t byte);
+
+/* Returns the CRC of the first rows of the table. */
+uint16_t play_crc(uint16_t rows);
+
+/* Returns a row with a value outside PLAYER_LOWEST to PLAYER_HIGHEST; `rows` if there is none. */
+uint16_t play_outside(uint16_t rows);
+
+/* Prepares a play; play_start repeats it as often as it is asked to. */
+void play_prepare(const struct play_plan *plan);
+bool play_is_prepared(void);
+
+/* Lines: a pulse at every `point` rows and at every `line` rows of the period; 0 for none. */
+void play_set_lines(uint16_t point, uint16_t line);
+
+/* Starts the prepared play from the outputs in force, which were sampled last as given. */
+void play_start(enum clock clock, const uint16_t *out, const uint16_t *in);
+bool play_is_going(void);
+
+/* Stops where the play is; does nothing without a play. */
+void play_stop(void);
+
+struct play_progress play_progress(void);
+
+/* The output and the sample of the last point; before the first one, those of play_start. */
+void play_last(uint16_t *out, uint16_t *in);
+
+/* Returns a recorded value; `at` counts values, row by row. */
+uint16_t play_recorded(uint16_t at);
+
+#endif
