@@ -1,6 +1,6 @@
 """The requests to the loop, as methods of both clients."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from piezod.client.calls import Call, Waveforms, command
@@ -151,6 +151,39 @@ class StageCommands:
             cycles=cycles,
             axis=axis,
             start_s=start_s,
+        )
+
+    @ClientMethod
+    def scan(
+        self,
+        axes: Mapping[str, Mapping[str, Sequence[float]]],
+        *,
+        interval_s: float,
+        pulses: Sequence[int] = (),
+        frame_pulse: int = 0,
+        active: int = 0,
+        pause: int = 0,
+    ) -> Call[Answer]:
+        """Let the device of some axes play a scan by its own clock; `scanned` returns the samples.
+
+        READY follows when it has ended. `piezod.experiment.live.scan.scan_live` makes the curves.
+
+        Args:
+            axes: Axis: its curves `lead_in_v`, `line_v`, `offset_v`, `scale` and `blend`, in V.
+            interval_s: Time between two points, in s.
+            pulses: Bits of the lines of pulses that are high at each point of a sweep.
+            frame_pulse: Bits that are high in the first sweep.
+            active: Points of a sweep before its turn.
+            pause: Point of a sweep at which all axes stand still.
+        """
+        return command(
+            "scan",
+            axes=axes,
+            interval_s=interval_s,
+            pulses=tuple(pulses),
+            frame_pulse=frame_pulse,
+            active=active,
+            pause=pause,
         )
 
     @ClientMethod

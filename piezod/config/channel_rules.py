@@ -80,6 +80,10 @@ def _broken_channel(
     if light is not None and light.channel not in has.inputs:
         what = _no_such("input", light.channel, channel, has.inputs)
         yield (*path, "light", "channel"), what
+    beside = () if isinstance(channel, OutputConfig) else channel.beside
+    for index, other in enumerate(beside):
+        if other not in has.inputs:
+            yield (*path, "beside", index), _no_such("input", other, channel, has.inputs)
 
 
 def _no_such(

@@ -177,6 +177,11 @@ class InputConfig(_Channel):
     light: LightConfig | None = Field(
         default=None, description="Light of a fibre sensor; default: not measured."
     )
+    beside: tuple[ChannelName, ...] = Field(
+        default=(),
+        max_length=8,
+        description="Inputs of the same device that a scan records beside, as those of a detector.",
+    )
 
 
 def _named(value: Any) -> Any:

@@ -46,16 +46,18 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw a recording or a model.
+    """Draw a recording, a scan, or a model.
 
     Of a recording: displacement, command, error and drive voltage over time, with the states and
     modes, and marks where cycles are late or missing, samples invalid, or faults present;
     displacement over drive voltage; the errors in each mode. Of a model file (.yaml): its loops,
-    and with --record the residual over the displacement, beside the errors of the model.
+    and with --record the residual over the displacement, beside the errors of the model. Of a scan:
+    its pictures.
     """
     # matplotlib takes long to import.
     from piezod.records.figures.style import FORMATS, save_figure
     from piezod.records.figures.telemetry import COLUMNS, telemetry_figure
+    from piezod.records.scan_file import is_scan, read_scan
 
     path = checked_out(out, Path(f"{recording.stem}.png"), FORMATS)
     if recording.suffix in (".yaml", ".yml"):
@@ -68,6 +70,12 @@ def plot(  # noqa: PLR0913, PLR0917 - each argument is an option
         return
     if record is not None:
         raise typer.BadParameter("--record needs a model file", param_hint="'--record'")
+    if is_scan(recording):
+        from piezod.records.figures.scan import scan_figure
+
+        save_figure(path, scan_figure(read_scan(recording)))
+        print_one({"scan": str(recording), "figure": str(path)}, f"Figure: {path}", json=json)
+        return
     with local_file(recording, stage, socket) as file:
         telemetry = read_part(file, begin_s, end_s, COLUMNS)
     name = telemetry.chosen_axis(axis)

@@ -10,7 +10,13 @@ from piezod.config.waveforms.waveform import Waveform
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.common_start import start_ns, start_refusal
-from piezod.control.stage.drive_requests import condition, condition_axes, identify, play
+from piezod.control.stage.drive_requests import (
+    condition,
+    condition_axes,
+    identify,
+    play,
+    scan,
+)
 from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
@@ -273,6 +279,7 @@ HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answ
     requests.Condition: condition,
     requests.Identify: identify,
     requests.Play: play,
+    requests.Scan: scan,
     requests.Zero: _zero,
     requests.AdoptModel: _adopt,
     requests.Hold: _hold,
