@@ -161,7 +161,7 @@ class StageCommands:
         interval_s: float,
         pulses: Sequence[int] = (),
         frame_pulse: int = 0,
-        active: int = 0,
+        frame_points: int = 0,
         pause: int = 0,
     ) -> Call[Answer]:
         """Let the device of some axes play a scan by its own clock; `scanned` returns the samples.
@@ -172,9 +172,9 @@ class StageCommands:
             axes: Axis: its curves `lead_in_v`, `line_v`, `offset_v`, `scale` and `blend`, in V.
             interval_s: Time between two points, in s.
             pulses: Bits of the lines of pulses that are high at each point of a sweep.
-            frame_pulse: Bits that are high in the first sweep.
-            active: Points of a sweep before its turn.
-            pause: Point of a sweep at which all axes stand still.
+            frame_pulse: Bits that pulse once, at the first point.
+            frame_points: Points for which they are high.
+            pause: Point of a sweep at which the fast axis stands still.
         """
         return command(
             "scan",
@@ -182,7 +182,7 @@ class StageCommands:
             interval_s=interval_s,
             pulses=tuple(pulses),
             frame_pulse=frame_pulse,
-            active=active,
+            frame_points=frame_points,
             pause=pause,
         )
 

@@ -58,10 +58,10 @@ class PulsesConfig(ConfigModel):
         default=None, description="Line that pulses at the lower edge of each pixel, or plane."
     )
     line: PulseLine | None = Field(
-        default=None, description="Line that is high while a line is swept."
+        default=None, description="Line that pulses at the first pixel of each sweep."
     )
     frame: PulseLine | None = Field(
-        default=None, description="Line that is high while the first line is swept."
+        default=None, description="Line that pulses at the first pixel of the frame."
     )
 
     @property

@@ -26,9 +26,9 @@ class ScanTable(NamedTuple):
     scale: FloatArray  #: (sweeps, axes) size of the line in each sweep.
     blend: FloatArray  #: (m, axes) share of the next sweep's offset and scale, 0 to 1.
     pulses: Mask  #: (m,) pulses of each sweep; empty for none.
-    framed: int = 0  #: Line of pulses, as a bit, that is high in the first sweep.
-    active: int = 0  #: Number of points of a sweep before its turn.
-    pause: int = 0  #: Point of a sweep at which all axes stand still: a scan may pause there.
+    framed: int = 0  #: Line of pulses, as a bit, that pulses once, at the first point.
+    frame_points: int = 0  #: Points for which that pulse is high.
+    pause: int = 0  #: Point of a sweep at which the fast axis stands still: a scan may pause there.
 
     @property
     def sweeps(self) -> int:
@@ -81,7 +81,7 @@ class ScanTable(NamedTuple):
             return self.pulses
         at = np.arange(first, end)
         masks = self.pulses[at % self.points]
-        masks[at < self.active] |= np.uint8(self.framed)
+        masks[at < self.frame_points] |= np.uint8(self.framed)
         return masks
 
     def bounds_v(self) -> FloatArray:

@@ -255,12 +255,12 @@ class Scan(ConfigModel):
     pulses: Annotated[tuple[PulseBits, ...], Field(max_length=20_000)] = Field(
         default=(), description="Bits of the lines of pulses that are high at each point."
     )
-    frame_pulse: PulseBits = Field(default=0, description="Bits that are high in the first sweep.")
-    active: Annotated[int, Quantity(0, 20_000)] = Field(
-        default=0, description="Points of a sweep before its turn."
+    frame_pulse: PulseBits = Field(default=0, description="Bits that pulse at the first point.")
+    frame_points: Annotated[int, Quantity(0, 20_000)] = Field(
+        default=0, description="Points for which they are high."
     )
     pause: Annotated[int, Quantity(0, 20_000)] = Field(
-        default=0, description="Point of a sweep at which all axes stand still: parts end there."
+        default=0, description="Point of a sweep at which the fast axis stands still: parts end there."
     )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
@@ -277,7 +277,7 @@ class Scan(ConfigModel):
             yield ("axes", next(iter(self.axes)), "line_v"), what
         if self.pulses and len(self.pulses) != points:
             yield ("pulses",), f"has {len(self.pulses)} numbers, {points} are needed"
-        for key in ("active", "pause"):
+        for key in ("frame_points", "pause"):
             if (value := getattr(self, key)) > points:
                 yield (key,), f"above the {points} points of a sweep (got {value})"
 

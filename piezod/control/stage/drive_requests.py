@@ -113,7 +113,7 @@ def scan_table(request: requests.Scan) -> ScanTable:
         blend=columns("blend"),
         pulses=np.array(request.pulses, np.uint8),
         framed=request.frame_pulse,
-        active=request.active,
+        frame_points=request.frame_points,
         pause=request.pause,
     )
 

@@ -84,7 +84,7 @@ def _request(table: ScanTable) -> Document:
         "interval_s": table.interval_ns / NS_PER_S,
         "pulses": table.pulses.tolist(),
         "frame_pulse": table.framed,
-        "active": table.active,
+        "frame_points": table.frame_points,
         "pause": table.pause,
     }
 

@@ -38,6 +38,10 @@ MOST_GAIN = 3.0
 """Largest factor by which the voltage per displacement of a frame may differ from the model's."""
 MOST_DRIFT = 0.5
 """Largest drift from frame to frame that is foreseen, in pixels."""
+FORESEEN = 0.5
+"""Share of a drift that the next frame contains."""
+NEIGHBOURS = 6
+"""Sweeps of the same way on each side over which corrections are smoothed."""
 LIKE = 0.8
 """Least correlation of a correction and what it has moved, to learn from it how far a volt goes."""
 GREW = 1.5
@@ -181,6 +185,7 @@ class _Frame:
             if i > 0 or plan.is_stack
         }
         self._before: _Step | None = None
+        self._frames = 0
         self._harmonics = None if plan.line_um is None else _harmonics(task)
 
     def table(self) -> ScanTable:
@@ -214,7 +219,8 @@ class _Frame:
             if plan.line_um is not None:
                 size[k] = _slope(plan.pixel_means(plan.command_um(k))[:, 0], error_um[:, 0])
                 line.add(k, samples.position_um[:, 0])
-        rms = self._correct(offset_um, size, line)
+        ways = 2 if plan.turns_back else 1
+        rms = self._correct(smoothed(offset_um, ways), smoothed(size[:, None], ways)[:, 0], line)
         return _Found(FrameReport(label, measured.errors, true.errors), rms)
 
     def _correct(self, offset_um: FloatArray, size: FloatArray, line: LineSum) -> float:
@@ -257,13 +263,14 @@ class _Frame:
     def _drift_um(self, offset_um: FloatArray) -> FloatArray:
         """Return how far each axis has drifted since the frame before, shape (axes,), in µm.
 
-        The next frame is as late again, so its table contains the same once more.
+        The next frame is as late again, so its table contains a part of the same once more: creep
+        becomes slower.
         """
         if self._before is None:
             return np.zeros(len(self._plan.axes))
         drift_um = np.mean(offset_um - self._before.offset_um + self._before.step_um, axis=0)
         pixel_um = np.array([abs(edges[1] - edges[0]) for edges in self._plan.edges_um])
-        return np.asarray(np.clip(drift_um, -MOST_DRIFT * pixel_um, MOST_DRIFT * pixel_um))
+        return np.asarray(FORESEEN * np.clip(drift_um, -MOST_DRIFT * pixel_um, MOST_DRIFT * pixel_um))
 
     def _shape(self, line: LineSum, harmonics: Harmonics) -> FloatArray:
         """Return the correction of the line: without its mean and size, which each sweep has."""
@@ -278,7 +285,10 @@ class _Frame:
         # What is noise in an error is not corrected: on the average its square is noise².
         power = np.maximum(np.abs(error) ** 2, np.finfo(np.float64).tiny)
         sure = np.maximum(1.0 - noise**2 / power, 0.0)
-        correction = np.where(harmonics.learned, GAIN * sure * error / harmonics.response, 0.0)
+        # The line was learned alone before; smaller steps from frame to frame average the noise.
+        self._frames += 1
+        gain = GAIN * sure / self._frames
+        correction = np.where(harmonics.learned, gain * error / harmonics.response, 0.0)
         return np.fft.irfft(correction, plan.line_um.size)
 
 
@@ -293,6 +303,26 @@ def _harmonics(task: ScanTask) -> Harmonics:
         known.response.uncertainty(frequency_hz),
         known.response.shift,
     )
+
+
+def smoothed(values: FloatArray, ways: int) -> FloatArray:
+    """Return values of each sweep, smoothed over neighbours of the same way, shape (sweeps, n).
+
+    The noise of a sweep is no error of the stage, whose creep changes slowly from line to line. At
+    the ends there are fewer neighbours: the first sweep has none, because creep is fastest there.
+
+    Args:
+        values: (sweeps, n) values.
+        ways: 2 if every other sweep goes back.
+    """
+    smooth = values.copy()
+    for way in range(ways):
+        own = values[way::ways]
+        sums = np.vstack((np.zeros(values.shape[1]), np.cumsum(own, axis=0)))
+        k = np.arange(len(own))
+        half = np.minimum(np.minimum(k, k[::-1]), NEIGHBOURS)
+        smooth[way::ways] = (sums[k + half + 1] - sums[k - half]) / (2 * half + 1)[:, None]
+    return smooth
 
 
 def _slope(command_um: FloatArray, error_um: FloatArray) -> float:

@@ -41,8 +41,8 @@ class ScanPlan:
     blend: FloatArray
     rows: tuple[int, ...]  #: Row of the picture of each sweep.
     pulses: Mask  #: (points,) pulses of a sweep; empty for none.
-    framed: int  #: Bit of the line of pulses that is high in the first sweep.
-    pause: int  #: Point of a sweep at which all axes stand still.
+    framed: int  #: Bit of the line that pulses with the first pixel of the frame.
+    pause: int  #: Point of a sweep at which the fast axis stands still.
     edges_um: tuple[FloatArray, ...]  #: Edges of the pixels along each axis, in µm.
     sweeps_per_line: int = 1  #: Sweeps of a line.
     turns_back: bool = False  #: Whether every other sweep goes backward.
@@ -75,6 +75,11 @@ class ScanPlan:
     def n_rows(self) -> int:
         """Number of rows of the picture."""
         return self.rows[-1] + 1
+
+    @property
+    def high(self) -> int:
+        """Points for which a pulse is high."""
+        return max(1, self.per_pixel // 2)
 
     def pixel_means(self, values: FloatArray) -> FloatArray:
         """Return the mean over each pixel of values, shape (active, columns)."""
@@ -221,13 +226,13 @@ def _pulses(scan: AnyScan, points: int, active: int, pixels: int) -> tuple[Mask,
     wanted = scan.pulses
     if not wanted.highest:
         return np.empty(0, np.uint8), 0
-    mask, place = np.zeros(points, np.uint8), np.arange(active)
+    mask, per_pixel = np.zeros(points, np.uint8), active // pixels
+    high = max(1, per_pixel // 2)
     if wanted.pixel:
-        per_pixel = active // pixels
-        first_half = place % per_pixel < max(1, per_pixel // 2)
+        first_half = np.arange(active) % per_pixel < high
         mask[:active][first_half] |= np.uint8(1 << (wanted.pixel - 1))
     if wanted.line:
-        mask[:active] |= np.uint8(1 << (wanted.line - 1))
+        mask[:high] |= np.uint8(1 << (wanted.line - 1))
     return mask, 1 << (wanted.frame - 1) if wanted.frame else 0
 
 

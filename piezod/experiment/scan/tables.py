@@ -104,7 +104,7 @@ def scan_table(
         blend=plan.blend,
         pulses=plan.pulses,
         framed=plan.framed,
-        active=plan.active,
+        frame_points=plan.high,
         pause=plan.pause,
     )
 
