@@ -11,6 +11,7 @@ from piezod.config.modes import Mode
 from piezod.control.stage.playing import PlayOutcome
 from piezod.devices.interface import Device, Identity
 from piezod.devices.played_axis import AxisTable
+from piezod.devices.scan_table import ScanTable
 from piezod.devices.player import AtEnd, PlayerCapabilities
 from piezod.devices.wrapper import DeviceWrapper
 from piezod.messages import requests as rq
@@ -26,6 +27,7 @@ class PlayedByHand:
 
     def __init__(self) -> None:
         self.why, self.tables, self.aborts = "", list[AxisTable](), 0
+        self.scans = list[ScanTable]()
         self._outcome: PlayOutcome | None = None
 
     def refusal(self, axis: int) -> str:
@@ -44,13 +46,24 @@ class PlayedByHand:
         assert axis == 0
         self.tables.append(table)
 
+    def scan_refusal(self, axes: Sequence[int], table: ScanTable) -> str:
+        """Refuse for the reason that the test gives."""
+        assert list(axes) == [0]
+        self.scans.append(table)
+        return self.why
+
+    def begin_scan(self, axes: Sequence[int], table: ScanTable) -> None:
+        """Begin a scan that does not end by itself."""
+        assert list(axes) == [0]
+        self.scans.append(table)
+
     def abort(self) -> None:
         """Count the aborts."""
         self.aborts += 1
 
     def end(self, drive_v: float, failed: str = "", *, commanded: bool = False) -> None:
         """End the play at a voltage, in V."""
-        self._outcome = PlayOutcome(drive_v, failed, commanded)
+        self._outcome = PlayOutcome((drive_v,), failed, commanded)
 
     def outcome(self) -> PlayOutcome | None:
         """Return the end, once."""
