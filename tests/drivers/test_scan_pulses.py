@@ -138,6 +138,7 @@ def test_a_scan_in_parts_has_the_same_pulses(
 
 
 @pytest.mark.stress
+@pytest.mark.timeout(1800)
 @CASES
 def test_all_pulses_of_a_large_picture_are_counted(case: Case) -> None:
     """256 x 256 pixels at 10 lines a second: 65,536 pulses of pixels, 256 of lines."""
