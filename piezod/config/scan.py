@@ -212,9 +212,7 @@ class StackScan(_Scan):
                 )
 
 
-ScanConfig: TypeAlias = Annotated[
-    RasterScan | LineScan | StackScan, Field(discriminator="kind")
-]
+ScanConfig: TypeAlias = Annotated[RasterScan | LineScan | StackScan, Field(discriminator="kind")]
 
 
 def broken_scan(
@@ -226,8 +224,10 @@ def broken_scan(
         scan: The scan.
         axes: Axes, by name.
     """
-    names = ("fast", "slow") if len(scan.spans) == 2 else (
-        ("planes",) if isinstance(scan, StackScan) else ("fast",)
+    names = (
+        ("fast", "slow")
+        if len(scan.spans) == 2
+        else (("planes",) if isinstance(scan, StackScan) else ("fast",))
     )
     for key, span in zip(names, scan.spans, strict=True):
         axis = axes.get(span.axis)
@@ -237,9 +237,7 @@ def broken_scan(
             yield from _outside(key, span, allowed)
 
 
-def _outside(
-    key: str, span: SpanConfig, allowed: tuple[float, float]
-) -> Iterator[BrokenRule]:
+def _outside(key: str, span: SpanConfig, allowed: tuple[float, float]) -> Iterator[BrokenRule]:
     margin = 1e-9 * (allowed[1] - allowed[0])
     for end in ("from_um", "to_um"):
         value_um = getattr(span, end)

@@ -52,8 +52,8 @@ class TableGuard:
             in_force_v: Voltage in force, read back if the device can do that, in V.
 
         Raises:
-            TableRefusedError: If it is not safe; the text names the point, its value, the limit, and the
-                remedy.
+            TableRefusedError: If it is not safe; the text names the point, its value, the limit,
+                and the remedy.
         """
         problem = next(self._problems(table, in_force_v), "")
         if problem:

@@ -47,7 +47,9 @@ class BlockRecord(NamedTuple):
 
     def split(self, at: int) -> "tuple[BlockRecord, BlockRecord]":
         """Return the first samples, and those behind them."""
-        return BlockRecord(*(part[:at] for part in self)), BlockRecord(*(part[at:] for part in self))
+        return BlockRecord(*(part[:at] for part in self)), BlockRecord(
+            *(part[at:] for part in self)
+        )
 
 
 class PlayedScan:
@@ -197,7 +199,9 @@ class PlayedScan:
         """
         device = self.axes[0].device
         record = device.recording(check)
-        positions = np.stack([axis.displacements_of(record.positions) for axis in self.axes], axis=1)
+        positions = np.stack(
+            [axis.displacements_of(record.positions) for axis in self.axes], axis=1
+        )
         true_um = np.full(positions.shape, np.nan)
         if isinstance(device, KnowsTruePlay):
             true_um = device.true_recording()[:, [axis.place for axis in self.axes]]

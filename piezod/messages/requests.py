@@ -260,7 +260,8 @@ class Scan(ConfigModel):
         default=0, description="Points for which they are high."
     )
     pause: Annotated[int, Quantity(0, 20_000)] = Field(
-        default=0, description="Point of a sweep at which the fast axis stands still: parts end there."
+        default=0,
+        description="Point of a sweep at which the fast axis stands still: parts end there.",
     )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:

@@ -11,8 +11,8 @@
         pixels/          NXdata   @signal @axes=first_ns: the same at full precision, in time order
           row, column, position_<axis>_um, <input>, dwell_s, first_ns, last_ns
 
-The file is in HDF5's SWMR mode, and written to the disk after each sweep. It can be read while it is
-written, and after the writer was killed up to the last sweep.
+The file is in HDF5's SWMR mode, and written to the disk after each sweep. It can be read while it
+is written, and after the writer was killed up to the last sweep.
 """
 
 from collections.abc import Sequence

@@ -60,9 +60,13 @@ def test_mistakes_are_named(tmp_path: Path, old: str, new: str, words: tuple[str
 
 def test_all_mistakes_are_in_one_error(tmp_path: Path) -> None:
     """An axis that the file does not have, a range that is left, and a pixel that is too fast."""
-    text = EXAMPLE.read_text().replace("axis: y, from_um: 3, to_um: 23", "axis: q, from_um: 3, to_um: 9")
+    text = EXAMPLE.read_text().replace(
+        "axis: y, from_um: 3, to_um: 23", "axis: q, from_um: 3, to_um: 9"
+    )
     file = tmp_path / "wrong.yaml"
-    file.write_text(text.replace("axis: x, from_um: 3, to_um: 23", "axis: x, from_um: -3, to_um: 29"))
+    file.write_text(
+        text.replace("axis: x, from_um: 3, to_um: 23", "axis: x, from_um: -3, to_um: 29")
+    )
     with pytest.raises(ConfigError) as refused:
         load_experiment(file, registry)
 

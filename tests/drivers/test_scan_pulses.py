@@ -121,9 +121,7 @@ def test_every_pulse_is_counted_by_the_device(case: Case) -> None:
 
 
 @CASES
-def test_a_scan_in_parts_has_the_same_pulses(
-    case: Case, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scan_in_parts_has_the_same_pulses(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts begin where the fast axis stands still; the frame pulses once."""
     monkeypatch.setattr("piezod.devices.played_scan.MOST_BLOCK_POINTS", 200)
     bench, scan = opened(case)

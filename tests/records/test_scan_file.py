@@ -87,7 +87,7 @@ def test_a_killed_writer_leaves_all_sweeps_before(tmp_path: Path) -> None:
     """The file can be read at once, and its figure drawn."""
     path = tmp_path / "scan.nxs"
     command = [sys.executable, "-c", KILLED, str(path)]
-    ended = subprocess.run(command, check=False, cwd=Path(__file__).parents[2])  # noqa: S603 - ours
+    ended = subprocess.run(command, check=False, cwd=Path(__file__).parents[2])
 
     assert ended.returncode == -signal.SIGKILL
     assert is_scan(path)
@@ -128,5 +128,3 @@ def test_memory_does_not_grow(tmp_path: Path, sweeps: int) -> None:
 def _resident_bytes() -> int:
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
-
-

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Final
 
 import typer
 
@@ -23,9 +24,9 @@ from piezod.experiment.virtual.scan import scan_virtually
 from piezod.records.new_name import free_name
 from piezod.records.scan_file import SweptPixels
 
-ENDING = ".nxs"
-_MOST_COLUMNS = 512
-"""Largest number of columns of a sweep that a program is told while it runs."""
+ENDING: Final = ".nxs"
+_MOST_SHOWN: Final = 96
+"""Largest number of rows, and of columns, that a program is told while a scan runs."""
 
 Connect = Callable[[], AbstractContextManager[StageClient]]
 
@@ -92,13 +93,22 @@ class _Teller:
         self._progress(done.label, 0.0)
         self._say(_frame_document(done), "\n".join(_frame_lines(done)))
 
-    def _sweep(self, swept: SweptPixels, share: float) -> None:
+    def _sweep(self, swept: SweptPixels, share: float, rows: int) -> None:
         self._progress("the frame that is stored", share)
-        step = 1 + (swept.error_um.size - 1) // _MOST_COLUMNS
+        each = 1 + (rows - 1) // _MOST_SHOWN
+        if swept.row % each:
+            return
+        step = 1 + (swept.error_um.size - 1) // _MOST_SHOWN
         values = (swept.inputs[:, 0] if swept.inputs.size else swept.error_um)[::step]
         shown = values[::-1] if swept.backward else values
-        row = {"row": swept.row, "backward": swept.backward, "values": shown.tolist()}
-        report_part(row)
+        report_part(
+            {
+                "row": swept.row,
+                "place": swept.row // each,
+                "backward": swept.backward,
+                "values": [float(f"{value:.4g}") for value in shown.tolist()],
+            }
+        )
 
     def _note(self, text: str) -> None:
         if not report_part({"note": text}):

@@ -64,6 +64,7 @@ class DevicePlay(threading.Thread, ABC):
         """Store that the play was aborted, or has failed."""
 
     def run(self) -> None:
+        """Play, and leave the outcome."""
         if not self._becomes_idle():  # the device is not ours: nothing may be sent
             why = f"for {IDLE_WITHIN_S:g} s the device was lost, or did not answer"
             self.outcome = PlayOutcome(self._unknown, why)

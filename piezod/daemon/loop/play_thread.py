@@ -31,6 +31,7 @@ from piezod.errors import DeviceError
 from piezod.records.atomic import replacing
 from piezod.units import NS_PER_S
 
+
 class AxisPlayer(NamedTuple):
     """The player of an axis."""
 

@@ -25,8 +25,8 @@ from piezod.daemon.stage.errors import NotNowError, UnavailableError, UnknownNam
 from piezod.daemon.stage.metrics import StageFacts, metrics_text
 from piezod.daemon.stage.parameters import LearnedParameters
 from piezod.daemon.stage.peer import AuditEntry, Peer
-from piezod.daemon.stage.scanned import scanned_part
 from piezod.daemon.stage.recordings import StageRecordings
+from piezod.daemon.stage.scanned import scanned_part
 from piezod.daemon.stores.audit import AuditLog
 from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore

@@ -7,7 +7,6 @@ import numpy as np
 
 from piezod.client import StageClient
 from piezod.config.scan import broken_scan
-from piezod.devices.scan_table import ScanTable
 from piezod.errors import DataError
 from piezod.experiment.live.play import REST_S, measured_axis
 from piezod.experiment.live.running_axis import playing_axis
@@ -24,6 +23,7 @@ from piezod.experiment.scan.run import (
     run_scan,
     with_measured_mode,
 )
+from piezod.experiment.scan.stage import ScanTable
 from piezod.messages.documents import Document
 from piezod.units import NS_PER_S
 
@@ -89,9 +89,7 @@ def _request(table: ScanTable) -> Document:
     }
 
 
-def scan_live(
-    client: StageClient, scan: AnyScan, setting: ScanSetting, told: Told
-) -> ScanResult:
+def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: Told) -> ScanResult:
     """Run a scan on a running stage, and disarm it at the end.
 
     Args:
@@ -111,9 +109,7 @@ def scan_live(
     setup = read_setup(client)
     _check(scan, setup)
     names = [span.axis for span in scan.spans]
-    planned = {
-        name: planned_axis(setup.axes[name].config, setup.model_of(name)) for name in names
-    }
+    planned = {name: planned_axis(setup.axes[name].config, setup.model_of(name)) for name in names}
     plan_scan(scan, planned)
     inputs = tuple(
         dict.fromkeys(

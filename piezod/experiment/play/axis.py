@@ -21,7 +21,6 @@ from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis
 from piezod.experiment.play.zeroed import ZeroedAxis
 
-
 AMPLITUDES = (0.03, 0.015, 0.007, 0.003)
 """Amplitudes of the multisine that measures the response of an axis which has no response file, as
 shares of the range."""

@@ -8,11 +8,10 @@ sweeps have in common corrects the line.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from piezod.devices.scan_table import ScanTable
 from piezod.dynamics.harmonics import GAIN, Harmonics
 from piezod.dynamics.model import ComplexArray, ResponseModel
 from piezod.errors import DataError
@@ -24,6 +23,7 @@ from piezod.experiment.scan.pixels import (
     pixels_of,
 )
 from piezod.experiment.scan.plan import ScanPlan
+from piezod.experiment.scan.stage import ScanStage, ScanTable
 from piezod.experiment.scan.tables import (
     AxisVoltages,
     Corrections,
@@ -46,27 +46,6 @@ LIKE = 0.8
 """Least correlation of a correction and what it has moved, to learn from it how far a volt goes."""
 GREW = 1.5
 """Learning ends if the error grows by this factor in a frame; the table before it is used."""
-
-
-class ScanStage(Protocol):
-    """A stage that plays scans; a virtual or a running one."""
-
-    def rest(self) -> None:
-        """Bring all axes to rest.
-
-        Raises:
-            PiezodError: If that failed.
-        """
-        ...
-
-    def scan(self, table: ScanTable) -> Iterator[SweepSamples]:
-        """Play a scan; yield the samples of each sweep, relative to the zeros of the sensors.
-
-        Raises:
-            DataError: If the guard refuses the table.
-            DeviceError: If the device refuses it, fails, or its record could not be read.
-        """
-        ...
 
 
 class FrameReport(NamedTuple):
@@ -178,9 +157,7 @@ class _Frame:
         self._corrections = Corrections.none(task.plan)
         plan = task.plan
         self._stepped = {
-            name: stepped_voltages(
-                task.known[name], plan, plan.levels_um[:, i], task.rest_v[name]
-            )
+            name: stepped_voltages(task.known[name], plan, plan.levels_um[:, i], task.rest_v[name])
             for i, name in enumerate(plan.axes)
             if i > 0 or plan.is_stack
         }
@@ -270,7 +247,9 @@ class _Frame:
             return np.zeros(len(self._plan.axes))
         drift_um = np.mean(offset_um - self._before.offset_um + self._before.step_um, axis=0)
         pixel_um = np.array([abs(edges[1] - edges[0]) for edges in self._plan.edges_um])
-        return np.asarray(FORESEEN * np.clip(drift_um, -MOST_DRIFT * pixel_um, MOST_DRIFT * pixel_um))
+        return np.asarray(
+            FORESEEN * np.clip(drift_um, -MOST_DRIFT * pixel_um, MOST_DRIFT * pixel_um)
+        )
 
     def _shape(self, line: LineSum, harmonics: Harmonics) -> FloatArray:
         """Return the correction of the line: without its mean and size, which each sweep has."""
@@ -283,8 +262,8 @@ class _Frame:
         error = error - size * target
         error[0] = 0.0
         # What is noise in an error is not corrected: on the average its square is noise².
-        power = np.maximum(np.abs(error) ** 2, np.finfo(np.float64).tiny)
-        sure = np.maximum(1.0 - noise**2 / power, 0.0)
+        power = np.abs(error) ** 2
+        sure = 1.0 - np.minimum(noise**2, power) / np.where(power > 0.0, power, 1.0)
         # The line was learned alone before; smaller steps from frame to frame average the noise.
         self._frames += 1
         gain = GAIN * sure / self._frames

@@ -50,7 +50,8 @@ def pixels_of(samples: SweepSamples, plan: ScanPlan, sensor_delay_s: FloatArray)
     """
     late = sensor_delay_s * NS_PER_S / plan.interval_ns
     shifted = np.stack(
-        [_later(samples.position_um[:, i], late[i])[: plan.active] for i in range(late.size)], axis=1
+        [_later(samples.position_um[:, i], late[i])[: plan.active] for i in range(late.size)],
+        axis=1,
     )
     first_ns = samples.first_ns + np.arange(plan.pixels) * plan.per_pixel * plan.interval_ns
     return SweepPixels(

@@ -209,9 +209,7 @@ def _with_flyback(from_um: float, to_um: float, active: int, points: int) -> Flo
     return np.asarray(from_um + (to_um - from_um) * np.concatenate((way, back)))
 
 
-def _blend(
-    scan: AnyScan, points: int, active: int, axes: Mapping[str, PlannedAxis]
-) -> FloatArray:
+def _blend(scan: AnyScan, points: int, active: int, axes: Mapping[str, PlannedAxis]) -> FloatArray:
     """Return how each axis goes to its next level: early by its delay, so that it moves then."""
     columns = []
     for span in scan.spans:
@@ -236,9 +234,7 @@ def _pulses(scan: AnyScan, points: int, active: int, pixels: int) -> tuple[Mask,
     return mask, 1 << (wanted.frame - 1) if wanted.frame else 0
 
 
-def _out_of_range(
-    scan: AnyScan, plan: ScanPlan, axes: Mapping[str, PlannedAxis]
-) -> Iterator[str]:
+def _out_of_range(scan: AnyScan, plan: ScanPlan, axes: Mapping[str, PlannedAxis]) -> Iterator[str]:
     for place, span in enumerate(scan.spans):
         low_um, high_um = axes[span.axis].range_um
         moved = plan.levels_um[:, place]

@@ -11,15 +11,15 @@ from piezod.config.scan import StackScan
 from piezod.control.law.dynamics import lowest_mode_hz
 from piezod.control.law.model import StageModel
 from piezod.control.law.response_files import response_model
-from piezod.devices.scan_table import ScanTable
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
 from piezod.experiment.play.stored import find_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
-from piezod.experiment.scan.learn import FrameReport, ScanStage, ScanTask, learn_frame
+from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
 from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, pixels_of
 from piezod.experiment.scan.plan import AnyScan, PlannedAxis, ScanPlan
+from piezod.experiment.scan.stage import ScanStage, ScanTable
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.scan_file import ScanFile, ScanHeader, SweptPixels
 
@@ -32,8 +32,9 @@ class Told(NamedTuple):
 
     line: Callable[[PassReport], None]  #: After each play of the line alone.
     frame: Callable[[FrameReport], None]  #: After each frame.
-    #: After each sweep of the frame that is stored, with the share that is done.
-    sweep: Callable[[SweptPixels, float], None]
+    #: After each sweep of the frame that is stored, with the share that is done, and the number of
+    #: rows of the picture.
+    sweep: Callable[[SweptPixels, float, int], None]
     note: Callable[[str], None]  #: What to know, a sentence each.
 
 
@@ -178,7 +179,7 @@ def _stored(
             written.append(swept)
             measured.add(k, pixels.position_um)
             true.add(k, pixels.true_um)
-            told.sweep(swept, (k + 1) / plan.sweeps)
+            told.sweep(swept, (k + 1) / plan.sweeps, plan.n_rows)
     return FrameReport("stored", measured.errors, true.errors)
 
 

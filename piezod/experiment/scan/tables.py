@@ -81,7 +81,9 @@ def scan_table(
     longest = max(axis.lead_in_v.size for axis in voltages)
     lead_in_v = np.stack(
         [
-            np.concatenate((np.full(longest - axis.lead_in_v.size, axis.lead_in_v[0]), axis.lead_in_v))
+            np.concatenate(
+                (np.full(longest - axis.lead_in_v.size, axis.lead_in_v[0]), axis.lead_in_v)
+            )
             for axis in voltages
         ],
         axis=1,

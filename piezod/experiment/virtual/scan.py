@@ -1,7 +1,6 @@
 """A scan in virtual time: identify the axes, learn, play, and store."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -10,7 +9,6 @@ from piezod.control.law.compensated import limits_of
 from piezod.control.table_guard import TableGuard, TableRefusedError
 from piezod.devices.played_scan import BlockRecord, PlayedScan
 from piezod.devices.player import CountsPulses
-from piezod.devices.scan_table import ScanTable
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.scan.pixels import SweepSamples
 from piezod.experiment.scan.plan import AnyScan, plan_scan
@@ -22,6 +20,7 @@ from piezod.experiment.scan.run import (
     run_scan,
     with_measured_mode,
 )
+from piezod.experiment.scan.stage import ScanTable
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.play import VirtualAxis
 from piezod.experiment.virtual.stage import VirtualStage, opened

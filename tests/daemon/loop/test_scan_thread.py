@@ -72,9 +72,7 @@ def table(top_v: float = 20.0, sweeps: int = SWEEPS) -> ScanTable:
     )
 
 
-def test_samples_are_stored_block_by_block(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_are_stored_block_by_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both axes and the input beside; the outcome has the last voltage of both."""
     monkeypatch.setattr("piezod.devices.played_scan.MOST_BLOCK_POINTS", 2 * POINTS)
     scanning = Scanning(tmp_path)

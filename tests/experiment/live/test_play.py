@@ -17,9 +17,9 @@ from piezod.experiment.live.play import REST_S, learn_waveform
 from piezod.experiment.live.running_axis import RunningAxis
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
-from piezod.experiment.play.response import LOWEST_HZ, usual_multisine
 from piezod.experiment.play.command import points_of
 from piezod.experiment.play.learn import PassReport
+from piezod.experiment.play.response import LOWEST_HZ, usual_multisine
 from piezod.hysteresis import SurfaceForm
 from tests.config.test_surface_file import FILE
 from tests.control.made_up import RELAXING

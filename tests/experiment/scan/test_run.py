@@ -48,9 +48,7 @@ MODEL = Path(__file__).parents[3] / "config" / "models" / "simulated-stack.yaml"
 
 def config(folder: Path) -> ExperimentConfig:
     """Return the experiment."""
-    axes = "".join(
-        AXIS.replace("NAME", name).replace("MODEL", str(MODEL)) for name in ("x", "y")
-    )
+    axes = "".join(AXIS.replace("NAME", name).replace("MODEL", str(MODEL)) for name in ("x", "y"))
     file = folder / "scan.yaml"
     file.write_text(TEXT.replace("AXES", axes))
     return load_experiment(file, registry)

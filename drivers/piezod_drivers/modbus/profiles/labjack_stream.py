@@ -151,7 +151,15 @@ def input_scale(values: Sequence[float]) -> InputScale:
 
 
 _T4: Final = StreamPlan(
-    20_000, 20_000, (1 << 10) - 1, 0x3C4000, {0.0: 0, 10.0: 0, 2.5: 0}, 1, 2, 4, has_trigger=False,
+    20_000,
+    20_000,
+    (1 << 10) - 1,
+    0x3C4000,
+    {0.0: 0, 10.0: 0, 2.5: 0},
+    1,
+    2,
+    4,
+    has_trigger=False,
     pulse_lines=0,  # FIO0 to FIO3 are analogue there
 )
 _T7: Final = StreamPlan(
