@@ -6,7 +6,7 @@ else can write to the mapped file, and JSON takes too long for the loop.
 
 import marshal
 from array import array
-from typing import Final, get_args
+from typing import Any, Final, get_args
 
 import numpy as np
 
@@ -66,7 +66,9 @@ def decode(payload: bytes) -> Request:
         if kind == _SCAN:
             fields["pulses"] = tuple(fields["pulses"])
             for name, curve in fields["axes"].items():
-                arrays = {key: np.frombuffer(values, "f4") for key, values in curve.items()}
+                arrays: dict[str, Any] = {
+                    key: np.frombuffer(values, "f4") for key, values in curve.items()
+                }
                 fields["axes"][name] = ScanCurve.model_construct(**arrays)
         if "mode" in fields:
             fields["mode"] = Mode(fields["mode"])

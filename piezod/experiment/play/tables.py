@@ -98,7 +98,7 @@ class TableMaker:
     @property
     def v_per_um(self) -> float:
         """Mean voltage per displacement, in V/µm."""
-        return (self._high_v - self._low_v) / self._model.position_um.width
+        return float(self._high_v - self._low_v) / self._model.position_um.width
 
     def conditioning(self, rest_v: float) -> AxisTable | None:
         """Return swings from rest through the whole range and back; None if none is needed."""

@@ -33,6 +33,7 @@ from piezod.experiment.scan.tables import (
     swept_voltages,
 )
 from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S
 
 MOST_GAIN = 3.0
 """Largest factor by which the voltage per displacement of a frame may differ from the model's."""
@@ -274,7 +275,9 @@ class _Frame:
 def _harmonics(task: ScanTask) -> Harmonics:
     plan, known = task.plan, task.known[task.plan.axes[0]]
     assert plan.line_um is not None  # noqa: S101 - only called for lines
-    frequency_hz = np.fft.rfftfreq(plan.line_um.size, plan.interval_ns * 1e-9)
+    frequency_hz = np.asarray(
+        np.fft.rfftfreq(plan.line_um.size, plan.interval_ns / NS_PER_S), np.float64
+    )
     return Harmonics.known(
         frequency_hz,
         known.response.at,

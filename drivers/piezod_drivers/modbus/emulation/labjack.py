@@ -106,7 +106,7 @@ def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> LabJackServe
     flash = Flash(plan, model.n_inputs)
     targets = {DAC + 2 * i: output for i, output in enumerate(outputs)}
     lines = DigitalOutputs()
-    driven = {**targets, DIO_STATE: lines}
+    driven: dict[int, ConverterOutput | DigitalOutputs] = {**targets, DIO_STATE: lines}
     stream = Stream(bench, plan, driven, model.n_inputs, flash.encode)
     for i in range(model.n_inputs):
         is_low = i >= model.n_inputs - model.n_low_inputs
